@@ -1,0 +1,121 @@
+"""Arguments of what transforms a pattern in cycles: counts, times, amounts, rhythms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+from ergon.scores.pattern.cycle_operations import having
+from ergon.scores.pattern.cycles import Cycles
+from ergon.scores.pattern.rhythm import MAX_STEPS
+from ergon.scores.pattern.rhythm_signs import MAX_DIGITS, MAX_NUMBER
+from ergon.scores.pattern.rhythm_text import parse
+
+MAX_COPIES = 32  # of an echo
+MAX_SEMITONES = 127
+MAX_FACTOR = 100
+
+Argument = int | float | Fraction
+
+_RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
+_SEMITONES = re.compile(r"([+-]?[0-9]{1,4})st")
+_BEATS: Mapping[str, bool] = {
+    "t": True,
+    "x": True,
+    "1": True,
+    "true": True,
+    "f": False,
+    "0": False,
+    "false": False,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """How an argument is read: `what` it is, for messages, and a function of its word.
+
+    The function returns None for a word that is no such argument.
+    """
+
+    what: str
+    read: Callable[[str], Argument | None]
+
+    def argument(self, word: str, offset: int, example: str) -> Argument:
+        """Read a word at an offset. Raises TextError."""
+        value = self.read(word)
+        if value is None:
+            message = f"{quote(word)} is not {self.what}; write for instance {example}"
+            raise TextError(message, offset=offset, length=max(1, len(word)))
+        return value
+
+
+def ratio(word: str) -> Fraction | None:
+    """A number without a sign such as `2`, `1.5` or `3/2`; None if the word is none."""
+    match = _RATIO.fullmatch(word)
+    if match is None or max(len(part or "") for part in match.groups()) > MAX_DIGITS:
+        return None
+    divisor = Fraction(match[2] or 1)
+    return Fraction(match[1]) / divisor if divisor else None
+
+
+def _ratio(low: Fraction, high: int) -> Callable[[str], Fraction | None]:
+    """A reader of numbers from `low` to `high`."""
+
+    def read(word: str) -> Fraction | None:
+        value = ratio(word)
+        return value if value is not None and low <= value <= high else None
+
+    return read
+
+
+def _count(low: int, high: int) -> Callable[[str], int | None]:
+    """A reader of numbers without fractions."""
+
+    def read(word: str) -> int | None:
+        is_count = word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
+        return int(word) if is_count and low <= int(word) <= high else None
+
+    return read
+
+
+def _semitones(word: str) -> int | None:
+    match = _SEMITONES.fullmatch(word)
+    return int(match[1]) if match and abs(int(match[1])) <= MAX_SEMITONES else None
+
+
+def _amount(high: int) -> Callable[[str], float | None]:
+    """A reader of numbers from 0 that need not be exact."""
+    read = _ratio(Fraction(0), high)
+    return lambda word: None if (value := read(word)) is None else float(value)
+
+
+_SMALLEST = Fraction(1, MAX_NUMBER)
+
+COUNT = Reader(f"a number from 1 to {MAX_NUMBER:,}", _count(1, MAX_NUMBER))
+FROM_ZERO = Reader(f"a number from 0 to {MAX_NUMBER:,}", _count(0, MAX_NUMBER))
+COPIES = Reader(f"a number of copies from 1 to {MAX_COPIES}", _count(1, MAX_COPIES))
+STEPS = Reader(f"a number of steps from 1 to {MAX_STEPS}", _count(1, MAX_STEPS))
+SPEED = Reader(f"a factor from 1/{MAX_NUMBER} to {MAX_NUMBER:,}", _ratio(_SMALLEST, MAX_NUMBER))
+TIME = Reader("a share of a cycle", _ratio(Fraction(0), MAX_NUMBER))
+SHARE = Reader("a share of a slice from 0 to 1", _ratio(Fraction(0), 1))
+PROBABILITY = Reader("a probability from 0 to 1", _amount(1))
+FACTOR = Reader(f"a factor from 0 to {MAX_FACTOR}", _amount(MAX_FACTOR))
+SEMITONES = Reader(f"an interval in semitones, up to {MAX_SEMITONES}st", _semitones)
+
+
+def parse_beats(text: str, start: int, first_number: int) -> Cycles[bool]:
+    """Read a rhythm of `t` and `f`; only the beats that are true are events. Raises TextError."""
+    return having(bool, parse(text, _beat, start, first_number))
+
+
+def _beat(word: str, offset: int) -> bool:
+    beat = _BEATS.get(word)
+    if beat is None:
+        message = f"{quote(word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
+        near = nearest(word, _BEATS)
+        raise TextError(message, offset=offset, length=len(word), suggestion=near)
+    return beat

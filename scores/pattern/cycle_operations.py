@@ -1,0 +1,250 @@
+"""What changes patterns in cycles: order, speed, chance, masks, copies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+
+from ergon.scores.pattern.cycles import (
+    Chance,
+    Cycles,
+    Fragment,
+    V,
+    W,
+    by_cycle,
+    cut,
+    early,
+    fast_sequence,
+    filtered,
+    into_cycle,
+    late,
+    mapped,
+    node,
+    silence,
+    stack,
+)
+from ergon.scores.pattern.rhythm import Euclid
+
+Change = Callable[[Cycles[V]], Cycles[V]]
+
+HALF = Fraction(1, 2)
+_COPIES = 1 << 40  # between the operators of one copy of a pattern and those of the next
+
+
+# --- which pattern, which events, with which chances ---------------------------------------------
+
+
+def select(pick: Callable[[int], Cycles[V]], parts: Sequence[Cycles[V]]) -> Cycles[V]:
+    """In each cycle the pattern that `pick` returns for it, among `parts`."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        pieces = by_cycle(begin, end)
+        return [f for cycle, low, high in pieces for f in pick(cycle).query(low, high, chance)]
+
+    return node(query, parts, max(part.cost for part in parts))
+
+
+def renumbered(shift: int, part: Cycles[V]) -> Cycles[V]:
+    """The pattern whose operators have other numbers, and so draw other chances."""
+    if shift == 0:
+        return part
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        return part.query(begin, end, lambda number, instant: chance(number + shift, instant))
+
+    return node(query, (part,), part.cost)
+
+
+def having(test: Callable[[V], bool], part: Cycles[V]) -> Cycles[V]:
+    """The events whose value passes a test."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        return [f for f in part.query(begin, end, chance) if test(f.what)]
+
+    leaves = tuple(leaf for leaf in part.leaves if test(leaf))
+    return Cycles(query, part.cost, 1 + part.depth, leaves)
+
+
+# --- order --------------------------------------------------------------------------------------
+
+
+def rev(part: Cycles[V]) -> Cycles[V]:
+    """Each cycle backwards."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        result = []
+        for cycle, low, high in by_cycle(begin, end):
+            both = 2 * cycle + 1
+            for first, last, start, stop, what in part.query(both - high, both - low, chance):
+                mirrored = Fragment(both - last, both - first, both - stop, both - start, what)
+                result.append(mirrored)
+        return result
+
+    return node(query, (part,), part.cost)
+
+
+def palindrome(part: Cycles[V]) -> Cycles[V]:
+    """Every second cycle backwards."""
+    backwards = rev(part)
+    return select(lambda cycle: backwards if cycle % 2 else part, (part, backwards))
+
+
+def iterate(count: int, part: Cycles[V]) -> Cycles[V]:
+    """Each cycle begins one of `count` shares later in the pattern than the cycle before."""
+    turns = [early(Fraction(turn, count), part) for turn in range(count)]
+    return select(lambda cycle: turns[cycle % count], (turns[0], turns[-1]))
+
+
+def swing(amount: Fraction, slices: int, part: Cycles[V]) -> Cycles[V]:
+    """The events in the second half of each slice of a cycle, later by a share of the slice."""
+    before = filtered(lambda begin, _: into_cycle(begin * slices) < HALF, part)
+    after = filtered(lambda begin, _: into_cycle(begin * slices) >= HALF, part)
+    return stack([before, late(amount / slices, after)])
+
+
+def ply(count: int, part: Cycles[V]) -> Cycles[V]:
+    """Each event `count` times within its span."""
+    if count == 1:
+        return part
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        result: list[Fragment[V]] = []
+        for fragment in part.query(begin, end, chance):
+            first, last, start, stop, what = fragment
+            width = (last - first) / count
+            turn = (start - first) // width
+            low = first + turn * width
+            while low < stop:
+                high = low + width
+                result.append(Fragment(low, high, max(low, start), min(high, stop), what))
+                low = high
+        return result
+
+    return node(query, (part,), part.cost * count)
+
+
+# --- some cycles, some parts of them ------------------------------------------------------------
+
+
+def every(count: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of the first of every `count` cycles."""
+    return when(lambda cycle: cycle % count == 0, change, part)
+
+
+def whenmod(count: int, least: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of those of every `count` cycles that have the number `least`, from 0, or more."""
+    return when(lambda cycle: cycle % count >= least, change, part)
+
+
+def when(test: Callable[[int], bool], change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of the cycles that pass a test."""
+    changed = change(part)
+    return select(lambda cycle: changed if test(cycle) else part, (part, changed))
+
+
+def chunk(count: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of one of `count` shares of a cycle: the first in the first cycle, and so on."""
+    changed = change(part)
+
+    def is_share(begin: Fraction) -> bool:
+        cycle = begin.numerator // begin.denominator
+        return (begin - cycle) * count // 1 == cycle % count
+
+    return stack(
+        [
+            filtered(lambda begin, _: is_share(begin), changed),
+            filtered(lambda begin, _: not is_share(begin), part),
+        ]
+    )
+
+
+# --- chance -------------------------------------------------------------------------------------
+
+
+def degrade(number: int, amount: float, part: Cycles[V]) -> Cycles[V]:
+    """The pattern without some of its events: each is left out with a probability."""
+    return filtered(lambda begin, chance: chance(number, begin) >= amount, part)
+
+
+def undegrade(number: int, amount: float, part: Cycles[V]) -> Cycles[V]:
+    """The events that `degrade` leaves out."""
+    return filtered(lambda begin, chance: chance(number, begin) < amount, part)
+
+
+def sometimes(number: int, amount: float, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """A change of some events: of each with a probability."""
+    return stack([degrade(number, amount, part), change(undegrade(number, amount, part))])
+
+
+# --- copies -------------------------------------------------------------------------------------
+
+
+def superimpose(change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """The pattern together with a change of it."""
+    return stack([part, change(part)])
+
+
+def off(time: Fraction, change: Change[V], part: Cycles[V]) -> Cycles[V]:
+    """The pattern together with a change of it that begins some time later."""
+    return stack([part, change(late(time, part))])
+
+
+def echo(count: int, time: Fraction, fade: Callable[[V, int], V], part: Cycles[V]) -> Cycles[V]:
+    """The pattern `count` times, each some time later; `fade` returns a value of a copy."""
+
+    def copy(turn: int) -> Cycles[V]:
+        return late(time * turn, mapped(lambda what: fade(what, turn), part))
+
+    return stack([part, *(copy(turn) for turn in range(1, count))])
+
+
+def euclid(rhythm: Euclid, part: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
+    """The pattern within each pulse of a Euclidean rhythm; other steps are rests.
+
+    The operators of each pulse are numbered `copy` higher than those of the pulse before.
+    """
+    steps: list[Cycles[V]] = [silence()] * rhythm.steps
+    for turn, position in enumerate(rhythm.positions()):
+        steps[position] = renumbered(turn * copy, part)
+    return fast_sequence(steps)
+
+
+# --- two patterns -------------------------------------------------------------------------------
+
+
+def struct(rhythm: Cycles[W], part: Cycles[V]) -> Cycles[V]:
+    """The events of a rhythm with the values that the pattern has there."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        return [
+            Fragment(beat.begin, beat.end, value.start, value.stop, value.what)
+            for beat in rhythm.query(begin, end, chance)
+            for value in part.query(beat.start, beat.stop, chance)
+        ]
+
+    return _combined(query, rhythm, part)
+
+
+def mask(openings: Cycles[W], part: Cycles[V]) -> Cycles[V]:
+    """The events of the pattern that begin during the events of another."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        result = []
+        openings_here = openings.query(begin, end, chance)
+        for value in part.query(begin, end, chance):
+            for opening in openings_here:
+                fragment = cut(value, opening.start, opening.stop)
+                if fragment is not None:
+                    result.append(fragment)
+        return result
+
+    return _combined(query, openings, part)
+
+
+def _combined(
+    query: Callable[[Fraction, Fraction, Chance], list[Fragment[V]]],
+    rhythm: Cycles[W],
+    part: Cycles[V],
+) -> Cycles[V]:
+    depth = 1 + max(rhythm.depth, part.depth)
+    return Cycles(query, rhythm.cost * part.cost, depth, part.leaves)

@@ -1,0 +1,246 @@
+"""The transformations of patterns in cycles by name: what each takes, and what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+from ergon.notation.text.errors import TextError
+from ergon.scores.pattern import cycle_arguments as read
+from ergon.scores.pattern import cycle_operations as act
+from ergon.scores.pattern.cycle_arguments import Reader
+from ergon.scores.pattern.cycles import Cycles, early, fast, late, mapped, slow
+from ergon.scores.pattern.rhythm import Euclid
+from ergon.scores.pattern.rhythm_text import Struck
+
+HALF = 0.5  # of the events: what `sometimes` and `degrade` take without a number
+_THIRD = Fraction(1, 3)  # of a slice: what `swing 4` delays, as a triplet does
+
+Pattern = Cycles[Struck]
+
+
+@dataclass(frozen=True, slots=True)
+class CycleTransform:
+    """A transformation, the values of its arguments, and the `inner` ones that it takes.
+
+    `number` is that of its draws by chance; `offset` and `length` are its place in the text.
+    """
+
+    word: str
+    number: int
+    values: tuple[Any, ...]
+    inner: tuple[CycleTransform, ...]
+    offset: int
+    length: int
+
+    @property
+    def value(self) -> Any:
+        """The only argument, or a half where that may be left out."""
+        return self.values[0] if self.values else HALF
+
+    def change(self, part: Pattern) -> Pattern:
+        """What the inner transformations make of a pattern."""
+        return apply(part, self.inner)
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How a transformation is written, and what it does.
+
+    `arguments` has a list for each number of arguments that may be written. One that
+    `takes_change` is followed by transformations, one that `takes_rhythm` by a rhythm. `check`
+    returns what is wrong with arguments together.
+    """
+
+    line: str
+    example: str
+    act: Callable[[CycleTransform, Pattern], Pattern]
+    arguments: tuple[tuple[Reader, ...], ...] = ((),)
+    takes_change: bool = False
+    takes_rhythm: bool = False
+    check: Callable[..., str | None] = lambda *_: None
+
+
+def apply(cycles: Pattern, transforms: Sequence[CycleTransform]) -> Pattern:
+    """Transform a pattern, from left to right. Raises TextError where it becomes too large."""
+    for transform in transforms:
+        cycles = TABLE[transform.word].act(transform, cycles)
+        excess = cycles.excess()
+        if excess is not None:
+            message = f"after this transformation {excess}; remove it, or make the rhythm simpler"
+            raise TextError(message, offset=transform.offset, length=transform.length)
+    return cycles
+
+
+# --- what each does -----------------------------------------------------------------------------
+
+
+def _swing(t: CycleTransform, part: Pattern) -> Pattern:
+    *amount, slices = t.values
+    return act.swing(amount[0] if amount else _THIRD, slices, part)
+
+
+def _check_euclid(pulses: int, steps: int, _: int = 0) -> str | None:
+    if pulses > steps:
+        return f"a rhythm of {steps} steps has 1 to {steps} pulses; write for instance euclid 3 8"
+    return None
+
+
+def _euclid(t: CycleTransform, part: Pattern) -> Pattern:
+    pulses, steps, *turns = t.values
+    return act.euclid(Euclid(pulses, steps, sum(turns) % steps), part)
+
+
+def _echo(t: CycleTransform, part: Pattern) -> Pattern:
+    count, time, factor = t.values
+
+    def fade(what: Struck, turn: int) -> Struck:
+        return replace(what, factor=what.factor * factor**turn)
+
+    return act.echo(count, time, fade, part)
+
+
+def _transpose(t: CycleTransform, part: Pattern) -> Pattern:
+    interval = t.value
+    return mapped(lambda what: replace(what, semitones=what.semitones + interval), part)
+
+
+def _scale(t: CycleTransform, part: Pattern) -> Pattern:
+    factor = t.value
+    return mapped(lambda what: replace(what, factor=what.factor * factor), part)
+
+
+def _sometimes(amount: float | None) -> Callable[[CycleTransform, Pattern], Pattern]:
+    """A change of events with a probability; None: that of the argument."""
+
+    def change(t: CycleTransform, part: Pattern) -> Pattern:
+        probability = t.value if amount is None else amount
+        return act.sometimes(t.number, probability, t.change, part)
+
+    return change
+
+
+_COUNT = ((read.COUNT,),)
+_SPEED = ((read.SPEED,),)
+_TIME = ((read.TIME,),)
+_PROBABILITY = ((), (read.PROBABILITY,))
+
+TABLE: Mapping[str, Form] = {
+    "rev": Form("each cycle backwards", "rev", lambda t, p: act.rev(p)),
+    "palindrome": Form(
+        "every second cycle backwards", "palindrome", lambda t, p: act.palindrome(p)
+    ),
+    "fast": Form("so many times as fast", "fast 2", lambda t, p: fast(t.value, p), _SPEED),
+    "slow": Form("so many times as slow", "slow 2", lambda t, p: slow(t.value, p), _SPEED),
+    "early": Form(
+        "earlier by a share of a cycle", "early 1/8", lambda t, p: early(t.value, p), _TIME
+    ),
+    "late": Form("later by a share of a cycle", "late 1/8", lambda t, p: late(t.value, p), _TIME),
+    "swing": Form(
+        "the second half of each of so many slices of a cycle later, by a third of a slice "
+        "or the share before the number",
+        "swing 4",
+        _swing,
+        ((read.COUNT,), (read.SHARE, read.COUNT)),
+    ),
+    "ply": Form(
+        "each stroke so many times within its time",
+        "ply 2",
+        lambda t, p: act.ply(t.value, p),
+        _COUNT,
+    ),
+    "iter": Form(
+        "each cycle begins one of so many shares later in the rhythm than the one before",
+        "iter 4",
+        lambda t, p: act.iterate(t.value, p),
+        _COUNT,
+    ),
+    "chunk": Form(
+        "a change of one of so many shares of a cycle: the first, then the second, and so on",
+        "chunk 4 ply 2",
+        lambda t, p: act.chunk(t.value, t.change, p),
+        _COUNT,
+        True,
+    ),
+    "every": Form(
+        "a change of the first of every so many cycles",
+        "every 4 rev",
+        lambda t, p: act.every(t.value, t.change, p),
+        _COUNT,
+        True,
+    ),
+    "whenmod": Form(
+        "a change of those of every so many cycles that have at least a number, from 0",
+        "whenmod 4 3 fast 2",
+        lambda t, p: act.whenmod(t.values[0], t.values[1], t.change, p),
+        ((read.COUNT, read.FROM_ZERO),),
+        True,
+    ),
+    "sometimes": Form(
+        "a change of half of the strokes, or of the share before it, by chance",
+        "sometimes 0.3 transpose 12st",
+        _sometimes(None),
+        _PROBABILITY,
+        True,
+    ),
+    "often": Form(
+        "a change of three quarters of the strokes, by chance",
+        "often scale 0.5",
+        _sometimes(0.75),
+        takes_change=True,
+    ),
+    "rarely": Form(
+        "a change of a quarter of the strokes, by chance",
+        "rarely ply 2",
+        _sometimes(0.25),
+        takes_change=True,
+    ),
+    "degrade": Form(
+        "without half of the strokes, or the share after it, by chance",
+        "degrade 0.4",
+        lambda t, p: act.degrade(t.number, t.value, p),
+        _PROBABILITY,
+    ),
+    "off": Form(
+        "together with a changed copy, later by a share of a cycle",
+        "off 1/8 transpose 12st",
+        lambda t, p: act.off(t.value, t.change, p),
+        _TIME,
+        True,
+    ),
+    "superimpose": Form(
+        "together with a changed copy",
+        "superimpose fast 2",
+        lambda t, p: act.superimpose(t.change, p),
+        takes_change=True,
+    ),
+    "mask": Form(
+        "only what begins during the beats of a rhythm",
+        "mask t ~ t t",
+        lambda t, p: act.mask(t.value, p),
+        takes_rhythm=True,
+    ),
+    "struct": Form(
+        "the beats of a rhythm, with the words that are played at that time",
+        "struct t(3,8)",
+        lambda t, p: act.struct(t.value, p),
+        takes_rhythm=True,
+    ),
+    "euclid": Form(
+        "all of a cycle within each pulse of a Euclidean rhythm",
+        "euclid 3 8",
+        _euclid,
+        ((read.STEPS, read.STEPS), (read.STEPS, read.STEPS, read.FROM_ZERO)),
+        check=_check_euclid,
+    ),
+    "echo": Form(
+        "so many times in all, each later by a share of a cycle and stronger by a factor",
+        "echo 3 1/8 0.7",
+        _echo,
+        ((read.COPIES, read.TIME, read.FACTOR),),
+    ),
+    "transpose": Form("higher by semitones", "transpose -5st", _transpose, ((read.SEMITONES,),)),
+    "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
+}
