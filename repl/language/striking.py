@@ -57,8 +57,8 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     _check(options, scope)
     unsure = (m.text for m in modules if m.text.split(".")[0] not in scope.acts)
     if not options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
-        message = f"how strongly? {quote(name.split('.')[0])} does not say how it is played: write "
-        raise TextError(message + "for instance impulse 2mNs", offset=len(text))
+        message = f"the impulse is missing: {quote(name.split('.')[0])} does not say how it is "
+        raise TextError(f"{message}played; write for instance impulse 2mNs", offset=len(text))
     to = " ".join(module.text for module in modules)
     return {"to": to, **{name: word.text for name, word in options.items()}}
 

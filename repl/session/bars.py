@@ -86,10 +86,9 @@ def _strokes(
     """The strikes within these bars, each with its beat, and the note that it strikes."""
     tempo = piece.tempo_map
     first, last = starts[0] - SAME, starts[-1] - SAME
-    if strikes.hits:
-        yield from (
-            (beat, hit.what) for beat, _, hit in strikes.falls(tempo) if first <= beat < last
-        )
+    if strikes.is_melody:
+        falling = strikes.falls(piece, first, last)
+        yield from ((beat, hit.what) for beat, _, hit in falling if first <= beat < last)
     elif strikes.passing is not None:
         yield from ((beat, _STRUCK) for beat in strikes.rounds(tempo) if first <= beat < last)
     elif strikes.pattern is not None:

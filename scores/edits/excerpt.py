@@ -109,8 +109,8 @@ class _Window:
         """Strikes cut to the window, and whether any fall in it."""
         path = ("strikes", strikes.name)
         begin = self.map.resolve(strikes.at)
-        if strikes.hits and strikes.length is None:
-            falls = [beat for beat, *_ in strikes.falls(self.map)]
+        if strikes.is_melody and strikes.length is None:
+            falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
             kept = only(texts, self.piece, strikes, self.start, self.stop, self.at)
             return kept, bool(self.within(falls))
         stop = begin if strikes.until is None else self.map.resolve(strikes.until)

@@ -17,8 +17,10 @@ from ergon.notation.text.errors import quote
 from ergon.scores.edits.structure import definition_path
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
+from ergon.scores.pattern.rhythm_text import WORD
 from ergon.scores.reading.melody import Entries, WhatShape
 from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.sounding import SoundingNames
 
@@ -115,6 +117,8 @@ def _references(
         for row, offset in words.rows(node.text):
             _, *cells = [(cell.group(), offset + cell.start()) for cell in _WORD.finditer(row)]
             yield from _of_words(node, cells, name)
+    elif isinstance(node, Scalar) and shape is RHYTHM:
+        yield from _of_words(node, [(w.group(), w.start()) for w in WORD.finditer(node.text)], name)
     elif isinstance(node, Scalar) and isinstance(shape, WhatShape):
         yield from _of_words(
             node, [(w.group(), w.start()) for w in _WORD.finditer(node.text)], name
@@ -131,7 +135,7 @@ def _of_words(node: Scalar, found: list[tuple[str, int]], name: str) -> Iterator
     offset.
     """
     for word, offset in found:
-        if word.partition(".")[0] == name and notes.number(word) is None:
+        if re.split("[.:]", word)[0] == name and notes.number(word) is None:
             yield _span(node, offset, len(name))
 
 

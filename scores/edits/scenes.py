@@ -124,7 +124,7 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     ends += [found[-1] for found in piece.starts if found]
     for strikes in piece.strikes:
         begin = tempo.resolve(strikes.at)
-        ends += [beat for beat, *_ in strikes.falls(tempo)]
+        ends += [beat for beat, *_ in strikes.falls(piece)]
         ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             ends.append(tempo.after(begin, strikes.span))
@@ -262,7 +262,7 @@ def _struck(
     stop = begin if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
-    if strikes.hits:
+    if strikes.is_melody:
         return _melody(texts, piece, scene, strikes, at, last, until)
     node = scene.texts.section("strikes")
     said = edit.tree(node)
@@ -318,7 +318,8 @@ def _melody(
     until: str,
 ) -> Texts:
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
-    falls = [(beat, hit) for beat, _, hit in strikes.falls(scene.piece.tempo_map)]
+    falling = strikes.falls(scene.piece, before=scene.beats)
+    falls = [(beat, hit) for beat, _, hit in falling]
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
     if not rows or at >= last:
         return texts

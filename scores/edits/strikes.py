@@ -36,7 +36,7 @@ def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str
     if "do" in fields:
         said["do"] = [one.strip() for one in fields["do"].split(",")]
     bounds = {"times", "until"} if said.keys() & {"sweep", "path"} else {"times", "for", "until"}
-    if said.keys() & {"rate", "every", "euclid"} and not said.keys() & bounds:
+    if said.keys() & {"rate", "every", "euclid", "rhythm"} and not said.keys() & bounds:
         said["until"] = distant(piece, at)
     return texts.put(("strikes", new), edit.flow(said))
 
@@ -62,6 +62,8 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
         texts = texts.remove((*path, "for")) if stop > at else texts
+    elif strikes.rhythm is not None and strikes.until is None:
+        stop = strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
         places = strikes.steps(piece)
         stop = places.beat(len(places))
@@ -83,7 +85,7 @@ def cut(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
     begun = [beat for beat in strikes.rounds(tempo) if beat < at - SAME]
     if not begun:
         return texts.remove(("strikes", strikes.name))
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(tempo) if beat >= begun[-1] - SAME]
+    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun[-1] - SAME]
     last_round = falling[: len(strikes.hits)]
     played = [(beat, hit) for beat, hit in last_round if beat < at - SAME]
     if len(played) == len(last_round):
@@ -110,15 +112,15 @@ def only(
     until: float,
     moved: Callable[[float], str] | None,
 ) -> Texts:
-    """A melody of `entries` with only the strikes between two beats; it is removed if none are
-    left.
+    """A melody of `entries`, or a rhythm written as such, with only the strikes between two beats;
+    it is removed if none are left.
 
     `moved` writes their beats if they change. Raises EditError.
     """
-    path, tempo = ("strikes", strikes.name), piece.tempo_map
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(tempo)]
+    path = ("strikes", strikes.name)
+    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until)]
     kept = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until - SAME]
-    if len(kept) == len(falling) and moved is None:
+    if len(kept) == len(falling) and moved is None and strikes.rhythm is None:
         return texts
     texts = texts.remove(path)
     if not kept:

@@ -41,7 +41,7 @@ from ergon.scores.pattern.rhythm_signs import NUMBER, Scanner
 MAX_TEXT = 4_000  # characters
 MAX_BRACKETS = 32  # inside one another
 
-_WORD = re.compile(r"[^\W_][\w#'+:-]*(?:\.[\w#'+:-]+)*")
+WORD = re.compile(r"[^\W_][\w#'+:-]*(?:\.[\w#'+:-]+)*")
 _CLOSING = {"[": "]", "<": ">", "{": "}"}
 _OPENING = {close: opened for opened, close in _CLOSING.items()}
 
@@ -164,7 +164,7 @@ class _Parser(Scanner, Generic[V]):
             if sign == ".":
                 self.dot(steps)
                 groups.append([])
-            elif sign == "_" and not _WORD.match(self.text, place + 1):
+            elif sign == "_" and not WORD.match(self.text, place + 1):
                 self.last(steps).weight += 1
                 self.place += 1
             elif sign == "!":
@@ -225,7 +225,7 @@ class _Parser(Scanner, Generic[V]):
         """Read a word, a rest or brackets, with what changes them."""
         first, begin = self.number, self.place
         sign = self.text[begin]
-        word = _WORD.match(self.text, begin)
+        word = WORD.match(self.text, begin)
         cycles: Cycles[V] = silence()
         if word:
             self.place = word.end()

@@ -308,6 +308,14 @@ def _check_force(values: Values) -> None:
         values.error("E103", f"{values.context.of('')} needs both mass and speed", said[0])
 
 
+def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+    """Strikes by a rhythm that is not read yet, on all that its words strike."""
+    if values.written("for") and values.written("until"):
+        message = f"{values.context.of('until')}: `for` is written too; keep one of the two"
+        values.error("E111", message, "until")
+    return Strikes(**_said_of_all(values, to), span=values["for"])
+
+
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)

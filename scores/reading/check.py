@@ -18,7 +18,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading import automatable, automation, build, melodies
+from ergon.scores.reading import automatable, automation, build, melodies, rhythm_strikes
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
@@ -225,6 +225,8 @@ class Checker:
         if kind in melodies.MELODIES:
             found = melodies.hits_of(values, self.part_names, self._phrases(), self.uses.files)
             return None if found is None else build.melody(values, *found)
+        if kind == "rhythm":
+            return rhythm_strikes.strikes_of_rhythm(values, self.part_names)
         who = f"strikes {quote(values.context.name)}"
         names = values["to"] or ()
         if values["along"] is not None and not kind:

@@ -18,6 +18,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Coupling, Piece, Play, Player, Strikes
+from ergon.scores.reading.rhythms import retargeted
 
 MAX_INCLUDED = 200_000  # lines of parts, strikes, automation and couplings of a piece
 # Sections of an included file that are ignored: those of the including score hold.
@@ -137,6 +138,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
             at=moved(one.at),
             until=until(one.until),
             voices={word: targets(own) for word, own in one.voices.items()},
+            rhythm=one.rhythm and retargeted(one.rhythm, target),
             reaches={named(part): reach for part, reach in one.reaches.items()},
             hits=tuple(
                 replace(

@@ -124,9 +124,10 @@ def _state(where: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any
     if holder is None or part not in names.parts:
         return None
     modules = names.parts[part].modules
+    acts = [(act.name, act.at, act.reach) for act in names.parts[part].acts.values()]
     ca_rate = getattr(holder, "ca_rate", None)
     if name:
         module = modules.get(name)
-        return None if module is None else (module.kind, module.fields, ca_rate)
+        return None if module is None else (module.kind, module.fields, ca_rate, acts)
     fields = [(module.name, module.kind, module.fields) for module in modules.values()]
-    return fields, ca_rate, getattr(holder, "pitch", None)
+    return fields, ca_rate, getattr(holder, "pitch", None), acts

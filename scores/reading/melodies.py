@@ -4,16 +4,17 @@ reach.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import PurePath
-from typing import Any
+from typing import Any, TypeVar
 
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
+from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach, velocity
@@ -21,6 +22,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
 from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.melody import NoteTargets, Row, length_of, transformed
 from ergon.scores.reading.piece import Hit, Strikes
 
@@ -30,13 +32,13 @@ _OWN = {
     "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
     "sweep": ("sweep", *_PASSING),
     "path": ("path", "width", *_PASSING),
+    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "cycle", "impulse", "do"),
 }
-_NEEDED = {"entries": ("entries",), "play": ("play", "at")} | dict.fromkeys(
-    ("sweep", "path"), ("to", "at", "for")
-)
+_NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm", "at")}
+_NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
 MELODIES = ("entries", "play")
-# Fields that only strikes of one kind have.
-_ONLY = {"transpose": "play", "do": "play", "width": "path"}
+# Fields that only strikes of one kind have; `do` also those of a rhythm.
+_ONLY = {"transpose": "play", "do": "play", "width": "path", "cycle": "rhythm"}
 
 
 def kind_of(values: Values) -> str:
@@ -122,11 +124,31 @@ def played(
         values.error("E306", f"{values.context.of('transpose')}: {error.message}", "transpose")
         return None
     try:
-        rows, length = transformed(rows, length, values["do"] or (), voices.mirrored)
+        chain = transforms(values, parse_chain)
+        if chain is None:
+            return None
+        rows, length = transformed(rows, length, chain, voices.mirrored)
     except TextError as error:
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
     return rows, voices, length
+
+
+_Transform = TypeVar("_Transform")
+
+
+def transforms(
+    values: Values, parse: Callable[[str], Iterable[_Transform]]
+) -> list[_Transform] | None:
+    """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
+    found: list[_Transform] = []
+    for node in values["do"] or ():
+        try:
+            found += parse_with_names(node, parse)
+        except TextError as error:
+            values.context.text_error(error, node, "do")
+            return None
+    return found
 
 
 def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:

@@ -17,7 +17,7 @@ from ergon.notation.clock.meter import SAME, Meter
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables.strengths import Level, Levels, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
@@ -28,6 +28,7 @@ from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.mixing import Fade, Radiation, Room
+from ergon.scores.reading.rhythms import Rhythm
 from ergon.scores.reading.sweep_fields import Passing
 
 # Fields that were added later: a digest omits them if empty, so that digests of older scores do not
@@ -224,6 +225,12 @@ class Strikes:
     # Direction as a unit vector; `to` then has the coordinates of all points, axis by axis.
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
     reaches: Mapping[str, Reach] = field(default_factory=dict, metadata=OMIT_EMPTY)
+    rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
+
+    @property
+    def is_melody(self) -> bool:
+        """Whether its strikes fall one by one, each with a name: those of a melody or a rhythm."""
+        return bool(self.hits) or self.rhythm is not None
 
     @property
     def has_rounds(self) -> bool:
@@ -260,8 +267,17 @@ class Strikes:
         own = Time(self.length.beats, self.length.seconds)
         return starts(tempo, at, own, every=every, times=times, until=until)
 
-    def falls(self, tempo: TempoMap) -> Iterator[tuple[float, int, Hit]]:
-        """Every strike of a melody: its beat, its number and its hit. Raises TextError."""
+    def falls(
+        self, piece: Piece, since: float = -inf, before: float = inf
+    ) -> Iterator[tuple[float, int, Hit]]:
+        """The strikes of a melody or a rhythm: beat, number and hit. Raises TextError.
+
+        Strikes of a rhythm are those between two beats; of a melody all are.
+        """
+        tempo = piece.tempo_map
+        if self.rhythm is not None:
+            yield from self._strokes(piece, self.rhythm, since, before)
+            return
         until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, start in enumerate(self.rounds(tempo)):
             for number, hit in enumerate(self.hits):
@@ -269,6 +285,31 @@ class Strikes:
                 beat = tempo.resolve(at) if isinstance(at, Position) else tempo.after(start, at)
                 if beat < until:
                     yield beat, turn * len(self.hits) + number, hit
+
+    def cycles(self, tempo: TempoMap, before: float = inf) -> int:
+        """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
+        assert self.rhythm is not None
+        stop = self.stop(tempo)
+        count = self.rhythm.count(
+            tempo, tempo.resolve(self.at), before if stop is None else min(stop, before)
+        )
+        return count if self.times is None else min(count, self.times)
+
+    def _strokes(
+        self, piece: Piece, rhythm: Rhythm, since: float, before: float
+    ) -> Iterator[tuple[float, int, Hit]]:
+        tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
+        before = before if stop is None else min(stop, before)
+        at = tempo.resolve(self.at)
+        first = 0 if since == -inf else max(0, rhythm.count(tempo, at, since) - 1)
+        cycles = range(first, self.cycles(tempo, before))
+        levels = self.levels or Levels((MEZZO_FORTE,))
+        for stroke in rhythm.strokes(tempo, at, levels, (piece.seed, self.who), cycles):
+            if not since - SAME <= stroke.beat < before - SAME:
+                continue
+            for to, reach in rhythm.voices[stroke.word]:
+                hit = Hit(Length(), to, stroke.level, self.place, stroke.word, reach=reach)
+                yield stroke.beat, stroke.number, hit
 
     def steps(self, piece: Piece) -> Steps:
         """The places of the pattern, on which it strikes. Raises TextError."""

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 
-from ergon import _core
 from ergon.instruments.model import Instrument
 from ergon.instruments.names import PartNames
+from ergon.notation.tables.quantities import ratio_of
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import quote
 from ergon.scores.reading.mixing import Room
@@ -75,7 +75,7 @@ def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Ro
         part_names.collector.error("E304", message, route.place)
         return route
     count = 1 if route.to == "nearest" or route.pan else len(route.to)
-    gain = _core.decibels(route.level - instrument.loudness) / sqrt(count)
+    gain = ratio_of(route.level - instrument.loudness) / sqrt(count)
     return replace(route, gain=route.gain * gain)
 
 

@@ -158,6 +158,13 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
     each = 1.0
+    if strikes.rhythm is not None:
+        if strikes.stop(tempo) is None and strikes.times is None:
+            message = f"strikes {quote(strikes.name)}: the rhythm has no end; write `times`, `for` "
+            collector.error("E103", message + "or `until`", strikes.place)
+            return 0.0
+        most = strikes.rhythm.most_strokes((piece.seed, strikes.who))
+        return _left(strikes, float(strikes.cycles(tempo) * most), left, collector)
     if strikes.has_rounds:
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)

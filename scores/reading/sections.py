@@ -29,6 +29,7 @@ from ergon.notation.tables.shapes import (
     wrong_shape,
 )
 from ergon.notation.tables.strengths import LEVELS
+from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import CURVES
@@ -40,6 +41,7 @@ from ergon.scores.reading.part import PART
 from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
 from ergon.scores.reading.playing_options import DO, OF_GESTURE
+from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
 
 RATE = 44100.0  # default frames a second
@@ -164,6 +166,29 @@ TAKE = Record(
         Field("unit", k.SIZE, "what 1.0 means in a file without units (BVH, SDIF; WAV: 1m)"),
     ),
 )
+
+
+@dataclass(frozen=True)
+class StrikesDo(Shape):
+    """Transformations as texts: what they mean depends on whether a phrase or a rhythm plays."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        items = node.items if isinstance(node, document.Sequence) else [node]
+        texts = [item for item in items if isinstance(item, Scalar)]
+        if len(texts) < len(items) or not texts:
+            return wrong_shape(self, node, name, context)
+        return tuple(texts)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "array"], "items": {"type": ["string"]}}
+
+    def words(self) -> str:
+        """In words."""
+        return "transformations, such as scale 0.5, or every 4 rev"
+
+
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
 STRIKES = Record(
     "strikes",
@@ -185,9 +210,11 @@ STRIKES = Record(
         ),
         Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
         Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
+        Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
+        Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
         Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
-        Field("do", DO, "transformations of the phrase, left to right"),
+        Field("do", StrikesDo(), "transformations of a phrase or a rhythm, left to right"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),

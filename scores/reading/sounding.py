@@ -9,9 +9,13 @@ from typing import Any
 from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Coupling, Hit, Key, Mix, Piece, Player, Route, Strikes
+from ergon.scores.reading.rhythms import Rhythm, renamed
 
 # Types of which a field may hold a target or the name of a part.
-_HOLDING = (Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes)
+_HOLDING = (
+    *(Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes),
+    Rhythm,
+)
 _NAMED = {Target: ("part", "text"), Route: ("part",), Player: ("key",)}
 _NAMED |= {Key: ("name",), Instrument: ("name",)}
 
@@ -97,6 +101,8 @@ class SoundingNames:
         return known[1]
 
     def _new(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+        if isinstance(value, Rhythm):
+            value = renamed(value, self.of)
         named = _NAMED.get(type(value), ())
         said: dict[str, Any] = {}
         for field in fields(value):

@@ -11,6 +11,7 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Target
 from ergon.notation.clock.positions import Length
+from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables.strengths import Level, Reach
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
@@ -23,6 +24,11 @@ from ergon.scores.staging.sweep_members import visits
 ALL_TIME = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # of work, for a strike
+
+
+def _beat(tempo: TempoMap, instant: float) -> float:
+    """The beat of an instant [s], which may be infinite."""
+    return tempo.beats(instant) if math.isfinite(instant) else instant
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ class Striking:
             return max(axis.play(collector) for axis in self._axes())
         at, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
-            if strikes.hits:
+            if strikes.is_melody:
                 return self._melody()
             if strikes.passing is not None:
                 return self._passed(strikes.passing)
@@ -112,7 +118,8 @@ class Striking:
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
         tempo, end = self.piece.tempo_map, 0.0
-        for beat, number, hit in self.strikes.falls(tempo):
+        since, before = (_beat(tempo, instant) for instant in self.within)
+        for beat, number, hit in self.strikes.falls(self.piece, since, before):
             instant = tempo.seconds(beat)
             if hit.jitter != Length():
                 chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, number)

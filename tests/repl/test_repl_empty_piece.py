@@ -14,7 +14,7 @@ def test_empty_piece_saved(own_folder: Path):
     text = Path("piece.yaml").read_text()
     assert text.startswith("ergon: 1\n")
     assert "kick: {from: skins/kick}" in text
-    assert "route: [{from: kick, to: [1, 2]}]" in text
+    assert "route: [{from: kick, to: [1, 2], level: -20LUFS}]" in text
     assert forked(["check", "piece.yaml"], own_folder).returncode == 0
 
 

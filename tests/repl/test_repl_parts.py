@@ -143,7 +143,7 @@ def test_after_hush_no_ergon_begins(at):
                 ends.append(places.beat(len(places)))
             elif strikes.hits and not ends:
                 # A phrase that has begun plays to its end, as a gesture does.
-                falls = [beat for beat, _, _ in strikes.falls(tempo)]
+                falls = [beat for beat, _, _ in strikes.falls(piece)]
                 ends.append(max(falls if strikes.length is None else strikes.rounds(tempo)))
             elif strikes.every and strikes.times:
                 ends.append(

@@ -186,7 +186,6 @@ strikes: {one: {to: TO, at: 0, notes: D3 F3 ~ D4, every: 1/2, times: 3, impulse:
         ("st.hamer", "nothing is called 'st.hamer'", "st.hammer"),
         ("st.D3.hamer", "nothing is called 'st.D3.hamer'", "st.D3.hammer"),
         ("st.hammer.D3", "nothing is called 'st.hammer.D3'", None),
-        ("st", "'st' is ambiguous", None),
     ],
 )
 def test_a_mistake_in_a_name_of_many_members_is_told_once(to, told, suggestion):

@@ -48,7 +48,7 @@ def falls(text: str, name: str = "s") -> list[tuple[float, tuple[str, ...], tupl
     strikes = next(s for s in made.strikes if s.name == name)
     return [
         (round(beat, 9), tuple(t.part for t in hit.to), (hit.level.low, hit.level.high))
-        for beat, _, hit in strikes.falls(made.tempo_map)
+        for beat, _, hit in strikes.falls(made)
     ]
 
 
@@ -167,7 +167,7 @@ def test_a_phrase_is_transposed_and_transformed(options, expected):
     made = loaded.piece
     said = [
         f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.level.low * 1e3:.9g}"
-        for beat, _, hit in made.strikes[0].falls(made.tempo_map)
+        for beat, _, hit in made.strikes[0].falls(made)
     ]
     assert ", ".join(said) == expected
 
@@ -229,7 +229,7 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             "strikes: {s: '0  lone'}",
             (
                 "E103",
-                "strikes 's': how strongly? 'cell.C4' has no `play` that says what soft and hard "
+                "strikes 's': how strongly? 'lone' has no `play` that says what soft and hard "
                 "are; write an impulse, such as impulse: 2mNs",
             ),
         ),
@@ -362,7 +362,7 @@ def texts(more: str) -> tuple[Texts, Piece]:
 def falling(own: Texts) -> list[tuple[float, int]]:
     made = own.load().piece
     assert made is not None, own.load().diagnostics
-    found = [hit for s in made.strikes for hit in s.falls(made.tempo_map)]
+    found = [hit for s in made.strikes for hit in s.falls(made)]
     return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in found)
 
 

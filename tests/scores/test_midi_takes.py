@@ -128,7 +128,7 @@ def test_a_tune_is_transposed_transformed_and_repeated(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    found = [(beat, hit.what) for beat, _, hit in piece.strikes[0].falls(piece.tempo_map)]
+    found = [(beat, hit.what) for beat, _, hit in piece.strikes[0].falls(piece)]
     first = [(4.0, "D3"), (5.0, "F#3"), (5.0, "A3"), (7.0, "D#3"), (8.0, "E3")]
     assert found == [*first, *((beat + 8.0, what) for beat, what in first)]
 
@@ -173,7 +173,7 @@ def test_a_tune_presses_a_key(tmp_path):
             (
                 "E103",
                 6,
-                "strikes 's': how strongly? 'cell.C4' has no `play` that says what soft and "
+                "strikes 's': how strongly? 'cell.C3' has no `play` that says what soft and "
                 "hard are; write an impulse, such as impulse: 2mNs",
             ),
         ),

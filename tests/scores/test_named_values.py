@@ -223,7 +223,15 @@ def texts(shape: Shape, path: str, seen: set[int]) -> Iterator[tuple[str, Text]]
 NO_VALUES = (
     *("score.ergon", "score.title", "tempo entry.meter", "key.calib", "module.clamp"),
     "key.simple",
-    *("module.law", "score.blocks", "tempo entry.at", "route.to", "include.file", "include.at"),
+    *(
+        "module.law",
+        "score.blocks",
+        "strikes.rhythm",
+        "tempo entry.at",
+        "route.to",
+        "include.file",
+        "include.at",
+    ),
 )
 
 

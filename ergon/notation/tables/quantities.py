@@ -346,6 +346,11 @@ def _unit_of(word: str) -> str:
     return word[match.end() :].strip() if match else ""
 
 
+def ratio_of(decibels: float) -> float:
+    """The ratio of amplitudes of a level [dB]."""
+    return _core.decibels(decibels)
+
+
 def gain(text: str) -> float:
     """A ratio of amplitudes from a level (`-6dB`) or a factor (`x0.5`)."""
     word = text.strip()

@@ -1,0 +1,77 @@
+"""Turns strikes with a rhythm text into what each of its words strikes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ergon.instruments.model import Target
+from ergon.instruments.names import PartNames
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import MEZZO_FORTE, Levels, Reach
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.values import Place
+from ergon.scores.pattern.cycle_transforms import parse_transforms
+from ergon.scores.pattern.rhythm_text import Struck
+from ergon.scores.reading import build
+from ergon.scores.reading.melodies import transforms
+from ergon.scores.reading.melody import NoteTargets, Row
+from ergon.scores.reading.piece import Strikes
+from ergon.scores.reading.rhythms import Rhythm, Voice, compiled, key_of, level_of, name_of, note_of
+
+HERE = "x"  # in a rhythm: what `to` names
+
+
+def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
+    """Strikes whose words and notes are those of a rhythm text; None if an error was reported."""
+    node, who = values.nodes["rhythm"], f"strikes {quote(values.context.name)}"
+    assert isinstance(node, Scalar)
+    if transforms(values, parse_transforms) is None:
+        return None
+    text, do = values["rhythm"], ", ".join(each.text for each in values["do"] or ())
+    try:
+        leaves = compiled(text, do).leaves
+    except TextError as error:  # the transformations make it too large
+        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        return None
+    levels = values["impulse"] or Levels((MEZZO_FORTE,))
+    names = NoteTargets(part_names, values["to"] or ())
+    voices: dict[str, Voice] = {}
+    for leaf in leaves:
+        place = node.place_at(leaf.offset, len(name_of(leaf)))
+        is_strength = (level_of(leaf) or levels.steps[0]).is_strength or levels.has_strengths
+        voice = _voice(leaf, place, names, who, is_strength=is_strength)
+        if voice is None:
+            return None
+        voices[key_of(leaf)] = voice
+    to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
+    rhythm = Rhythm(text, do, values["cycle"] or Length(bars=1.0), voices)
+    return replace(build.rhythm_strikes(values, tuple(to)), levels=levels, rhythm=rhythm)
+
+
+def _voice(
+    leaf: Struck, place: Place, names: NoteTargets, who: str, *, is_strength: bool
+) -> Voice | None:
+    """What a word of a rhythm strikes; None if an error was reported."""
+    word = Name(note_of(name_of(leaf)) or name_of(leaf), place)
+    collector, n_reports = names.part_names.collector, names.part_names.collector.told
+    try:
+        struck = names.moved(word, leaf.semitones) if leaf.semitones else word
+    except TextError as error:
+        collector.error("E306", f"{who}: {error.message}", place)
+        return None
+    targets: Iterable[Target]
+    if word == HERE and names.to:
+        targets = [t for name in names.to for t in names.part_names.struck(name, who)]
+    else:
+        targets = names.targets(Row(Length(), (struck,), None, place, (word,)), who)
+    by_reach: dict[Reach | None, list[Target]] = {}
+    for target in targets:
+        reach = names.part_names.sure_reach(target, who) if is_strength else None
+        by_reach.setdefault(reach, []).append(target)
+    if collector.told > n_reports:
+        return None
+    return tuple((tuple(to), reach) for reach, to in by_reach.items())

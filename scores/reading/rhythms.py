@@ -1,0 +1,176 @@
+"""Strikes by a rhythm text: what its words strike, and what falls in each cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf
+
+from ergon.instruments.model import Target
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables import notes
+from ergon.notation.tables.shapes import Text
+from ergon.notation.tables.strengths import Level, Levels, Reach, level
+from ergon.notation.text.errors import TextError
+from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
+from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, Event, chance_from
+from ergon.scores.pattern.rhythm_text import WORD, Struck, parse
+
+MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
+_REMEMBERED = 256  # rhythms whose cycles are remembered: those of a long session
+
+# What a word strikes, for each reach: a strength means another impulse on each instrument.
+Voice = tuple[tuple[tuple[Target, ...], Reach | None], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """A stroke of a rhythm: its beat, its number among all, its word and how strongly."""
+
+    beat: float
+    number: int
+    word: str
+    level: Level
+
+
+@dataclass(frozen=True, slots=True)
+class Rhythm:
+    """A text that is one `cycle`, its transformations, and what each of its words strikes."""
+
+    text: str
+    do: str
+    cycle: Length
+    voices: Mapping[str, Voice]
+
+    def begin(self, tempo: TempoMap, at: float, number: int) -> float:
+        """The beat on which a cycle begins, of a rhythm that begins at a beat."""
+        return tempo.after(at, self.cycle.times(number))
+
+    def count(self, tempo: TempoMap, at: float, before: float) -> int:
+        """The number of cycles that begin before a beat."""
+        if before == inf:
+            return MAX_CYCLES
+        low, high = 0, 1
+        while high < MAX_CYCLES and self.begin(tempo, at, high) < before - SAME:
+            low, high = high, 2 * high
+        high = min(high, MAX_CYCLES)
+        if self.begin(tempo, at, low) >= before - SAME:
+            return low
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (
+                (middle, high) if self.begin(tempo, at, middle) < before - SAME else (low, middle)
+            )
+        return high
+
+    def strokes(
+        self,
+        tempo: TempoMap,
+        at: float,
+        levels: Levels,
+        draws: tuple[int, str],
+        cycles: range,
+    ) -> Iterator[Stroke]:
+        """The strokes of some cycles, in order; `draws` are the seed and who plays."""
+        source = _cycles_of(self.text, self.do, *draws)
+        for number in cycles:
+            begin, end = (self.begin(tempo, at, n) for n in (number, number + 1))
+            events = source(number)
+            for index, event in enumerate(events):
+                share = float(event.begin - number)
+                loud = level_of(event.what) or levels.at(index, len(events))
+                loud = loud.scaled(event.what.factor) if event.what.factor != 1.0 else loud
+                beat = begin + share * (end - begin)
+                yield Stroke(beat, number * MAX_EVENTS + index, key_of(event.what), loud)
+
+    def most_strokes(self, draws: tuple[int, str]) -> int:
+        """About how many MATs are struck in one cycle at most, from the first few cycles."""
+        source = _cycles_of(self.text, self.do, *draws)
+        return max(
+            sum(sum(len(to) for to, _ in self.voices[key_of(event.what)]) for event in events)
+            for events in map(source, range(_TRIED))
+        )
+
+
+_TRIED = 8  # cycles from which the number of strokes is estimated
+
+
+def name_of(struck: Struck) -> str:
+    """The name or note of a word, without its level: `kick` of `kick:f`."""
+    return struck.word.partition(":")[0]
+
+
+def level_of(struck: Struck) -> Level | None:
+    """The level that a word says itself, after a colon. Raises TextError."""
+    _, colon, text = struck.word.partition(":")
+    return level(text) if colon else None
+
+
+def key_of(struck: Struck) -> str:
+    """What a stroke strikes, as a text: its word, and by how many semitones it is moved."""
+    return f"{name_of(struck)}{struck.semitones:+d}" if struck.semitones else name_of(struck)
+
+
+@lru_cache(_REMEMBERED)
+def compiled(text: str, do: str) -> Cycles[Struck]:
+    """The cycles of a text after its transformations. Raises TextError, with offsets into the
+    text, or into the transformations once the text itself has been read.
+    """
+    cycles = parse(text, Struck)
+    return apply(cycles, parse_transforms(do)) if do else cycles
+
+
+@lru_cache(_REMEMBERED)
+def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[Event[Struck]]]:
+    """The events of a cycle by its number; those that were asked for are kept."""
+    cycles, chance = compiled(text, do), chance_from(seed, who)
+    known: dict[int, list[Event[Struck]]] = {}
+
+    def events(number: int) -> list[Event[Struck]]:
+        if number not in known:
+            known[number] = cycles.onsets(number, chance)
+        return known[number]
+
+    return events
+
+
+def retargeted(rhythm: Rhythm, target: Callable[[Target], Target]) -> Rhythm:
+    """A rhythm with each of its targets changed."""
+    voices = {
+        key: tuple((tuple(map(target, to)), reach) for to, reach in voice)
+        for key, voice in rhythm.voices.items()
+    }
+    return replace(rhythm, voices=voices)
+
+
+def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
+    """A rhythm in whose text each name of a part is changed."""
+
+    def changed(word: str) -> str:
+        return word if note_of(word) else name(word)
+
+    text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
+    voices = {changed(key): voice for key, voice in rhythm.voices.items()}
+    return replace(rhythm, text=text, voices=voices)
+
+
+def note_of(word: str) -> str | None:
+    """The note that a word means, which may begin with a small letter: `c4`; None for a name."""
+    note = word[:1].upper() + word[1:]
+    return note if notes.number(note) is not None else None
+
+
+def _read(text: str) -> str:
+    for struck in compiled(text, "").leaves:
+        try:
+            level_of(struck)
+        except TextError as error:
+            error.offset += struck.offset + struck.word.index(":") + 1
+            raise
+    return text
+
+
+RHYTHM = Text(_read, "a rhythm, such as kick ~ snare ~", types=("string",))
