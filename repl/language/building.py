@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from ergon.repl.language import values as v
 from ergon.repl.language.blocks import NEW_BLOCK
 from ergon.repl.language.forms import Form, Slot
+from ergon.repl.language.library import FAMILY
 from ergon.repl.language.playing import PLAYING
 from ergon.repl.language.verbs import FORMS, forms_of
 
@@ -77,7 +78,7 @@ def _slot_text(slot: Slot, value: object) -> str | None:
         return text if text == slot.lead else None
     if slot.value is NEW_BLOCK:
         return f"{text}:"
-    if slot.value is v.FILE and " " in text:
+    if slot.value in (v.FILE, FAMILY) and " " in text:
         text = f'"{text}"'
     return slot.lead + text if slot.lead.endswith("=") else f"{slot.lead} {text}".lstrip()
 

@@ -263,6 +263,14 @@ class Build(BlockCommand):
 
 
 @dataclass(frozen=True, slots=True)
+class Use(Command):
+    """`use skins`: bring in the instruments of a file, whose names a line may then play."""
+
+    family: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
 class Link(BlockCommand):
     """Join two modules by a link of a kind, with its fields as written."""
 
@@ -576,6 +584,23 @@ class Show(Command):
     """List who plays what, or show where a name is defined."""
 
     name: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ListInstruments(Command):
+    """List the instruments of a family; None: those of the score, and all families."""
+
+    family: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ListGestures(Command):
+    """List the gestures and the takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListScenes(Command):
+    """List the scores beside this one, which can be played as scenes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split_words
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, playable
 
 _TIME_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # words before the time at which a line acts
 _TIME_COMPLETIONS = (
@@ -97,7 +97,7 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
     is_played = first in scope.gestures or first in scope.takes
-    is_name = first not in verbs.VERBS or first in scope.instruments  # an instrument may be `pan`
+    is_name = first not in verbs.VERBS or first in playable(scope)  # an instrument may be `pan`
     sure = second in verbs.SUBJECT_VERBS and is_name
     sure = sure and not (second == "every" and is_played)
     if about_player and (is_player or sure):

@@ -19,7 +19,10 @@ _NUMBER = re.compile(
     r"(?P<number>(?:(?<![\w.])|(?<=\bx))[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:/\d+)?)"
     r"(?P<unit>[^\W\d_][\w/%]*)?"
 )
-_PARTS = ("players", "gestures", "takes", "keys", "marks", "instruments", "targets", "blocks")
+_PARTS = (
+    *("players", "gestures", "takes", "keys", "marks", "instruments", "targets", "blocks"),
+    *("available", "families"),
+)
 
 
 def tokens(text: str, scope: Scope) -> list[Token]:

@@ -13,12 +13,14 @@ from ergon.repl.language.commands import (
     DefineBlock,
     DefinePhrase,
     Takes,
+    Use,
 )
 from ergon.repl.language.grammar import read_command
 from ergon.repl.language.lines import Line, lines
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
 from ergon.repl.language.verbs import VERBS
+from ergon.scores.reading.families import library
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
@@ -105,6 +107,11 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
         return with_name(scope, "blocks", read.name)
     if isinstance(read, Build):
         return with_name(scope, "instruments", read.name)
+    if isinstance(read, Use):
+        for own in library().get(read.family, ()):
+            if own.name not in scope.instruments:
+                scope = with_name(scope, "available", own.name)
+        return scope
     if isinstance(read, Takes):
         return with_name(with_name(scope, "keys", read.key), "players", read.player)
     return scope

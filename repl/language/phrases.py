@@ -12,7 +12,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.pattern.words import parse_strikes
@@ -134,11 +134,22 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(name, STRIKES.by_name[name].doc)
 
 
+def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
+    """What an entry strikes, behind its time; the time of the first entry."""
+    begun: list[str] = []
+    for word in context.before:
+        begun = [] if word.endswith(",") else [*begun, word]
+    if not context.before:
+        yield Completion("0", "when, what, how strongly")
+    elif len(begun) == 1 or (begun and not _IMPULSE.match(begun[-1])):
+        yield from v.struck_completions(context)
+
+
 def _read_struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(text.split(".")[0]) or len(text) > 4 * MAX_NAME:
         raise TextError(f"{quote(text)} is not an instrument", length=len(text))
-    if text.split(".")[0] not in scope.instruments:
-        raise v.unknown_name(text, "an instrument", scope.instruments)
+    if text.split(".")[0] not in playable(scope):
+        raise v.unknown_name(text, "an instrument", playable(scope))
     return text
 
 
@@ -148,12 +159,12 @@ NEW_PHRASE = Value(
 ENTRIES = Value(
     "entries, such as 0 C4 1mNs, 1/2 E4 G4",
     _entries,
-    lambda context: () if context.before else (Completion("0", "when, what, how strongly"),),
+    _entry_offers,
 )
 TO = Value(
     "an instrument whose notes are struck",
     _read_struck,
-    lambda context: v.name_completions(context.scope.instruments),
+    lambda context: v.name_completions(playable(context.scope)),
 )
 PLAYED = Value("a phrase, and how it is repeated", _read_played, _offers)
 

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.model import Form, Module
-from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.model import Form, Instrument, Module
+from ergon.instruments.module_kinds import HOLDERS, KINDS
 from ergon.instruments.spread import GAP
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
+from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
 from ergon.scores.reading.automatable import FACTOR, PARAMETERS, whole
+from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores
@@ -38,8 +40,12 @@ class Scope:
     targets: Mapping[str, Text] = field(default_factory=dict)
     folder: Path | None = None
     strikes: Mapping[str, str] = field(default_factory=dict)
-    # Instruments of files that nothing plays yet.
+    # Instruments of files that nothing plays yet, by the names by which a line plays them.
     available: Mapping[str, str] = field(default_factory=dict)
+    # The modules with masses of every instrument that a line may play.
+    modules: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    # The families of the library and those in use: their instruments, each with a hint.
+    families: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     blocks: Mapping[str, str] = field(default_factory=dict)
     rooms: Mapping[str, str] = field(default_factory=dict)
     phrases: Mapping[str, str] = field(default_factory=dict)
@@ -66,6 +72,7 @@ def scores_in(folder: Path | None) -> list[Path]:
 
 def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     """The names of a piece, and of the scores in a folder."""
+    unplayed = families.unplayed(piece)
     return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
         gestures={name: _gesture_hint(gesture) for name, gesture in piece.gestures.items()},
@@ -81,7 +88,9 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         },
         targets=dict(_targets(piece)),
         folder=folder,
-        available=dict.fromkeys(piece.available, "instrument of a file"),
+        available={name: _file_hint(full) for name, full in unplayed.items()},
+        modules={**_modules(piece), **_unplayed_modules(piece, unplayed)},
+        families=_families(piece),
         strikes={one.name: "strikes" for one in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
@@ -100,6 +109,39 @@ def with_name(scope: Scope, section: str, name: str) -> Scope:
     return replace(scope, **added)
 
 
+def _families(piece: Piece) -> dict[str, dict[str, str]]:
+    """Families that ship, and those that the score uses."""
+    found = {name: {own.name: own.about for own in some} for name, some in library().items()}
+    for name in piece.used:
+        found.setdefault(name, {})
+    for full in piece.available:
+        family, _, name = full.rpartition(".")
+        if family in found:
+            found[family].setdefault(name, "")
+    return found
+
+
+def _file_hint(full: str) -> str:
+    family = full.rpartition(".")[0]
+    return f"instrument of {family}" if family else "instrument of a file"
+
+
+def _modules(piece: Piece) -> dict[str, list[str]]:
+    """The modules with masses of every instrument in the network."""
+    parts = {name: piece.instruments.get(name) for name in piece.instruments}
+    parts |= {name: piece.instruments.get(own[0]) for name, own in piece.families.items()}
+    return {name: _holders(part) for name, part in parts.items() if part is not None}
+
+
+def _unplayed_modules(piece: Piece, unplayed: Mapping[str, str]) -> dict[str, list[str]]:
+    return {name: _holders(piece.available[full]) for name, full in unplayed.items()}
+
+
+def _holders(instrument: Instrument) -> list[str]:
+    """The named modules of an instrument that have masses."""
+    return [module.name for module in instrument.modules if module.name and module.kind in HOLDERS]
+
+
 def _lines(block: Sequence[str]) -> str:
     return f"{len(block)} line{'s' if len(block) > 1 else ''}"
 
@@ -116,8 +158,11 @@ def _gesture_hint(gesture: Gesture) -> str:
 
 
 def _acts(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
-    for name in (*piece.instruments, *piece.families, *piece.available):
-        instrument = piece.playable(name)
+    known = {name: name for name in (*piece.instruments, *piece.families)} | families.unplayed(
+        piece
+    )
+    for name, full in known.items():
+        instrument = piece.playable(full)
         if instrument is not None and instrument.acts:
             yield name, tuple(act.name for act in instrument.acts)
 

@@ -97,7 +97,7 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before and context.before[0] in context.scope.phrases:
         return
     if not any(word in OPTIONS for word in context.before):
-        yield from v.name_completions(playable(context.scope))
+        yield from v.struck_completions(context)
     if context.before:
         for name in OPTIONS:
             if name not in context.before:

@@ -12,7 +12,7 @@ from ergon.notation.tables.shapes import Either, Shape, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
 
 _ABLETON_LINK_HINT = (
@@ -24,11 +24,16 @@ _ENDS = ("to", "between")  # which a link of a line has already
 
 
 def _modules(scope: Scope) -> dict[str, str]:
-    """Keys and modules that a link may join."""
+    """Keys, and modules of the score."""
     found = dict(scope.keys)
     for target in scope.targets:
         found.setdefault(target.rpartition(".")[0], "module")
     return found
+
+
+def _end_names(scope: Scope) -> dict[str, str]:
+    """Keys and modules that a link may join."""
+    return {**_modules(scope), **v.module_names(scope)}
 
 
 def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -36,13 +41,13 @@ def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         raise TextError(_ABLETON_LINK_HINT, length=len(text))
     part = text.partition(".")[0]
     # Only the part is checked here: the score knows members (`string.12`) and modules from files.
-    if part not in scope.keys and part not in scope.instruments:
-        raise v.unknown_name(text, "a key or a module", _modules(scope))
+    if part not in scope.keys and part not in playable(scope):
+        raise v.unknown_name(text, "a key or a module", _end_names(scope))
     return text
 
 
 def _ends(context: CompletionContext) -> Iterator[Completion]:
-    return v.name_completions(_modules(context.scope))
+    return v.up_to_dot(context.typed, _end_names(context.scope))
 
 
 def _kind(text: str, *_: Any) -> str:
@@ -103,8 +108,8 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
 def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
     words = [(word.group(), word.start()) for word in re.finditer(r"\S+", text)]
     base, _at = words[0]
-    if base not in scope.instruments and not _FILE_AND_NAME.fullmatch(base):
-        known = [*scope.instruments, "bell/bell", "gong/plate"]
+    if base not in playable(scope) and not _FILE_AND_NAME.fullmatch(base):
+        known = [*playable(scope), "bell/bell", "gong/plate"]
         raise v.unknown_name(base, "an instrument or a file and a name such as bell/bell", known)
     semitones, fields, i = 0.0, dict[str, str](), 1
     while i < len(words):
@@ -130,12 +135,23 @@ def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, di
 
 def _bases(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        yield from v.name_completions(context.scope.instruments)
-        yield Completion("bell/bell", "from a file: file and name")
+        yield from v.name_completions(playable(context.scope))
+        yield from _file_offers(context)
     elif context.before[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
     elif "transpose" not in context.before and "@" not in context.before[0]:
         yield Completion("transpose", "higher or lower, in semitones")
+
+
+def _file_offers(context: CompletionContext) -> Iterator[Completion]:
+    """Families; behind the slash, the instruments of one."""
+    family, slash, _ = context.typed.partition("/")
+    for name, members in context.scope.families.items():
+        if not slash:
+            yield Completion(f"{name}/", ", ".join(members) or "no instruments")
+        elif name == family:
+            for member, about in members.items():
+                yield Completion(f"{name}/{member}", about or "an instrument")
 
 
 def _new_part(text: str, scope: Scope, _: Mapping[str, Any]) -> str:

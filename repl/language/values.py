@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
 from ergon.repl.language.notes import note_number
-from ergon.repl.language.scope import Scope, scores_in
+from ergon.repl.language.scope import Scope, playable, scores_in
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
@@ -422,9 +422,33 @@ def _read_struck(text: str, *_: Any) -> str:
     return text
 
 
+def module_names(scope: Scope) -> dict[str, str]:
+    """The modules with masses of every instrument that a line may play, each with a hint."""
+    return {
+        f"{part}.{module}": f"a module of {part}"
+        for part, modules in scope.modules.items()
+        for module in modules
+    }
+
+
+def up_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
+    """Names, each up to the first dot behind what is typed."""
+    for name, hint in names.items():
+        if name.startswith(typed):
+            dot = name.find(".", len(typed))
+            yield Completion(name, hint) if dot < 0 else Completion(name[: dot + 1], "its modules")
+
+
+def struck_completions(context: CompletionContext) -> Iterator[Completion]:
+    """Instruments that a line may play; behind a dot, the modules of one."""
+    if "." in context.typed:
+        yield from up_to_dot(context.typed, module_names(context.scope))
+    else:
+        yield from name_completions(playable(context.scope))
+
+
 def _module_completions(context: CompletionContext) -> Iterator[Completion]:
-    names = dict.fromkeys(target.rpartition(".")[0] for target in context.scope.targets)
-    return (Completion(name, "a module") for name in names if name not in context.scope.keys)
+    return up_to_dot(context.typed, module_names(context.scope))
 
 
 CONTROLLER = quantity_value(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")

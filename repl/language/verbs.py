@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, blocks, forms, mixing, phrases
+from ergon.repl.language import automating, blocks, forms, library, mixing, phrases
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -151,6 +151,8 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("name", "NAME", s.PART_NAME),
               Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
                    many=True), subject=True),
+        _form("use", "us", "brings in a family, so that its instruments can be played",
+              "use skins", library.use, Slot("family", "FAMILY|FILE", library.FAMILY)),
         _form("link", "li", "joins two modules, or a key and a module, by a link",
               "link k1 bell.m BUT K=4kN/m", c.Link,
               Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
@@ -276,6 +278,15 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "? lean", c.Look, _SHOWN_OR_ALL, timed=False),
         _form("show", "sh", "lists who plays what, or shows where a name is defined",
               "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
+        _form("voices", "vo", "lists who plays what, and what is muted", "voices",
+              library.voices, timed=False),
+        _form("instruments", "ins", "lists the instruments of the score or of a family",
+              "instruments skins", c.ListInstruments,
+              Slot("family", "FAMILY", library.LISTED, optional=True), timed=False),
+        _form("gestures", "ge", "lists the gestures and the takes", "gestures", c.ListGestures,
+              timed=False),
+        _form("scenes", "scenes", "lists the scenes beside the score", "scenes", c.ListScenes,
+              timed=False),
         _form("scope", "sc", "draws where a player's key was in the last two seconds",
               "scope ada", c.Trace, Slot("name", "NAME", v.PLAYER_KEY_OR_INSTRUMENT), timed=False),
         _form("scope", "sc", "keeps that drawing above the status line",

@@ -238,6 +238,11 @@ class SessionCore:
             disk["base"] = text_fields(version.read_texts)
             if self.watch is not None:
                 self.watch.watch_texts(version.read_texts)
+        if version.read_files and version.base is not None:
+            self.disk.note_written(version.read_files)
+            disk["base"] = text_fields(version.base)
+            if self.watch is not None:
+                self.watch.watch_texts(version.texts)
         disk["disk"] = self.disk.hashes_by_name(version.texts)
         return {**text_fields(version.texts), **disk, **effect_fields(version)}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ergon.repl.language import commands as c
 from ergon.repl.session.edit_table import edits_texts
 from ergon.repl.session.version import Version
-from ergon.scores.edits import phrases
+from ergon.scores.edits import families, phrases
 from ergon.scores.edits.texts import Texts
 
 
@@ -13,4 +13,7 @@ from ergon.scores.edits.texts import Texts
 def _define(command: c.DefinePhrase, version: Version, beat: float) -> Texts:
     words = command.words
     fields = {name: words[name].text for name in ("to", "length") if name in words}
-    return phrases.define(version.texts, command.name, command.entries, fields)
+    struck = [word for entry in command.entries for word in entry["what"].split()]
+    struck += filter(None, [command.to])
+    texts, _ = families.defined(version.texts, version.piece, struck)
+    return phrases.define(texts, command.name, command.entries, fields)

@@ -55,8 +55,9 @@ def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
         items: list[tuple[edit.Path, document.Node | None]] = [(("use",), node)]
         if isinstance(node, document.Sequence):
             items = [(("use", index), item) for index, item in enumerate(node.items)]
-        elif isinstance(node, document.Mapping):
-            items = [(("use", name), item) for name, (_, item) in node.entries.items()]
+        for path, item in [*items]:
+            if isinstance(item, document.Mapping):
+                items += [((*path, name), own) for name, (_, own) in item.entries.items()]
         for path, item in items:
             if isinstance(item, document.Scalar) and not item.is_empty:
                 found = finder.find(item.text, Path(file).parent)

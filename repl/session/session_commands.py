@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import overview, verb_help
-from ergon.repl.session import bars, computing, files, inspection, version_edits
+from ergon.repl.session import bars, computing, files, inspection, listings, version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.scene_edits import scene_of
@@ -239,6 +239,26 @@ def _show(session: SessionCore, command: c.Show) -> Reply:
     return Reply(
         True, "", lines=tuple(inspection.playing_lines(schedule.head, playing, schedule.beat_now()))
     )
+
+
+@_executes(c.ListInstruments)
+def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply:
+    head = session.schedule.head
+    if command.family is None:
+        return Reply(True, "", lines=tuple(listings.instrument_lines(head.texts, head.piece)))
+    own = listings.family_lines(head.texts, head.piece, command.family)
+    return Reply(True, "", lines=tuple(own))
+
+
+@_executes(c.ListGestures)
+def _list_gestures(session: SessionCore, command: c.ListGestures) -> Reply:
+    return Reply(True, "", lines=tuple(listings.gesture_lines(session.schedule.head.piece)))
+
+
+@_executes(c.ListScenes)
+def _list_scenes(session: SessionCore, command: c.ListScenes) -> Reply:
+    with session.computing.limited(computing.FILES_STEPS):
+        return Reply(True, "", lines=tuple(listings.scene_lines(session.schedule.head.texts)))
 
 
 @_executes(c.Look)

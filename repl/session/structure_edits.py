@@ -10,7 +10,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.version import Faders, NotTakenError, Version
-from ergon.scores.edits import renaming, space, structure
+from ergon.scores.edits import families, renaming, space, structure
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 @edits_texts(c.Build)
 def _build(command: c.Build, version: Version, beat: float) -> Texts:
     piece = version.piece
-    taken = {*piece.instruments, *piece.families, *piece.available, *piece.keys}
-    if command.name in taken:
+    if families.is_defined(piece, command.name) or command.name in piece.available:
         raise NotTakenError(f"{command.name} exists: {_remedy(version.texts, command.name)}")
-    own = command.base, command.fields, command.semitones
+    base = families.base(piece, command.base)
+    own = base, command.fields, command.semitones
     return structure.build(version.texts, piece, command.name, *own)
 
 
@@ -40,7 +40,8 @@ def _remedy(texts: Texts, name: str) -> str:
 @edits_texts(c.Link)
 def _link(command: c.Link, version: Version, beat: float) -> Texts:
     ends = command.a, command.b
-    return structure.link(version.texts, command.kind, ends, command.fields)[0]
+    texts = structure.link(version.texts, command.kind, ends, command.fields)[0]
+    return families.played(texts, version.piece, ends)
 
 
 @edits_texts(c.Takes)
@@ -61,6 +62,7 @@ def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
 @edits_texts(c.Route)
 def _route(command: c.Route, version: Version, beat: float) -> Texts:
     texts, piece, words = version.texts, version.piece, command.words
+    texts, piece = families.defined(texts, piece, [command.name])
     if command.channels is not None:
         texts = structure.route(texts, piece, command.name, list(command.channels), None)
     given = {

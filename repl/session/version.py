@@ -74,8 +74,9 @@ class Version:
     and instruments that were renamed while they sound; `is_running` is True while the piece runs.
 
     From files: `read_texts` has the texts that the line read from the disk, and `discarded_spots`
-    the places where typed values gave way to them; `freed_parameters` has the parameters whose
-    automation a scene has ended; `base` is the content of the files when they were last read or
+    the places where typed values gave way to them; `read_files` has the texts of further files
+    that the line brought in; `freed_parameters` has the parameters whose automation a scene has
+    ended; `base` is the content of the files when they were last read or
     saved, and `renames` are the renamings since then, as (old, new).
     """
 
@@ -94,6 +95,7 @@ class Version:
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()
     read_texts: Texts | None = None
+    read_files: Mapping[str, str] = field(default_factory=dict)
     discarded_spots: Sequence[Spot] = ()
     freed_parameters: Sequence[str] = ()
     base: Texts | None = None
@@ -110,6 +112,7 @@ class Version:
             glide=GLIDE,
             enter_beat=None,
             read_texts=None,
+            read_files={},
             discarded_spots=(),
             freed_parameters=(),
         )

@@ -12,7 +12,7 @@ from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import block_edits as block_edits
-from ergon.repl.session import midi_maps
+from ergon.repl.session import family_edits, midi_maps
 from ergon.repl.session import phrase_edits as phrase_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
@@ -30,6 +30,7 @@ from ergon.repl.session.version import (
 )
 from ergon.scores.edits import (
     automation,
+    families,
     keys,
     matter,
     merging,
@@ -37,7 +38,6 @@ from ergon.scores.edits import (
     parts,
     renaming,
     strikes,
-    structure,
     times,
 )
 from ergon.scores.edits.scenes import has_events_from
@@ -103,10 +103,7 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     piece = version.piece
     texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
-    struck = {word.split(".")[0] for word in command.fields.get("to", "").split()}
-    for name in sorted(struck & {*piece.available}):
-        texts = structure.routed_to_all(texts, piece, name)
-    return texts
+    return families.played(texts, piece, command.fields.get("to", "").split())
 
 
 @edits_texts(c.Automate)
@@ -261,7 +258,14 @@ def _guide(command: c.Guide) -> VersionEdit:
 @makes_edit(c.MapNotes)
 def _map(command: midi_maps.Map) -> VersionEdit:
     """Map a MIDI controller or notes."""
-    return lambda version, beat: replace(version, maps=midi_maps.with_map(version, command))
+
+    def edit(version: Version, beat: float) -> Version:
+        struck = [command.target] if isinstance(command, c.MapNotes) else []
+        texts = families.played(version.texts, version.piece, struck)
+        made = version if texts is version.texts else with_texts(version, texts)
+        return replace(made, maps=midi_maps.with_map(made, command))
+
+    return edit
 
 
 @makes_edit(c.Unmap)
@@ -300,10 +304,10 @@ def _reload(command: c.Reload) -> VersionEdit:
         path = version.texts.path
         if path not in files:
             files[path] = _file(path, version.texts.bounds)
-        now = files[path]
+        before = version.base or version.texts
+        now = family_edits.with_brought(files[path], before)
         piece_from_files(now)  # its own mistakes come before those of the merge
         own = now
-        before = version.base or version.texts
         for old, new in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
                 both = [renaming.rename(one, piece_of(one), old, new) for one in (before, own)]
@@ -332,7 +336,7 @@ def _damp(command: c.Damp) -> VersionEdit:
     return lambda version, beat: replace(hush(version, beat), damp=command.time)
 
 
-READS_FILES = (c.Load, c.Reload, c.Scene)
+READS_FILES = (c.Load, c.Reload, c.Scene, c.Use)
 
 
 # --- replies -------------------------------------------------------------------------------------
@@ -352,6 +356,8 @@ def summary(command: c.Command, made: RunningVersion, where: str) -> str:
         many = len(made.version.freed_parameters) > 1
         own = "have their own values" if many else "has its own value"
         return f"{said}; {', '.join(made.version.freed_parameters)} {own} again"
+    if isinstance(command, c.Use):
+        return family_edits.summary(command, made.version.piece)
     if isinstance(command, c.Load) and made.version.enter_beat == 0.0 and where != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, c.Guide):

@@ -114,6 +114,7 @@ class Checker:
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._available(),
+            used=tuple(self.names.families),
             families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
@@ -122,10 +123,17 @@ class Checker:
         return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
 
     def _available(self) -> dict[str, Instrument]:
-        """Instruments that a file brings and nothing plays; names in them are not looked up."""
-        known = self.matter.by_name
-        some = (n for n in self.names.tables["instruments"] if n not in self.matter.instruments)
-        return {n: made for n in some if isinstance(made := known.get(n), Instrument)}
+        """Instruments that a file brings and nothing plays, or the first note of one with notes;
+        names in them are not looked up.
+        """
+        found = {}
+        for name in self.names.tables["instruments"]:
+            notes = self.part_names.families.get(name, {})
+            first = next(iter(notes.values()), name)
+            made = self.matter.by_name.get(first)
+            if isinstance(made, Instrument) and first not in self.matter.instruments:
+                found[name] = made
+        return found
 
     # --- what other scores play ------------------------------------------------------------------
 

@@ -511,6 +511,8 @@ class Piece:
     phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
     # Instruments that a file brings and nothing plays yet; they are not in the network.
     available: Mapping[str, Instrument] = field(default_factory=dict, compare=False, repr=False)
+    # The names by which `use:` brings files in: prefixes, or names of files.
+    used: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def motion_every(self) -> int:
@@ -545,7 +547,7 @@ class Piece:
     def playable(self, name: str) -> Instrument | None:
         """The instrument of a name, or of its first note; also one that nothing plays yet."""
         first = self.families.get(name, (name,))[0]
-        return self.instruments.get(first) or self.available.get(first)
+        return self.instruments.get(first) or self.available.get(name)
 
     def note_families(self) -> dict[str, str]:
         """The instrument that each note belongs to, by the name of the note's part."""
@@ -611,7 +613,7 @@ _NOT_VALUES = {  # places and texts do not count
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
-    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available"),
+    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available", "used"),
     RenderSpec: ("file",),
 }
 

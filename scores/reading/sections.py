@@ -446,7 +446,12 @@ BLOCK = ListOf(
     single=True,
 )
 _FILE = Raw("the name of a file")
-USE = Either(scalar=_FILE, mapping=NamesOf(_FILE, "prefix"), sequence=ListOf(_FILE))
+_WITH_PREFIX = NamesOf(_FILE, "prefix")
+USE = Either(
+    scalar=_FILE,
+    mapping=_WITH_PREFIX,
+    sequence=ListOf(Either(scalar=_FILE, mapping=_WITH_PREFIX)),
+)
 
 
 def version(text: str) -> str:

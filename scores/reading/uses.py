@@ -11,8 +11,7 @@ from ergon.instruments.model import Instrument
 from ergon.instruments.transpose import at_own_pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
-from ergon.notation.tables.value_kinds import PATH
-from ergon.notation.text.document import Document, Scalar
+from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
@@ -59,6 +58,7 @@ class Names:
         default_factory=lambda: {section: {} for section in SECTIONS}
     )
     used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
+    families: list[str] = field(default_factory=list)  # what `use:` names: prefixes, or file stems
     included: list[tuple[Include, Names]] = field(default_factory=list)
 
     def names(self, section: str) -> tuple[str, ...]:
@@ -94,6 +94,7 @@ class Uses:
                 names.tables[section][name] = Entry(values, names)
         self._open.append((document.file, asked))
         for file, place, prefix in _files(score):
+            names.families.append(prefix or PurePath(file).stem)
             self._add_file(names, file, place, prefix)
         for one in includes(score):
             used = self._add_file(names, one.file, one.place, one.prefix, one)
@@ -265,30 +266,3 @@ class Uses:
             names = used.names(section)
             self.collector.error("E301", message, name.place, word=word, names=names)
         return entry
-
-
-def _files(score: Values) -> list[tuple[str, Place, str]]:
-    """(file, place, prefix) of every file that a score uses."""
-    use = score["use"]
-    if isinstance(use, dict):
-        items = [(node, prefix) for prefix, node in use.items()]
-    else:
-        items = [(node, "") for node in (use if isinstance(use, tuple) else (use,))]
-    files = []
-    for node, prefix in items:
-        if isinstance(node, Scalar):
-            file = PATH.read(node, "use", score.context)
-            if file is not MISSING:
-                files.append((file, node.place, prefix))
-    return files
-
-
-def _and(words: Sequence[str]) -> str:
-    """`a, b and c`."""
-    quoted = [f"`{word}`" for word in words]
-    return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
-
-
-def called(made: _Named, name: str) -> _Named:
-    """The thing with the name that this score gives it."""
-    return made if made.name == name else replace(made, name=name)

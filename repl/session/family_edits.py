@@ -1,0 +1,74 @@
+"""Version edits that bring families of instruments into a score."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.repl.language import commands as c
+from ergon.repl.session.disk import read_text
+from ergon.repl.session.edit_table import makes_edit, with_texts
+from ergon.repl.session.version import NotTakenError, Version, piece_from_files
+from ergon.scores.edits import families
+
+if TYPE_CHECKING:
+    from ergon.repl.session.waiting_lines import VersionEdit
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.reading.piece import Piece
+
+
+@makes_edit(c.Use)
+def _use(command: c.Use) -> VersionEdit:
+    """Bring in a family; its file is read once, when the line is typed."""
+    read: dict[str, str] = {}
+
+    def edit(version: Version, beat: float) -> Version:
+        if command.family in version.piece.used:
+            listing = f"instruments {command.family}"
+            raise NotTakenError(f"{command.family} is in use already", listing)
+        before = version.texts
+        before = replace(before, overlay={**read, **before.overlay})
+        texts, found = families.use(before, command.family, command.file)
+        read.update(found)
+        piece_from_files(replace(texts, sealed=False))  # a file outside the bounds is told of
+        new = {file: own for file, own in read.items() if file not in version.texts.overlay}
+        base = version.base or version.texts
+        base = replace(base, overlay={**new, **base.overlay})
+        return replace(with_texts(version, texts), read_files=new, base=base)
+
+    return edit
+
+
+def with_brought(now: Texts, before: Texts) -> Texts:
+    """Texts of the disk with the files that `use` has brought in since, as they are there now.
+
+    `before` are the texts of the disk as the session knew them, with these files.
+    """
+    brought = before.overlay.keys() - before.load().files.keys() - now.overlay.keys()
+    found = {file: read_text(Path(file)) for file in brought}
+    new = {file: before.overlay[file] if own is None else own for file, own in found.items()}
+    return replace(now, overlay={**now.overlay, **new})
+
+
+def summary(command: c.Use, piece: Piece) -> str:
+    """The instruments that a family has brought, and those whose names are taken."""
+    said = f"{command.family}: {_names(command, piece)}"
+    free = families.unplayed(piece)
+    full = [name for name in piece.available if name.startswith(f"{command.family}.")]
+    taken = [own for name in full if free.get(own := name.rpartition(".")[2]) != name]
+    if not taken:
+        return said
+    verb, each = ("is", "it") if len(taken) == 1 else ("are", "each")
+    example = f"{taken[0]}2 = {command.family}/{taken[0]}"
+    return (
+        f"{said}; {', '.join(taken)} {verb} not replaced, because the score has {each} already "
+        f"(`{example}` adds another)"
+    )
+
+
+def _names(command: c.Use, piece: Piece) -> str:
+    """The instruments of a family, by name."""
+    head = f"{command.family}."
+    names = [name.removeprefix(head) for name in piece.available if name.startswith(head)]
+    return ", ".join(names) or "no instruments"

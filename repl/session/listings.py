@@ -1,0 +1,136 @@
+"""What `instruments`, `gestures` and `scenes` list, a line for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.live.display import decibels_of
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.spelling import nearest
+from ergon.repl.language.scope import scores_in
+from ergon.repl.session.disk import folder_of
+from ergon.repl.session.scene_edits import scene_of
+from ergon.repl.session.version import NotTakenError
+from ergon.scores.gesture import space_path
+from ergon.scores.reading import families
+from ergon.scores.reading.families import Member
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ergon.scores.edits.scenes import Scene
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.reading.piece import Gesture, Piece, Route
+
+_SCENES_MAX = 50  # scores of a folder whose lengths are looked up
+
+
+def instrument_lines(texts: Texts, piece: Piece) -> list[str]:
+    """The instruments of a score with their routes; then the families."""
+    parts = {name: name for name in piece.instruments if name not in piece.note_families()}
+    parts |= {name: members[0] for name, members in piece.families.items()}
+    routes = {name: _routes(piece, part) for name, part in parts.items()}
+    own = _rows(routes) or ["no instrument yet"]
+    counts = {
+        name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
+        for name, members in _families(texts, piece).items()
+    }
+    in_use = {name: f"{said}, in use" for name, said in counts.items() if name in piece.used}
+    return [*own, "families, by `use NAME`:", *_rows({**counts, **in_use}, indent="  ")]
+
+
+def family_lines(texts: Texts, piece: Piece, name: str) -> list[str]:
+    """The instruments of a family, with what each is. Raises NotTakenError."""
+    known = _families(texts, piece)
+    if name not in known:
+        near = nearest(name, known)
+        message = f"no family of instruments is called {name}"
+        raise NotTakenError(message, None if near is None else f"instruments {near}")
+    return _rows({member.name: member.about for member in known[name]})
+
+
+def gesture_lines(piece: Piece) -> list[str]:
+    """The gestures with their lengths and numbers of points, then the takes."""
+    found: dict[str, str] = {}
+    for name, gesture in piece.gestures.items():
+        path = name.rpartition(".")[0]
+        axes = space_path.played(path, piece.gestures) if path else []
+        if name in axes:
+            found[path] = f"a path in space, {_shape(gesture)}"
+        else:
+            found[name] = _shape(gesture)
+    for name, take in piece.takes.items():
+        found[name] = f"take, {take.path.name}" if take.path else "take, an input"
+    return _rows(found) or ["no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"]
+
+
+def scene_lines(texts: Texts) -> list[str]:
+    """The scores beside a score, with their lengths."""
+    own = Path(texts.path).resolve()
+    others = [path.stem for path in scores_in(folder_of(texts)) if path.resolve() != own]
+    found = {}
+    for number, name in enumerate(dict.fromkeys(others)):
+        found[name] = ""
+        if number < _SCENES_MAX:
+            try:
+                found[name] = _length(scene_of(texts, name))
+            except (NotTakenError, EditError) as error:
+                found[name] = f"cannot be played: {error}"
+    return _rows(found) or ["no scene yet; `keep 8bar as verse-2` makes one"]
+
+
+def _families(texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
+    """The families that ship, and the files that a score uses."""
+    found = dict(families.library())
+    names, _ = texts.names()
+    for name in piece.used:
+        if name in names.used:
+            found[name] = families.members(names.used[name].document)
+    return found
+
+
+def _routes(piece: Piece, part: str) -> str:
+    routes = [route for route in piece.routes() if route.part == part]
+    said = dict.fromkeys(", ".join(_route(route)) for route in routes)
+    return "; ".join(said) or "is not routed"
+
+
+def _route(route: Route) -> Iterator[str]:
+    """Where an output sounds, how loud, and from which place."""
+    out = "" if route.out is None else f"{route.out} "
+    to = route.to if isinstance(route.to, str) else " ".join(map(str, route.to))
+    yield f"{out}to {to}"
+    if route.gain != 1.0:
+        yield f"{decibels_of(route.gain):.3g} dB"
+    if route.pan is not None:
+        yield f"pan {2.0 * route.pan[1] ** 2 - 1.0:.2g}"
+    for room, gain in route.sends:
+        yield f"{room} {decibels_of(gain):.3g} dB"
+
+
+def _shape(gesture: Gesture) -> str:
+    last = gesture.points[-1].at
+    lengths = []
+    if last.beats:
+        lengths.append(f"{last.beats:g} beat{'s' if last.beats != 1.0 else ''}")
+    if last.seconds or not lengths:
+        lengths.append(f"{1e3 * last.seconds:g} ms")
+    count = len(gesture.points)
+    return f"{' + '.join(lengths)}, {count} point{'s' if count > 1 else ''}"
+
+
+def _length(scene: Scene) -> str:
+    """`8 bars`, `8 bars and 2 beats`."""
+    bar, into = scene.piece.tempo_map.bar_beat(scene.beats + SAME)
+    bars, beats = bar - 1, round(into - 1.0, 3)
+    said = f"{bars} bar{'s' if bars != 1 else ''}"
+    return f"{said} and {beats:g} beats" if beats else said
+
+
+def _rows(found: Mapping[str, str], indent: str = "") -> list[str]:
+    """Names with what is said of them, in two columns."""
+    width = min(max(map(len, found), default=0), 20) + 2
+    return [f"{indent}{name:<{width}}{said}".rstrip() for name, said in found.items()]

@@ -1,0 +1,91 @@
+"""Brings families of instruments into a score, and those of their instruments that are played."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from ergon.notation.text import document, edit
+from ergon.notation.text.files import shipped
+from ergon.scores.edits import structure
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece
+
+
+def use(texts: Texts, family: str, file: str) -> tuple[Texts, dict[str, str]]:
+    """Add a file to `use:` under a prefix; returns the texts of the files that were read for it,
+    which are not of the library, too. Mistakes in them are those of the new texts.
+
+    Raises EditError.
+    """
+    known = texts.section("use")
+    if isinstance(known, document.Sequence) or (
+        isinstance(known, document.Scalar) and not known.is_empty
+    ):
+        added = texts.append(("use",), edit.flow({family: file}))
+    else:
+        added = texts.put(("use", family), edit.quoted(file))
+    documents = replace(added, sealed=False).load().files
+    read = {
+        name: own.text
+        for name, own in documents.items()
+        if name != texts.path and name not in texts.overlay and shipped(Path(name)) is None
+    }
+    return replace(added, overlay={**read, **added.overlay}), read
+
+
+def unplayed(piece: Piece) -> dict[str, str]:
+    """Instruments of files that nothing plays yet, by the names by which a line plays them; each
+    with its name in the score, which may have a prefix.
+
+    The name of an instrument without the prefix of its family is free if nothing else has it.
+    """
+    names = dict.fromkeys(piece.available)
+    found = {name: name for name in names if "." not in name}
+    for full in names:
+        family, _, name = full.rpartition(".")
+        if family in piece.used and not is_defined(piece, name):
+            found.setdefault(name, full)
+    return found
+
+
+def is_defined(piece: Piece, name: str) -> bool:
+    """Whether a key or an instrument of a score has a name."""
+    return name in piece.instruments or name in piece.families or name in piece.keys
+
+
+def base(piece: Piece, name: str) -> str:
+    """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
+    plays yet, else the name itself.
+    """
+    family, _, own = unplayed(piece).get(name, "").rpartition(".")
+    return f"{family}/{own}" if family else name
+
+
+def played(texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
+    """Route instruments of files to all channels that `texts` play, and `piece` does not.
+
+    Those of a family with a prefix are defined first, by the paths of modules (`kick.hammer`) of
+    which some may be theirs. Raises EditError.
+    """
+    texts, piece = defined(texts, piece, paths)
+    plain = [name for name in piece.available if "." not in name]
+    made = texts.load().piece if plain else None
+    for name in plain:
+        if made is not None and (name in made.instruments or name in made.families):
+            texts = structure.routed_to_all(texts, piece, name)
+            piece = texts.load().piece or piece  # all routes are written now
+    return texts
+
+
+def defined(texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
+    """Define the instruments of families with a prefix that paths of modules name, each under its
+    own name, heard on all channels; returns their piece too. Raises EditError.
+    """
+    known = unplayed(piece)
+    for name in sorted({path.partition(".")[0] for path in paths} & known.keys()):
+        if (origin := base(piece, name)) != name:
+            texts = structure.build(texts, piece, name, origin, {})
+            piece = texts.load().piece or piece
+    return texts, piece

@@ -1,0 +1,57 @@
+"""Families of instruments: the files that ship, and what each instrument in a file is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import NamedTuple
+
+from ergon.notation.text import document
+from ergon.notation.text.bounds import INSTRUMENTS
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.files import Files, shipped
+
+
+class Member(NamedTuple):
+    """An instrument of a family; `about` is the comment behind its name, empty if it has none."""
+
+    name: str
+    about: str
+
+
+def members(family: Document) -> tuple[Member, ...]:
+    """The instruments that a file defines, in the order of the text."""
+    return tuple(_members(family))
+
+
+@cache  # files that ship do not change; all of them take 30 ms to read
+def library() -> Mapping[str, tuple[Member, ...]]:
+    """The families that ship, by the names of their files; those without instruments are left
+    out.
+    """
+    found = {}
+    for path in sorted(INSTRUMENTS.glob("*.yaml")):
+        read = Files(Collector(), path.parent).open(path, None)
+        if read is not None and (own := members(read)):
+            found[path.stem] = own
+    return found
+
+
+def file_of(family: str) -> str:
+    """The name by which a score uses the file of a family that ships."""
+    name = shipped(INSTRUMENTS / f"{family}.yaml")
+    assert name is not None
+    return name
+
+
+def _members(family: Document) -> Iterator[Member]:
+    root = family.root
+    section = root.get("instruments") if isinstance(root, document.Mapping) else None
+    if not isinstance(section, document.Mapping):
+        return
+    for name, (word, _) in section.entries.items():
+        own = word.document  # a section may have been read alone
+        _, first, last = own.line_of(word.start)
+        _, _, comment = own.text[first:last].partition(" #")
+        yield Member(name, comment.strip())
