@@ -326,6 +326,7 @@ def _engine(
             version.sounds_as,
             folder,
             is_seen,
+            version.strike_levels,
         )
 
     return make, opening

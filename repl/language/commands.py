@@ -465,6 +465,35 @@ class Unmute(BlockCommand):
 
 
 @dataclass(frozen=True, slots=True)
+class GainStrikes(BlockCommand):
+    """Scale the impulses of strikes by a ratio."""
+
+    name: str
+    ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class MuteStrikes(BlockCommand):
+    """Let strikes go on without striking."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class SoloStrikes(BlockCommand):
+    """Silence all other strikes, and what players play."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnmuteStrikes(BlockCommand):
+    """End mute of strikes, and the solo of any."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Seed(BlockCommand):
     """Set the number from which all chance derives."""
 

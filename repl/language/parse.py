@@ -108,9 +108,9 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
     if isinstance(read, Build):
         return with_name(scope, "instruments", read.name)
     if isinstance(read, Use):
-        for own in library().get(read.family, ()):
-            if own.name not in scope.instruments:
-                scope = with_name(scope, "available", own.name)
+        for member in library().get(read.family, ()):
+            if member.name not in scope.instruments:
+                scope = with_name(scope, "available", member.name)
         return scope
     if isinstance(read, Takes):
         return with_name(with_name(scope, "keys", read.key), "players", read.player)

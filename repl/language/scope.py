@@ -111,14 +111,16 @@ def with_name(scope: Scope, section: str, name: str) -> Scope:
 
 def _families(piece: Piece) -> dict[str, dict[str, str]]:
     """Families that ship, and those that the score uses."""
-    found = {name: {own.name: own.about for own in some} for name, some in library().items()}
+    known = {
+        name: {member.name: member.about for member in some} for name, some in library().items()
+    }
     for name in piece.used:
-        found.setdefault(name, {})
+        known.setdefault(name, {})
     for full in piece.available:
         family, _, name = full.rpartition(".")
-        if family in found:
-            found[family].setdefault(name, "")
-    return found
+        if family in known:
+            known[family].setdefault(name, "")
+    return known
 
 
 def _file_hint(full: str) -> str:

@@ -143,6 +143,14 @@ def other_than(value: Value, field: str) -> Value:
     return Value(value.what, read, offers)
 
 
+def _read_with_level(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    """An instrument or a player; strikes are read by a form of their own."""
+    if text in scope.instruments or text in scope.players:
+        return text
+    names = (*scope.instruments, *scope.players, *scope.strikes)
+    raise unknown_name(text, "an instrument, a player or the name of strikes", names)
+
+
 def _no_completions(_: CompletionContext) -> tuple[Completion, ...]:
     return ()
 
@@ -161,6 +169,8 @@ KEY = name_value("a key", "keys")
 OTHER_KEY = other_than(KEY, "a")
 OTHER_PLAYER = other_than(PLAYER, "player")
 SOUNDING = name_value("an instrument or a player", "instruments", "players")
+STRIKES = name_value("the name of strikes", "strikes")
+WITH_LEVEL = Value("an instrument, a player or strikes", _read_with_level, SOUNDING.completions)
 ANY_NAME = name_value(
     "a name of this score",
     *("gestures", "paths", "phrases", "takes", "players", "keys", "instruments", "marks"),
@@ -220,7 +230,7 @@ def dimension_value(shape: Text) -> Value:
 
 
 def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
-    if text in scope.instruments or text in scope.players:
+    if text in scope.instruments or text in scope.players or text in scope.strikes:
         message = f"a level is missing: gain {text} -6dB"
         raise TextError(message, offset=len(text))
     return k.GAIN.parse(text)

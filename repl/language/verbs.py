@@ -27,8 +27,9 @@ _LINK = (
 )
 _OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
 _OFF = Slot("", "", None, "off")
-_SOUNDING = Slot("name", "NAME", v.SOUNDING)
-_SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
+_SOUNDING = Slot("name", "NAME", v.WITH_LEVEL)
+_SOUNDING_OR_ALL = Slot("name", "NAME", v.WITH_LEVEL, optional=True)
+_STRIKES = Slot("name", "STRIKES", v.STRIKES)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.NAME_OR_PARAMETER, optional=True)
 _PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 
@@ -242,11 +243,19 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("gain", "ga", "sets the level of an instrument, a player or everything",
               "gain bell -6dB", c.Gain,
               _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", v.GAIN)),
+        _form("gain", "ga", "scales the impulses of strikes", "gain rain -6dB", c.GainStrikes,
+              _STRIKES, Slot("ratio", "LEVEL|xFACTOR", v.GAIN)),
         _form("mute", "mu", "silences an instrument or a player", "mute bell", c.Mute, _SOUNDING),
+        _form("mute", "mu", "lets strikes go on without striking", "mute rain", c.MuteStrikes,
+              _STRIKES),
         _form("solo", "so", "silences everything but an instrument or a player",
               "solo bell", c.Solo, _SOUNDING),
+        _form("solo", "so", "silences all other strikes, and players", "solo rain",
+              c.SoloStrikes, _STRIKES),
         _form("unmute", "unm", "ends mute and solo, of one or of everything",
               "unmute bell", c.Unmute, _SOUNDING_OR_ALL),
+        _form("unmute", "unm", "lets strikes strike again", "unmute rain", c.UnmuteStrikes,
+              _STRIKES),
         _form("meters", "me", "shows the level of every channel",
               "meters", c.Meters, timed=False),
     ),

@@ -164,7 +164,8 @@ class SessionCore:
             when = NOW  # nothing is heard of it
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
-        where, made = self.queue(Entry(text, edit, kind_of(commands), when, reads_files=is_read))
+        kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
+        where, made = self.queue(Entry(text, edit, kind, when, reads_files=is_read))
         said = [version_edits.summary(command, made, where) for command in commands]
         said += self.log.force_messages(made)
         said += self.log.discard_messages(made.version)

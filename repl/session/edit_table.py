@@ -55,7 +55,7 @@ def edits_faders(kind: type[c.Command]) -> Callable[[_Move], _Move]:
         def make(command: Any) -> VersionEdit:
             return lambda version, beat: replace(
                 version,
-                faders=change(command, version.faders, _instruments_of(version, command.name)),
+                faders=change(command, version.faders, instruments_of(version, command.name)),
             )
 
         VERSION_EDITS[kind] = make
@@ -69,8 +69,11 @@ def with_texts(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
-def _instruments_of(version: Version, name: str | None) -> frozenset[str]:
-    """The named instrument or its notes, or the instruments that a player's key is linked to."""
+def instruments_of(version: Version, name: str | None) -> frozenset[str]:
+    """The named instrument or its notes, or the instruments that a player's key is linked to.
+
+    Raises NotTakenError.
+    """
     piece = version.piece
     if name is None:
         return frozenset()

@@ -29,10 +29,10 @@ def _use(command: c.Use) -> VersionEdit:
             raise NotTakenError(f"{command.family} is in use already", listing)
         before = version.texts
         before = replace(before, overlay={**read, **before.overlay})
-        texts, found = families.use(before, command.family, command.file)
-        read.update(found)
+        texts, texts_read = families.use(before, command.family, command.file)
+        read.update(texts_read)
         piece_from_files(replace(texts, sealed=False))  # a file outside the bounds is told of
-        new = {file: own for file, own in read.items() if file not in version.texts.overlay}
+        new = {file: text for file, text in read.items() if file not in version.texts.overlay}
         base = version.base or version.texts
         base = replace(base, overlay={**new, **base.overlay})
         return replace(with_texts(version, texts), read_files=new, base=base)
@@ -46,23 +46,26 @@ def with_brought(now: Texts, before: Texts) -> Texts:
     `before` are the texts of the disk as the session knew them, with these files.
     """
     brought = before.overlay.keys() - before.load().files.keys() - now.overlay.keys()
-    found = {file: read_text(Path(file)) for file in brought}
-    new = {file: before.overlay[file] if own is None else own for file, own in found.items()}
+    texts_read = {file: read_text(Path(file)) for file in brought}
+    new = {
+        file: before.overlay[file] if text is None else text for file, text in texts_read.items()
+    }
     return replace(now, overlay={**now.overlay, **new})
 
 
 def summary(command: c.Use, piece: Piece) -> str:
     """The instruments that a family has brought, and those whose names are taken."""
-    said = f"{command.family}: {_names(command, piece)}"
+    sentence = f"{command.family}: {_names(command, piece)}"
     free = families.unplayed(piece)
     full = [name for name in piece.available if name.startswith(f"{command.family}.")]
-    taken = [own for name in full if free.get(own := name.rpartition(".")[2]) != name]
+    plain = [(name.rpartition(".")[2], name) for name in full]
+    taken = [name for name, origin in plain if free.get(name) != origin]
     if not taken:
-        return said
+        return sentence
     verb, each = ("is", "it") if len(taken) == 1 else ("are", "each")
     example = f"{taken[0]}2 = {command.family}/{taken[0]}"
     return (
-        f"{said}; {', '.join(taken)} {verb} not replaced, because the score has {each} already "
+        f"{sentence}; {', '.join(taken)} {verb} not replaced, because the score has {each} already "
         f"(`{example}` adds another)"
     )
 

@@ -17,6 +17,7 @@ from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.midi_maps import maps_field, read_maps
 from ergon.repl.session.past_versions import difference
+from ergon.repl.session.strike_levels import levels_fields, read_levels
 from ergon.repl.session.version import Faders, PastVersion
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
@@ -80,6 +81,7 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 **maps_field(version.maps),
                 **rules_field(version.rules),
                 **sounding_field(version.sounds_as),
+                **levels_fields(version.strike_levels),
             }
         )
         before = files
@@ -118,6 +120,7 @@ def read_history(event: JournalEvent, texts: ReadTexts, faders: ReadFaders) -> P
                 maps=read_maps(row),
                 rules=read_rules(row),
                 sounds_as=read_sounding(row),
+                strike_levels=read_levels(row),
             )
         )
     if len({version.number for version in versions}) < len(versions):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.live.display import decibels_of
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
 from ergon.repl.session.rehearsing import rehearsal_stage
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     from ergon.instruments.model import Module
     from ergon.notation.clock.positions import Position
     from ergon.repl.session.running import RunningVersion
-    from ergon.repl.session.version import Version
+    from ergon.repl.session.strike_levels import StrikeLevels
+    from ergon.repl.session.version import Faders, Version
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece, Play, Strikes
 
@@ -177,7 +179,8 @@ def _value(
 
 
 def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
-    """What each player plays at beat `now`, and what follows; then the strikes that go on.
+    """What each player plays at beat `now`, and what follows; then the strikes that go on, and the
+    instruments with a level of their own.
 
     `playing` are the gestures in flight: (player, gesture).
     """
@@ -196,9 +199,25 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
         words = [_entry(line.play) for line in goes_on] or ["nothing"]
         words += [f"then {_entry(line.play)}" for line in coming[:1]]
         rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
-    rows += [_striking(each) for each in piece.strikes if _goes_on(each, piece, now)]
+    levels = version.strike_levels
+    for each in piece.strikes:
+        if _goes_on(each, piece, now):
+            state = _state(levels, levels.key(each.name))
+            rows.append(", ".join([_striking(each), *state]))
+    for name in (*piece.instruments, *piece.families):
+        if state := _state(version.faders, name):
+            rows.append(f"{name} (instrument): {', '.join(state)}")
     rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return rows
+
+
+def _state(levels: Faders | StrikeLevels, name: str) -> list[str]:
+    """What mute, solo and gain make of strikes or an instrument; empty if nothing."""
+    state = ["muted"] if name in levels.muted else []
+    state += ["solo"] if name in levels.solo else []
+    gain = levels.gains.get(name, 1.0)
+    level = "silent" if gain == 0.0 else f"{decibels_of(gain):.3g} dB"
+    return state if gain == 1.0 else [*state, level]
 
 
 def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:

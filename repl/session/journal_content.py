@@ -32,6 +32,7 @@ from ergon.repl.session.journal import (
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
+from ergon.repl.session.strike_levels import StrikeLevels, levels_fields, read_levels
 from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
@@ -69,11 +70,18 @@ class SessionStart:
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     frozen: FrozenFolder | None = None
     is_seen: bool = False
+    strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
         made = Version(0, "", self.texts, piece_of(self.texts), self.faders)
-        return replace(made, maps=self.maps, rules=self.rules, sounds_as=self.sounds_as)
+        return replace(
+            made,
+            maps=self.maps,
+            rules=self.rules,
+            sounds_as=self.sounds_as,
+            strike_levels=self.strike_levels,
+        )
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
@@ -81,6 +89,7 @@ class SessionStart:
             **text_fields(self.texts),
             "at": self.at,
             **faders_fields(self.faders),
+            **levels_fields(self.strike_levels),
             "every": self.tick_frames,
             "gain": self.gain,
             "limit": self.limit,
@@ -283,6 +292,7 @@ def read_journal(
         if first.fields.get("reference") is None  # a journal that knows no reference level
         else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         is_seen=_is_seen(first),
+        strike_levels=read_levels(first),
     )
     replay = JournalContent(opening, first, Disk.of_texts(texts))
     replay.disk.add_hashes(where.hashes(first))

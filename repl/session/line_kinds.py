@@ -58,12 +58,20 @@ _KINDS: Mapping[type[c.Command], LineKind] = {
         (c.Set, c.Automate, c.StopLfo, c.Rest, c.Tempo, c.Nudge, c.Fade, c.Guide),
         LineKind.VALUES,
     ),
+    **dict.fromkeys(
+        (c.GainStrikes, c.MuteStrikes, c.SoloStrikes, c.UnmuteStrikes), LineKind.VALUES
+    ),
 }
 
 
-def kind_of(commands: Sequence[c.Command]) -> LineKind:
-    """The kind of a line, or of a block of lines that take effect together."""
+def kind_of(commands: Sequence[c.Command], *, has_levels: bool = False) -> LineKind:
+    """The kind of a line, or of a block of lines that take effect together.
+
+    A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
+    """
     kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
+    if has_levels and any(isinstance(command, c.Solo | c.Unmute) for command in commands):
+        kinds = {*(kinds - {LineKind.FADERS}), LineKind.VALUES}
     if len(kinds) == 1:
         return kinds.pop()
     # A block that ends what plays and changes something else needs a stage.

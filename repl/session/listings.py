@@ -33,13 +33,13 @@ def instrument_lines(texts: Texts, piece: Piece) -> list[str]:
     parts = {name: name for name in piece.instruments if name not in piece.note_families()}
     parts |= {name: members[0] for name, members in piece.families.items()}
     routes = {name: _routes(piece, part) for name, part in parts.items()}
-    own = _rows(routes) or ["no instrument yet"]
+    rows = _rows(routes) or ["no instrument yet"]
     counts = {
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
         for name, members in _families(texts, piece).items()
     }
-    in_use = {name: f"{said}, in use" for name, said in counts.items() if name in piece.used}
-    return [*own, "families, by `use NAME`:", *_rows({**counts, **in_use}, indent="  ")]
+    in_use = {name: f"{text}, in use" for name, text in counts.items() if name in piece.used}
+    return [*rows, "families, by `use NAME`:", *_rows({**counts, **in_use}, indent="  ")]
 
 
 def family_lines(texts: Texts, piece: Piece, name: str) -> list[str]:
@@ -54,48 +54,48 @@ def family_lines(texts: Texts, piece: Piece, name: str) -> list[str]:
 
 def gesture_lines(piece: Piece) -> list[str]:
     """The gestures with their lengths and numbers of points, then the takes."""
-    found: dict[str, str] = {}
+    rows: dict[str, str] = {}
     for name, gesture in piece.gestures.items():
         path = name.rpartition(".")[0]
         axes = space_path.played(path, piece.gestures) if path else []
         if name in axes:
-            found[path] = f"a path in space, {_shape(gesture)}"
+            rows[path] = f"a path in space, {_shape(gesture)}"
         else:
-            found[name] = _shape(gesture)
+            rows[name] = _shape(gesture)
     for name, take in piece.takes.items():
-        found[name] = f"take, {take.path.name}" if take.path else "take, an input"
-    return _rows(found) or ["no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"]
+        rows[name] = f"take, {take.path.name}" if take.path else "take, an input"
+    return _rows(rows) or ["no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"]
 
 
 def scene_lines(texts: Texts) -> list[str]:
     """The scores beside a score, with their lengths."""
-    own = Path(texts.path).resolve()
-    others = [path.stem for path in scores_in(folder_of(texts)) if path.resolve() != own]
-    found = {}
+    path_here = Path(texts.path).resolve()
+    others = [path.stem for path in scores_in(folder_of(texts)) if path.resolve() != path_here]
+    rows = {}
     for number, name in enumerate(dict.fromkeys(others)):
-        found[name] = ""
+        rows[name] = ""
         if number < _SCENES_MAX:
             try:
-                found[name] = _length(scene_of(texts, name))
+                rows[name] = _length(scene_of(texts, name))
             except (NotTakenError, EditError) as error:
-                found[name] = f"cannot be played: {error}"
-    return _rows(found) or ["no scene yet; `keep 8bar as verse-2` makes one"]
+                rows[name] = f"cannot be played: {error}"
+    return _rows(rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
 
 
 def _families(texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
     """The families that ship, and the files that a score uses."""
-    found = dict(families.library())
+    known = dict(families.library())
     names, _ = texts.names()
     for name in piece.used:
         if name in names.used:
-            found[name] = families.members(names.used[name].document)
-    return found
+            known[name] = families.members(names.used[name].document)
+    return known
 
 
 def _routes(piece: Piece, part: str) -> str:
     routes = [route for route in piece.routes() if route.part == part]
-    said = dict.fromkeys(", ".join(_route(route)) for route in routes)
-    return "; ".join(said) or "is not routed"
+    places = dict.fromkeys(", ".join(_route(route)) for route in routes)
+    return "; ".join(places) or "is not routed"
 
 
 def _route(route: Route) -> Iterator[str]:
@@ -126,11 +126,11 @@ def _length(scene: Scene) -> str:
     """`8 bars`, `8 bars and 2 beats`."""
     bar, into = scene.piece.tempo_map.bar_beat(scene.beats + SAME)
     bars, beats = bar - 1, round(into - 1.0, 3)
-    said = f"{bars} bar{'s' if bars != 1 else ''}"
-    return f"{said} and {beats:g} beats" if beats else said
+    text = f"{bars} bar{'s' if bars != 1 else ''}"
+    return f"{text} and {beats:g} beats" if beats else text
 
 
-def _rows(found: Mapping[str, str], indent: str = "") -> list[str]:
-    """Names with what is said of them, in two columns."""
-    width = min(max(map(len, found), default=0), 20) + 2
-    return [f"{indent}{name:<{width}}{said}".rstrip() for name, said in found.items()]
+def _rows(rows: Mapping[str, str], indent: str = "") -> list[str]:
+    """Names and a text for each, in two columns."""
+    width = min(max(map(len, rows), default=0), 20) + 2
+    return [f"{indent}{name:<{width}}{text}".rstrip() for name, text in rows.items()]

@@ -57,7 +57,7 @@ def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
             items = [(("use", index), item) for index, item in enumerate(node.items)]
         for path, item in [*items]:
             if isinstance(item, document.Mapping):
-                items += [((*path, name), own) for name, (_, own) in item.entries.items()]
+                items += [((*path, name), child) for name, (_, child) in item.entries.items()]
         for path, item in items:
             if isinstance(item, document.Scalar) and not item.is_empty:
                 found = finder.find(item.text, Path(file).parent)

@@ -246,8 +246,8 @@ def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply
     head = session.schedule.head
     if command.family is None:
         return Reply(True, "", lines=tuple(listings.instrument_lines(head.texts, head.piece)))
-    own = listings.family_lines(head.texts, head.piece, command.family)
-    return Reply(True, "", lines=tuple(own))
+    rows = listings.family_lines(head.texts, head.piece, command.family)
+    return Reply(True, "", lines=tuple(rows))
 
 
 @_executes(c.ListGestures)

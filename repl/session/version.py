@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
+from ergon.repl.session.strike_levels import StrikeLevels
 from ergon.scores.reading.sounding import SoundingNames
 
 if TYPE_CHECKING:
@@ -70,8 +71,9 @@ class Version:
     goes on from that beat, whatever the beat was before.
 
     What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
-    `rules` the rules of blocks, by name; `sounds_as` the names by which the engine knows keys
-    and instruments that were renamed while they sound; `is_running` is True while the piece runs.
+    `rules` the rules of blocks, by name; `strike_levels` the levels of strikes; `sounds_as` the
+    names by which the engine knows keys and instruments that were renamed while they sound;
+    `is_running` is True while the piece runs.
 
     From files: `read_texts` has the texts that the line read from the disk, and `discarded_spots`
     the places where typed values gave way to them; `read_files` has the texts of further files
@@ -100,6 +102,7 @@ class Version:
     freed_parameters: Sequence[str] = ()
     base: Texts | None = None
     is_running: bool = False
+    strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
 
     def taken_over(self) -> Version:
         """The version once it has taken over: a line after it says anew how its own takes over, and
@@ -119,8 +122,8 @@ class Version:
 
     @property
     def sounding(self) -> Piece:
-        """The piece with the names that the engine knows."""
-        return self.sounds_as.piece(self.piece)
+        """The piece with the names that the engine knows, and with the levels of its strikes."""
+        return self.strike_levels.scaled(self.sounds_as.piece(self.piece))
 
 
 def is_same_music(one: Version, other: Version) -> bool:
@@ -130,6 +133,7 @@ def is_same_music(one: Version, other: Version) -> bool:
         and one.piece is other.piece
         and one.sounds_as is other.sounds_as
         and one.base is other.base
+        and one.strike_levels == other.strike_levels
         and (one.guides, one.maps, one.rules) == (other.guides, other.maps, other.rules)
         and (one.ends_gestures, one.damp, one.glide, one.enter_beat, one.is_running)
         == (other.ends_gestures, other.damp, other.glide, other.enter_beat, other.is_running)
@@ -155,6 +159,7 @@ class PastVersion:
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()
+    strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
 
     @classmethod
     def from_version(
@@ -175,6 +180,7 @@ class PastVersion:
             own.rules,
             own.sounds_as,
             own.renames,
+            own.strike_levels,
         )
 
     def restore(self, version: Version, beat: float) -> Version:
@@ -190,6 +196,7 @@ class PastVersion:
             rules=self.rules,
             sounds_as=self.sounds_as,
             renames=self.renames,
+            strike_levels=self.strike_levels,
             base=self.base or version.base,
         )
 

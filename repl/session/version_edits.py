@@ -13,16 +13,16 @@ from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import family_edits, midi_maps
+from ergon.repl.session import level_edits as level_edits
 from ergon.repl.session import phrase_edits as phrase_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
-from ergon.repl.session.edit_table import edits_faders, edits_texts, makes_edit, with_texts
+from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearsal_stage
 from ergon.repl.session.version import (
     GLIDE,
-    Faders,
     NotTakenError,
     Version,
     piece_from_files,
@@ -195,33 +195,6 @@ def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
 
-# --- faders --------------------------------------------------------------------------------------
-
-
-@edits_faders(c.Gain)
-def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
-    if command.name is None:
-        return replace(faders, master=command.ratio)
-    return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
-
-
-@edits_faders(c.Mute)
-def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
-    return replace(faders, muted=faders.muted | names)
-
-
-@edits_faders(c.Solo)
-def _solo(command: c.Solo, faders: Faders, names: frozenset[str]) -> Faders:
-    return replace(faders, solo=names)
-
-
-@edits_faders(c.Unmute)
-def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
-    if command.name is None:
-        return replace(faders, muted=frozenset(), solo=frozenset())
-    return replace(faders, muted=faders.muted - names, solo=frozenset())
-
-
 # --- whole versions ------------------------------------------------------------------------------
 
 
@@ -262,8 +235,8 @@ def _map(command: midi_maps.Map) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         struck = [command.target] if isinstance(command, c.MapNotes) else []
         texts = families.played(version.texts, version.piece, struck)
-        made = version if texts is version.texts else with_texts(version, texts)
-        return replace(made, maps=midi_maps.with_map(made, command))
+        after = version if texts is version.texts else with_texts(version, texts)
+        return replace(after, maps=midi_maps.with_map(after, command))
 
     return edit
 

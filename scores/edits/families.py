@@ -28,8 +28,8 @@ def use(texts: Texts, family: str, file: str) -> tuple[Texts, dict[str, str]]:
         added = texts.put(("use", family), edit.quoted(file))
     documents = replace(added, sealed=False).load().files
     read = {
-        name: own.text
-        for name, own in documents.items()
+        name: document_read.text
+        for name, document_read in documents.items()
         if name != texts.path and name not in texts.overlay and shipped(Path(name)) is None
     }
     return replace(added, overlay={**read, **added.overlay}), read
@@ -42,12 +42,12 @@ def unplayed(piece: Piece) -> dict[str, str]:
     The name of an instrument without the prefix of its family is free if nothing else has it.
     """
     names = dict.fromkeys(piece.available)
-    found = {name: name for name in names if "." not in name}
+    unplayed_names = {name: name for name in names if "." not in name}
     for full in names:
         family, _, name = full.rpartition(".")
         if family in piece.used and not is_defined(piece, name):
-            found.setdefault(name, full)
-    return found
+            unplayed_names.setdefault(name, full)
+    return unplayed_names
 
 
 def is_defined(piece: Piece, name: str) -> bool:
@@ -59,8 +59,8 @@ def base(piece: Piece, name: str) -> str:
     """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
     plays yet, else the name itself.
     """
-    family, _, own = unplayed(piece).get(name, "").rpartition(".")
-    return f"{family}/{own}" if family else name
+    family, _, plain = unplayed(piece).get(name, "").rpartition(".")
+    return f"{family}/{plain}" if family else name
 
 
 def played(texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
@@ -71,17 +71,17 @@ def played(texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
     """
     texts, piece = defined(texts, piece, paths)
     plain = [name for name in piece.available if "." not in name]
-    made = texts.load().piece if plain else None
+    after = texts.load().piece if plain else None
     for name in plain:
-        if made is not None and (name in made.instruments or name in made.families):
+        if after is not None and (name in after.instruments or name in after.families):
             texts = structure.routed_to_all(texts, piece, name)
             piece = texts.load().piece or piece  # all routes are written now
     return texts
 
 
 def defined(texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
-    """Define the instruments of families with a prefix that paths of modules name, each under its
-    own name, heard on all channels; returns their piece too. Raises EditError.
+    """Define the instruments of families with a prefix that paths of modules name, without the
+    prefix and heard on all channels; returns their piece too. Raises EditError.
     """
     known = unplayed(piece)
     for name in sorted({path.partition(".")[0] for path in paths} & known.keys()):

@@ -30,12 +30,12 @@ def library() -> Mapping[str, tuple[Member, ...]]:
     """The families that ship, by the names of their files; those without instruments are left
     out.
     """
-    found = {}
+    known = {}
     for path in sorted(INSTRUMENTS.glob("*.yaml")):
         read = Files(Collector(), path.parent).open(path, None)
-        if read is not None and (own := members(read)):
-            found[path.stem] = own
-    return found
+        if read is not None and (members_read := members(read)):
+            known[path.stem] = members_read
+    return known
 
 
 def file_of(family: str) -> str:
@@ -51,7 +51,7 @@ def _members(family: Document) -> Iterator[Member]:
     if not isinstance(section, document.Mapping):
         return
     for name, (word, _) in section.entries.items():
-        own = word.document  # a section may have been read alone
-        _, first, last = own.line_of(word.start)
-        _, _, comment = own.text[first:last].partition(" #")
+        source = word.document  # a section may have been read alone
+        _, first, last = source.line_of(word.start)
+        _, _, comment = source.text[first:last].partition(" #")
         yield Member(name, comment.strip())

@@ -226,6 +226,8 @@ class Strikes:
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
     reaches: Mapping[str, Reach] = field(default_factory=dict, metadata=OMIT_EMPTY)
     rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
+    # The ratio by which a session scales the impulses, 0 where it mutes them; None: as written.
+    session_gain: float | None = field(default=None, metadata=OMIT_EMPTY)
 
     @property
     def is_melody(self) -> bool:

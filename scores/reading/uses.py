@@ -11,7 +11,8 @@ from ergon.instruments.model import Instrument
 from ergon.instruments.transpose import at_own_pitch
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
-from ergon.notation.text.document import Document
+from ergon.notation.tables.value_kinds import PATH
+from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
@@ -266,3 +267,30 @@ class Uses:
             names = used.names(section)
             self.collector.error("E301", message, name.place, word=word, names=names)
         return entry
+
+
+def _files(score: Values) -> list[tuple[str, Place, str]]:
+    """(file, place, prefix) of every file that a score uses."""
+    use = score["use"]
+    items: list[tuple[Any, str]] = []
+    for entry in use if isinstance(use, tuple) else (use,):
+        named = isinstance(entry, dict)
+        items += [(node, prefix) for prefix, node in entry.items()] if named else [(entry, "")]
+    files = []
+    for node, prefix in items:
+        if isinstance(node, Scalar):
+            file = PATH.read(node, "use", score.context)
+            if file is not MISSING:
+                files.append((file, node.place, prefix))
+    return files
+
+
+def _and(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    quoted = [f"`{word}`" for word in words]
+    return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
+
+
+def called(made: _Named, name: str) -> _Named:
+    """The thing with the name that this score gives it."""
+    return made if made.name == name else replace(made, name=name)

@@ -58,13 +58,18 @@ class Striking:
                 return self._by_pattern(strikes.steps(piece))
             if strikes.rate is not None and strikes.levels is not None and stop is not None:
                 end = tempo.seconds(stop)
+                if self._gain == 0.0:
+                    return end
                 level, reach = strikes.levels.steps[0], next(iter(strikes.reaches.values()), None)
                 self.timeline.rain(
                     self.mats,
                     start=tempo.seconds(at),
                     stop=end,
                     rate=strikes.rate,
-                    impulse=(level.impulse(reach, _first), level.impulse(reach, _last)),
+                    impulse=(
+                        self._gain * level.impulse(reach, _first),
+                        self._gain * level.impulse(reach, _last),
+                    ),
                     seed=piece.seed,
                     name=strikes.name,
                     source=self.source,
@@ -77,6 +82,11 @@ class Striking:
         except TextError as error:
             collector.error("E305", error.message, strikes.place)
         return 0.0
+
+    @property
+    def _gain(self) -> float:
+        """The ratio by which impulses are scaled."""
+        return 1.0 if self.strikes.session_gain is None else self.strikes.session_gain
 
     def _axes(self) -> Iterator[Striking]:
         """The strikes of each axis, with its share of the impulse; random draws are the same on all
@@ -175,11 +185,11 @@ class Striking:
 
     def _strike(self, mat: int, instant: float, member: int, number: int, count: int) -> None:
         """Strike a MAT as hard as the strikes say for one number of so many."""
-        strikes = self.strikes
+        strikes, gain = self.strikes, self._gain
+        if strikes.levels is None and gain > 0.0:
+            speed = None if strikes.speed is None else strikes.speed * gain
+            self.timeline.strike(mat, instant, mass=strikes.mass, speed=speed, source=self.source)
         if strikes.levels is None:
-            self.timeline.strike(
-                mat, instant, mass=strikes.mass, speed=strikes.speed, source=self.source
-            )
             return
         level = strikes.levels.at(number, count)
         self._impel(mat, instant, level, self._reaches.get(mat), member, number)
@@ -200,8 +210,9 @@ class Striking:
             chance = _core.Chance(self.piece.seed, "strikes", name, member, number)
             return chance.uniform(low, high)
 
-        impulse = level.impulse(reach, draw)
-        self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
+        if self._gain > 0.0:
+            impulse = self._gain * level.impulse(reach, draw)
+            self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
 
     @cached_property
     def _reaches(self) -> Mapping[int, Reach]:

@@ -80,6 +80,7 @@ class Stepped:
             heard = 1.0, 1.0, None, past, version.base
             beside = {"maps": version.maps, "rules": version.rules}
             beside["sounds_as"] = version.sounds_as
+            beside["strike_levels"] = version.strike_levels
             beside["is_seen"] = is_seen
             beside["frozen"] = None if frozen is None else frozen.beside(path)
             opening = SessionStart(

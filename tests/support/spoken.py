@@ -30,6 +30,7 @@ def _scope() -> Scope:
         "blocks": {"fill": "block, 1 line"},
         "rooms": {"hall": "room"},
         "phrases": {"tune": "phrase"},
+        "strikes": {**known.strikes, "rain": "strikes"},
     }
     return dataclasses.replace(known, **added)
 
@@ -120,6 +121,10 @@ OTHERS = [
     ("solo gong now", c.Solo("gong", when=c.NOW)),
     ("unmute", c.Unmute(None)),
     ("unmute bell", c.Unmute("bell")),
+    ("gain rain -20dB", c.GainStrikes("rain", 0.1)),
+    ("mute rain now", c.MuteStrikes("rain", when=c.NOW)),
+    ("solo rain", c.SoloStrikes("rain")),
+    ("unmute rain", c.UnmuteStrikes("rain")),
     ("meters", c.Meters()),
     ("rest ada", c.Rest("ada")),
     ("rest all", c.Rest(None)),

@@ -1,0 +1,130 @@
+"""Version edits of levels: those of instruments, by faders, and those of strikes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.repl.language import commands as c
+from ergon.repl.session.edit_table import edits_faders, instruments_of, makes_edit
+from ergon.repl.session.strike_levels import StrikeLevels, unnumbered
+from ergon.repl.session.version import Faders, NotTakenError, Version
+from ergon.scores.edits.strikes import named
+
+if TYPE_CHECKING:
+    from ergon.repl.session.waiting_lines import VersionEdit
+
+
+@edits_faders(c.Gain)
+def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
+    if command.name is None:
+        return replace(faders, master=command.ratio)
+    return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
+
+
+@edits_faders(c.Mute)
+def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
+    return replace(faders, muted=faders.muted | names)
+
+
+@makes_edit(c.Solo)
+def _solo(command: c.Solo) -> VersionEdit:
+    def edit(version: Version, beat: float) -> Version:
+        faders = replace(version.faders, solo=instruments_of(version, command.name))
+        levels = replace(version.strike_levels, solo=frozenset())
+        return _leveled(version, faders, levels)
+
+    return edit
+
+
+@makes_edit(c.Unmute)
+def _unmute(command: c.Unmute) -> VersionEdit:
+    def edit(version: Version, beat: float) -> Version:
+        names, faders, levels = command.name, version.faders, version.strike_levels
+        muted = faders.muted - instruments_of(version, names) if names else frozenset[str]()
+        struck = levels.muted if names else frozenset[str]()
+        faders = replace(faders, muted=muted, solo=frozenset())
+        return _leveled(version, faders, replace(levels, muted=struck, solo=frozenset()))
+
+    return edit
+
+
+@makes_edit(c.GainStrikes)
+def _gain_strikes(command: c.GainStrikes) -> VersionEdit:
+    def edit(version: Version, beat: float) -> Version:
+        levels = version.strike_levels
+        gains = {**levels.gains, _key(version, command.name): command.ratio}
+        return replace(version, strike_levels=replace(levels, gains=gains))
+
+    return edit
+
+
+@makes_edit(c.MuteStrikes)
+def _mute_strikes(command: c.MuteStrikes) -> VersionEdit:
+    def edit(version: Version, beat: float) -> Version:
+        levels = version.strike_levels
+        muted = levels.muted | {_key(version, command.name)}
+        return replace(version, strike_levels=replace(levels, muted=muted))
+
+    return edit
+
+
+@makes_edit(c.SoloStrikes)
+def _solo_strikes(command: c.SoloStrikes) -> VersionEdit:
+    """Silence all other strikes, and the instruments that players play and these strikes do not."""
+
+    def edit(version: Version, beat: float) -> Version:
+        key = _key(version, command.name)
+        quiet = _played(version) - _struck(version, key)
+        others = frozenset(version.piece.instruments) - quiet if quiet else frozenset[str]()
+        faders = replace(version.faders, solo=others)
+        levels = replace(version.strike_levels, solo=frozenset([key]))
+        return _leveled(version, faders, levels)
+
+    return edit
+
+
+@makes_edit(c.UnmuteStrikes)
+def _unmute_strikes(command: c.UnmuteStrikes) -> VersionEdit:
+    def edit(version: Version, beat: float) -> Version:
+        levels, faders = version.strike_levels, version.faders
+        if levels.solo:
+            faders = replace(faders, solo=frozenset())
+        muted = levels.muted - {_key(version, command.name)}
+        return _leveled(version, faders, replace(levels, muted=muted, solo=frozenset()))
+
+    return edit
+
+
+def _leveled(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
+    return replace(version, faders=faders, strike_levels=levels)
+
+
+def _key(version: Version, name: str) -> str:
+    """The name under which strikes have their level. Raises NotTakenError if they are gone."""
+    names = {strikes.name for strikes in version.piece.strikes}
+    if name not in names:
+        raise NotTakenError(f"{name} was removed by another line")
+    first = unnumbered(name)
+    return first if first in names else name
+
+
+def _struck(version: Version, name: str) -> frozenset[str]:
+    """The instruments that strikes strike."""
+    parts: set[str] = set()
+    for strikes in named(version.piece, name):
+        voices = [target for voice in strikes.voices.values() for target in voice]
+        hits = [target for hit in strikes.hits for target in hit.to]
+        parts |= {target.part for target in (*strikes.to, *voices, *hits)}
+    return frozenset(parts)
+
+
+def _played(version: Version) -> frozenset[str]:
+    """The instruments that the keys of players are linked to."""
+    parts: set[str] = set()
+    for player in version.piece.players:
+        try:
+            parts |= instruments_of(version, player)
+        except NotTakenError:  # a key that touches nothing
+            continue
+    return frozenset(parts)

@@ -1,0 +1,75 @@
+"""Levels of strikes in a session: by which ratio the impulses of each are scaled, 0 in silence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.repl.session.journal import JournalEvent
+    from ergon.scores.reading.piece import Piece
+
+_NUMBERED = re.compile(r"(.+)-[0-9]+")  # what a session calls strikes that follow those of a name
+
+
+@dataclass(frozen=True, slots=True)
+class StrikeLevels:
+    """Gains as ratios, and which strikes are muted or on solo, by the names of strikes."""
+
+    gains: Mapping[str, float] = field(default_factory=dict)
+    muted: frozenset[str] = frozenset()
+    solo: frozenset[str] = frozenset()
+
+    def __bool__(self) -> bool:
+        """Whether any strikes have a level of their own."""
+        return bool(self.gains or self.muted or self.solo)
+
+    def key(self, name: str) -> str:
+        """The name under which strikes have their level: that of the first of a numbered row."""
+        first = unnumbered(name)
+        return first if not self._has(name) and self._has(first) else name
+
+    def ratio(self, name: str) -> float:
+        """The ratio by which impulses are scaled."""
+        key = self.key(name)
+        is_heard = key not in self.muted and (not self.solo or key in self.solo)
+        return self.gains.get(key, 1.0) if is_heard else 0.0
+
+    def scaled(self, piece: Piece) -> Piece:
+        """The piece whose strikes have these levels; the same object if none has one."""
+        if not self:
+            return piece
+        ratios = [self.ratio(strikes.name) for strikes in piece.strikes]
+        scaled = tuple(
+            strikes if ratio == 1.0 else replace(strikes, session_gain=ratio)
+            for strikes, ratio in zip(piece.strikes, ratios, strict=True)
+        )
+        return replace(piece, strikes=scaled)
+
+    def _has(self, name: str) -> bool:
+        return name in self.gains or name in self.muted or name in self.solo
+
+
+def unnumbered(name: str) -> str:
+    """The name without the number that a session adds: `rain` for `rain-2`."""
+    numbered = _NUMBERED.fullmatch(name)
+    return name if numbered is None else numbered[1]
+
+
+def levels_fields(levels: StrikeLevels) -> dict[str, object]:
+    """The journal fields for levels; none if there are no levels."""
+    if not levels:
+        return {}
+    return {
+        "strike_gains": dict(levels.gains),
+        "muted_strikes": sorted(levels.muted),
+        "solo_strikes": sorted(levels.solo),
+    }
+
+
+def read_levels(event: JournalEvent) -> StrikeLevels:
+    """The levels in a journal's event. Raises JournalError."""
+    muted, solo = event.name_set("muted_strikes"), event.name_set("solo_strikes")
+    return StrikeLevels(event.mapping("strike_gains", float), muted, solo)
