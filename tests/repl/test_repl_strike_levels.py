@@ -169,3 +169,5 @@ def test_level_of_strikes_with_the_name_of_an_instrument(stepped: Stepped):
     stepped.run(4.0)
     assert not stepped.session.schedule.head.strike_levels
     assert "low" in stepped.session.schedule.head.faders.muted
+    stepped.ok("gain low -6dB")
+    assert "low (instrument): muted, -6 dB" in stepped.ok("voices").lines
