@@ -95,6 +95,14 @@ class Do(BlockCommand):
 
 
 @dataclass(frozen=True, slots=True)
+class DoStrikes(BlockCommand):
+    """`d1 do rev`: transform further what strikes play; `none` ends all transformations."""
+
+    name: str
+    do: str
+
+
+@dataclass(frozen=True, slots=True)
 class StrikeModules(BlockCommand):
     """`rain strikes sky.all every 1/2 impulse 2mNs`: replace what `rain` strikes.
 

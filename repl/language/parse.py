@@ -12,6 +12,7 @@ from ergon.repl.language.commands import (
     Define,
     DefineBlock,
     DefinePhrase,
+    StrikeModules,
     Takes,
     Use,
 )
@@ -105,6 +106,8 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
         return with_name(scope, "phrases", read.name)
     if isinstance(read, DefineBlock):
         return with_name(scope, "blocks", read.name)
+    if isinstance(read, StrikeModules):
+        return with_name(scope, "strikes", read.name)
     if isinstance(read, Build):
         return with_name(scope, "instruments", read.name)
     if isinstance(read, Use):

@@ -44,7 +44,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
         raise v.unknown_name(first, "an instrument or a key", (*playable(scope), *scope.keys))
     modules, options = parse_strikes(text, OPTIONS)
-    modules, options = _with_level(modules, options, (*playable(scope), *scope.keys))
+    modules, options = with_level(modules, options, (*playable(scope), *scope.keys))
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
         raise TextError(message, length=len(text))
@@ -54,7 +54,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
             error = v.unknown_name(part, "an instrument or a key", (*playable(scope), *scope.keys))
             error.offset += module.offset
             raise error
-    _check(options, scope)
+    check_options(options, scope)
     unsure = (m.text for m in modules if m.text.split(".")[0] not in scope.acts)
     if not options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
         message = f"the impulse is missing: {quote(name.split('.')[0])} does not say how it is "
@@ -63,7 +63,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
     return {"to": to, **{name: word.text for name, word in options.items()}}
 
 
-def _with_level(
+def with_level(
     words: Sequence[PlacedWord], options: dict[str, PlacedWord], known: Container[str]
 ) -> tuple[list[PlacedWord], dict[str, PlacedWord]]:
     """Words before the options, without strengths at their end, which become `impulse`."""
@@ -76,7 +76,8 @@ def _with_level(
     return [*words[:stop]], {"impulse": PlacedWord(text, words[stop].offset), **options}
 
 
-def _check(options: Mapping[str, PlacedWord], scope: Scope) -> None:
+def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
+    """Check the values of options. Raises TextError."""
     for name, word in options.items():
         shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
@@ -114,10 +115,10 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
     said, options = parse_strikes(text, OPTIONS)
-    said, options = _with_level(said, options, ())
+    said, options = with_level(said, options, ())
     end = said[-1].offset + len(said[-1].text) if said else 0
     parse_values(text[:end], k.PITCH.parse, is_pitch=True)
-    _check(options, scope)
+    check_options(options, scope)
     if not options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
         raise TextError(message, offset=end, length=max(1, len(text) - end))

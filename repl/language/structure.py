@@ -139,7 +139,7 @@ def _bases(context: CompletionContext) -> Iterator[Completion]:
         yield from _file_offers(context)
     elif context.before[-1] == "transpose":
         yield Completion("7st", "semitones, -14cents or x1.5")
-    elif "transpose" not in context.before and "@" not in context.before[0]:
+    elif "transpose" not in context.before and not {"@", '"'} & {*context.before[0]}:
         yield Completion("transpose", "higher or lower, in semitones")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, blocks, forms, library, mixing, phrases
+from ergon.repl.language import automating, blocks, forms, library, mixing, phrases, rhythms
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -80,6 +80,15 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
               _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
+        _form("do", "d", "transforms further what strikes play; `none` ends that",
+              "rain do every 4 rev, ply 2", c.DoStrikes,
+              Slot("name", "NAME", rhythms.STRIKES),
+              Slot("do", "TRANSFORMATION, …|none", rhythms.DO, many=True), subject=True),
+        _form("=", "=", "plays a rhythm again and again, from here on",
+              'd1 = "bell*2 ~ bell" 2mNs', rhythms.rhythm,
+              Slot("name", "NAME", NAMED),
+              Slot("fields", '"RHYTHM" [LEVEL …] [to INSTRUMENT] [cycle LENGTH] [do …] …',
+                   rhythms.RHYTHM, many=True), subject=True),
         _form("=", "=", "defines or redefines a gesture, also while it sounds",
               "knock = 0@0 smooth 7@1/8 smooth 0@1/4", c.Define,
               Slot("name", "NAME", v.GESTURE_NAME),

@@ -39,10 +39,12 @@ from ergon.scores.edits import (
     renaming,
     strikes,
     times,
+    transformed,
 )
 from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
+from ergon.scores.reading.rhythms import words_of
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
@@ -103,7 +105,13 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     piece = version.piece
     texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
-    return families.played(texts, piece, command.fields.get("to", "").split())
+    words = (*command.fields.get("to", "").split(), *words_of(command.fields.get("rhythm", "")))
+    return families.played(texts, piece, words)
+
+
+@edits_texts(c.DoStrikes)
+def _do_strikes(command: c.DoStrikes, version: Version, beat: float) -> Texts:
+    return transformed.transform(version.texts, version.piece, command.name, beat, command.do)
 
 
 @edits_texts(c.Automate)

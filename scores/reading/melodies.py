@@ -32,7 +32,7 @@ _OWN = {
     "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
     "sweep": ("sweep", *_PASSING),
     "path": ("path", "width", *_PASSING),
-    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "cycle", "impulse", "do"),
+    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "skip", "cycle", "impulse", "do"),
 }
 _NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm", "at")}
 _NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))

@@ -20,9 +20,16 @@ from ergon.scores.reading import build
 from ergon.scores.reading.melodies import transforms
 from ergon.scores.reading.melody import NoteTargets, Row
 from ergon.scores.reading.piece import Strikes
-from ergon.scores.reading.rhythms import Rhythm, Voice, compiled, key_of, level_of, name_of, note_of
-
-HERE = "x"  # in a rhythm: what `to` names
+from ergon.scores.reading.rhythms import (
+    HERE,
+    Rhythm,
+    Voice,
+    compiled,
+    key_of,
+    level_of,
+    name_of,
+    note_of,
+)
 
 
 def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
@@ -48,7 +55,8 @@ def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
             return None
         voices[key_of(leaf)] = voice
     to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
-    rhythm = Rhythm(text, do, values["cycle"] or Length(bars=1.0), voices)
+    cycle, first = values["cycle"] or Length(bars=1.0), values["skip"] or 0
+    rhythm = Rhythm(text, do, cycle, voices, first)
     return replace(build.rhythm_strikes(values, tuple(to)), levels=levels, rhythm=rhythm)
 
 

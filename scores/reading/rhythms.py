@@ -19,6 +19,7 @@ from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
 from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, Event, chance_from
 from ergon.scores.pattern.rhythm_text import WORD, Struck, parse
 
+HERE = "x"  # the word for what `to` names
 MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
 _REMEMBERED = 256  # rhythms whose cycles are remembered: those of a long session
 
@@ -44,6 +45,7 @@ class Rhythm:
     do: str
     cycle: Length
     voices: Mapping[str, Voice]
+    first: int = 0  # the number of the cycle that is played first
 
     def begin(self, tempo: TempoMap, at: float, number: int) -> float:
         """The beat on which a cycle begins, of a rhythm that begins at a beat."""
@@ -76,8 +78,9 @@ class Rhythm:
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
         source = _cycles_of(self.text, self.do, *draws)
-        for number in cycles:
-            begin, end = (self.begin(tempo, at, n) for n in (number, number + 1))
+        for turn in cycles:
+            begin, end = (self.begin(tempo, at, n) for n in (turn, turn + 1))
+            number = self.first + turn
             events = source(number)
             for index, event in enumerate(events):
                 share = float(event.begin - number)
@@ -146,6 +149,11 @@ def retargeted(rhythm: Rhythm, target: Callable[[Target], Target]) -> Rhythm:
     return replace(rhythm, voices=voices)
 
 
+def words_of(text: str) -> list[str]:
+    """The names in a text that may be a rhythm, without notes."""
+    return [word for word in WORD.findall(text) if note_of(word) is None]
+
+
 def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
     """A rhythm in whose text each name of a part is changed."""
 
@@ -163,7 +171,11 @@ def note_of(word: str) -> str | None:
     return note if notes.number(note) is not None else None
 
 
-def _read(text: str) -> str:
+def check_text(text: str) -> str:
+    """The text itself, if it is a rhythm and its words say levels as they should.
+
+    Raises TextError.
+    """
     for struck in compiled(text, "").leaves:
         try:
             level_of(struck)
@@ -173,4 +185,4 @@ def _read(text: str) -> str:
     return text
 
 
-RHYTHM = Text(_read, "a rhythm, such as kick ~ snare ~", types=("string",))
+RHYTHM = Text(check_text, "a rhythm, such as kick ~ snare ~", types=("string",))

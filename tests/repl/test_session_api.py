@@ -109,6 +109,8 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
         "rain", "bell every 1 impulse 2mNs"
     ),
     "bell notes A3 C4 E4 euclid 5 8": lambda s: s.notes("bell", "A3 C4 E4 euclid 5 8"),
+    "rain do every 4 rev, ply 2": lambda s: s.do("rain", "every 4 rev, ply 2"),
+    'd1 = "bell*2 ~ bell" 2mNs': lambda s: s.define("d1", '"bell*2 ~ bell" 2mNs'),
     "set bell.m.f A3 C4 E4 every 1": lambda s: s.set("bell.m.f", "A3 C4 E4 every 1"),
     "lfo bell.m.K 0.8..1.2 period 4bar": lambda s: s.lfo("bell.m.K", "0.8..1.2 period 4bar"),
     "lfo bell.m.K off": lambda s: s.lfo("bell.m.K", "off"),

@@ -8,6 +8,7 @@ from ergon.scores.edits import strikes as edits
 from ergon.scores.edits.excerpt import keep
 from ergon.scores.edits.renaming import rename
 from ergon.scores.edits.texts import Texts
+from ergon.scores.edits.transformed import transform
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
@@ -181,6 +182,45 @@ def test_kept_bars_written_out():
     beats = [beat for beat, *_ in made.strikes[0].falls(made)]
     expected = [beat - 6.0 for beat, *_ in before.strikes[0].falls(before, 6.0, 12.0)]
     assert beats == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("fields", "rhythm"),
+    [
+        ("to: kick, every: 1/2", "rhythm: x, to: kick, cycle: 0.5"),
+        ("to: kick, euclid: 3 8 rotate 2", 'rhythm: "x(3,8,2)", to: kick'),
+        ("to: kick, euclid: 3 8, every: 1/4", 'rhythm: "x(3,8)", to: kick, cycle: 2.0'),
+        ("to: kick, every: 1, chance: 0.7", 'rhythm: "[x]?0.3", to: kick, cycle: 1.0'),
+        (
+            "to: bar, notes: C4 ~ (E4 G4), every: 1, impulse: f p",
+            'rhythm: "C4 ~ [E4 G4]", to: bar, cycle: 3.0, impulse: f p',
+        ),
+        ("to: bar, notes: choose C4 E4, every: 1", 'rhythm: "[C4|E4]", to: bar, cycle: 1.0'),
+    ],
+)
+def test_do_writes_strikes_as_rhythm(fields, rhythm):
+    """The same strokes as before, until something is transformed."""
+    text = f"{DRUMS}strikes:\n  s: {{{fields}, at: 1|1, until: 999|1}}\n"
+    before = load("s.yaml", text=text).piece
+    assert before is not None
+    after = transform(texts(text), before, "s", 0.0, "fast 1")
+    line = after.text.splitlines()[-1]
+    for part in rhythm.split(", "):
+        assert part in line
+    made = after.load().piece
+    assert made is not None, after.load().diagnostics
+    if "chance" in fields or "choose" in fields:  # other draws
+        return
+    ergons = [ergons_of(each, 12.0) for each in (before, made)]
+    assert ergons[0] == pytest.approx(ergons[1])
+    assert len(ergons[0]) > 4
+
+
+def ergons_of(made: Piece, before: float) -> list[float]:
+    """The instants of all strikes before an instant [s]."""
+    staged = stage(made)
+    each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
+    return sorted(e.at for strikes in each for e in strikes if e.at < before)
 
 
 def test_no_mistake_in_plain_rhythm():

@@ -158,6 +158,21 @@ OTHERS = [
             when=parse_position("B"),
         ),
     ),
+    ("rain do off 1/8 transpose 7st", c.DoStrikes("rain", "off 1/8 transpose 7st")),
+    ("rain do none now", c.DoStrikes("rain", "none", when=c.NOW)),
+    (
+        'd1 = "bell.m*2 ~ <bell.m gong>" 2mNs cycle 2 do rev at B',
+        c.StrikeModules(
+            "d1",
+            {
+                "rhythm": "bell.m*2 ~ <bell.m gong>",
+                "impulse": "2mNs",
+                "cycle": "2",
+                "do": "rev",
+            },
+            when=parse_position("B"),
+        ),
+    ),
     (
         "hook strikes tune every 2bar transpose -3st do scale 0.5, from 2",
         c.StrikeModules(

@@ -1,0 +1,151 @@
+"""Rhythms at the prompt: `d1 = "kick*4, ~ snare" f do every 4 rev`, and what is done to a voice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import commands as c
+from ergon.repl.language import values as v
+from ergon.repl.language.forms import Words
+from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.striking import check_options, with_level
+from ergon.repl.language.values import Completion, CompletionContext, Value
+from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_transforms import parse_transforms
+from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of, name_of, note_of
+
+NO_TRANSFORMS = "none"  # `d1 do none` ends all transformations
+_OPTIONS = {
+    "to": "bell",
+    "impulse": "f",
+    "cycle": "1bar",
+    "times": "4",
+    "for": "8bar",
+    "until": "C",
+    "skip": "2",
+}
+_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
+
+
+def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of strikes with a rhythm, as texts."""
+    if not text.startswith('"'):
+        message = f'{quote(text.split()[0])} is not a rhythm in quotes, such as "kick*4"'
+        raise TextError(message, length=len(text.split()[0]))
+    end = text.find('"', 1)
+    if end < 0:
+        message = "the quote at the end of the rhythm is missing"
+        raise TextError(message, length=len(text), suggestion=f'{text}"')
+    rhythm, rest, start = text[1:end], text[end + 1 :], end + 1
+    do = _DO.search(rest)
+    words, options = parse_strikes(rest if do is None else rest[: do.start()], _OPTIONS)
+    words, options = with_level(words, options, ())
+    try:
+        if words:
+            message = f"{quote(words[0].text)} does not belong here: after the rhythm come levels, "
+            message += f"such as f, and {', '.join(_OPTIONS)}, do"
+            raise TextError(message, offset=words[0].offset, length=len(words[0].text))
+        check_options({name: word for name, word in options.items() if name != "to"}, scope)
+        to = options.get("to")
+        if to is not None and to.text.split(".")[0] not in playable(scope):
+            error = v.unknown_name(to.text, "an instrument", playable(scope))
+            error.offset = to.offset
+            raise error
+    except TextError as error:
+        error.offset += start
+        raise
+    fields = {name: word.text for name, word in options.items()}
+    whose = fields.get("to") or (given["name"] if given["name"] in playable(scope) else "")
+    try:
+        check_text(rhythm)
+        _check_words(rhythm, whose, scope, is_sure="impulse" in fields)
+    except TextError as error:
+        error.offset += 1
+        raise
+    fields = {"rhythm": rhythm, **({"to": whose} if whose else {}), **fields}
+    if do is not None:
+        fields["do"] = _transforms(rest[do.end() :], start + do.end(), rhythm)
+    return fields
+
+
+def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
+    """Refuse words that name nothing, and those that need a level. Raises TextError."""
+    for struck in compiled(text, "").leaves:
+        name = name_of(struck)
+        if note_of(name) or name == HERE:
+            if to:
+                name = to
+            else:
+                message = f"whose is {quote(name)}? write `to` and an instrument after the rhythm"
+                raise TextError(message, offset=struck.offset, length=len(name))
+        part = name.split(".")[0]
+        error = None
+        if part not in playable(scope) and part not in scope.keys:
+            error = v.unknown_name(part, "an instrument or a key", (*playable(scope), *scope.keys))
+        elif part not in scope.acts and not is_sure and level_of(struck) is None:
+            message = f"the impulse is missing: {quote(part)} does not say how it is played; write "
+            error = TextError(f"{message}it after the rhythm, such as 2mNs", length=len(part))
+        if error is not None:
+            error.offset = struck.offset
+            raise error
+
+
+def _transforms(text: str, start: int, rhythm: str) -> str:
+    """Transformations as written. Raises TextError."""
+    if not text.strip():
+        example = "do rev, or do every 4 rev"
+        raise TextError(f"a transformation is missing: {example}", offset=max(0, start - 1))
+    try:
+        parse_transforms(text)
+        compiled(rhythm, text.strip())
+    except TextError as error:
+        error.offset += start
+        raise
+    return text.strip()
+
+
+def _offers(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before:
+        yield Completion('"', 'a rhythm in quotes, such as "kick*4, ~ snare"')
+        return
+    if not context.before[0].startswith('"'):
+        return
+    if "do" in context.before:
+        yield from _transform_offers(context.before[context.before.index("do") + 1 :])
+    elif context.before[-1] in _OPTIONS:
+        yield Completion(_OPTIONS[context.before[-1]], "")
+    else:
+        names = (*_OPTIONS, "do")
+        yield from (Completion(name, "") for name in names if name not in context.before)
+
+
+def _read_do(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
+    if given["name"] in scope.players:  # the form before reads it
+        raise TextError(f"{quote(given['name'])} is a player", length=1)
+    return text if text == NO_TRANSFORMS else _transforms(text, 0, "x")
+
+
+def _offers_do(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before:
+        yield Completion(NO_TRANSFORMS, "ends all transformations")
+    yield from _transform_offers(context.before)
+
+
+def _transform_offers(before: Sequence[str]) -> Iterator[Completion]:
+    """Transformations, at the beginning and behind a comma."""
+    if not before or before[-1].endswith(","):
+        yield from (Completion(name, form.line) for name, form in TABLE.items())
+
+
+RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)
+STRIKES = v.name_value("strikes", "strikes")
+DO = Value("transformations, such as every 4 rev", _read_do, _offers_do)
+
+
+def rhythm(name: str, fields: Mapping[str, str], *, when: c.When, words: Words) -> c.StrikeModules:
+    """Strikes with a rhythm."""
+    return c.StrikeModules(name, fields, when=when, words=words)

@@ -1,0 +1,167 @@
+"""Rhythms at the prompt: texts in quotes, strengths, transformations, and what they become."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import Stepped
+
+from ergon.repl.language.parse import first_error
+from ergon.repl.language.scope import scope_of
+from ergon.repl.session.version import piece_of
+from ergon.scores.edits.texts import Texts
+
+# Two drums that are silent after a tenth of a beat, and a bar of notes; a beat is half a second.
+SCORE = """\
+ergon: 1
+seed: 4
+rates: {audio: 8kHz}
+tempo: [{at: 1|1, bpm: 120}]
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  kick: {CEL: {M: 5g, f: 90Hz, t60: 50ms}, play: {strike: {impulse: 1mNs..16mNs}}, out: {SOX: kick}}
+  hat: {CEL: {M: 1g, f: 900Hz, t60: 50ms}, play: {strike: {impulse: 1mNs..4mNs}}, out: {SOX: hat}}
+  bare: {CEL: {M: 1g, f: 700Hz, t60: 50ms}, out: {SOX: bare}}
+  bar:
+    CEL: {M: 1g, f: A4, t60: 50ms}
+    notes: C4..C5
+    play: {strike: {impulse: 1mNs..4mNs}}
+    out: {SOX: bar}
+gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@160ms}
+players: {ada: {key: k1}}
+mix: {channels: 3, route: [{from: kick, to: [1]}, {from: hat, to: [2]}, {from: bar, to: [3]}]}
+"""
+
+SCOPE = scope_of(piece_of(Texts("s.yaml", SCORE)))
+
+
+@pytest.fixture
+def stepped(tmp_path: Path):
+    with closing(Stepped(SCORE, tmp_path)) as session:
+        yield session
+
+
+def steps(session: Stepped, channel: int, first: float, last: float) -> list[int]:
+    """The half beats of a channel in which something is struck, from one beat to another."""
+    n_frames = int(session.rate / 4)
+    part = session.sound[int(2 * first) * n_frames : int(2 * last) * n_frames, channel - 1]
+    levels = np.abs(part).reshape(-1, n_frames).max(axis=1)
+    return [number for number, level in enumerate(levels) if level > 1e-3 * np.abs(part).max()]
+
+
+def same_again(session: Stepped) -> None:
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+
+
+def test_rhythm_sounds_on_its_steps(stepped: Stepped):
+    stepped.ok('d1 = "kick*2, ~ hat ~ hat"')
+    stepped.ok("play")
+    stepped.run(4.0)
+    assert steps(stepped, 1, 0, 8) == [0, 4, 8, 12]
+    assert steps(stepped, 2, 0, 8) == [2, 6, 10, 14]
+    same_again(stepped)
+
+
+def test_rhythm_is_defined_anew_at_the_bar(stepped: Stepped):
+    stepped.ok('d1 = "kick*2"')
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.ok('d1="hat(3,8)"')
+    stepped.run(3.0)
+    assert steps(stepped, 1, 0, 8) == [0, 4]
+    assert steps(stepped, 2, 4, 8) == [0, 3, 6]
+    same_again(stepped)
+
+
+def test_strength_after_rhythm_and_after_words(stepped: Stepped):
+    stepped.ok('d1 = "kick kick:fff" p')
+    stepped.ok("play")
+    stepped.run(2.0)
+    n_frames = int(stepped.rate)
+    soft, hard = (np.abs(stepped.sound[i * n_frames : (i + 1) * n_frames, 0]).max() for i in (0, 1))
+    assert hard / soft == pytest.approx(16 ** (5 / 7), rel=0.01)
+
+
+def test_do_goes_on_from_its_cycle(stepped: Stepped):
+    """`rev` turns the cycles that follow; what is chosen by cycle is not begun anew."""
+    stepped.ok('d1 = "<kick hat> ~ ~ ~"')
+    stepped.ok("play")
+    stepped.run(3.0)
+    stepped.ok("d1 do rev")
+    stepped.run(3.0)
+    assert steps(stepped, 1, 0, 8) == [0]
+    assert steps(stepped, 2, 0, 8) == [8]
+    assert steps(stepped, 1, 8, 12) == [6] or steps(stepped, 2, 8, 12) == [6]
+    stepped.ok("d1 do none")
+    stepped.run(4.0)
+    assert "do" not in next(line for line in stepped.ok("show d1").lines if "d1" in line)
+    same_again(stepped)
+
+
+def test_do_makes_strikes_by_the_clock_a_rhythm(stepped: Stepped):
+    stepped.ok("d1 strikes kick every 1")
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.ok("d1 do ply 2")
+    stepped.run(3.0)
+    assert steps(stepped, 1, 0, 4) == [0, 2, 4, 6]
+    assert steps(stepped, 1, 4, 8) == [0, 1, 2, 3, 4, 5, 6, 7]
+    same_again(stepped)
+
+
+def test_notes_of_an_instrument_of_the_same_name(stepped: Stepped):
+    stepped.ok('bar = "c4 <e4 g4>" mf')
+    stepped.ok("play")
+    stepped.run(2.0)
+    assert steps(stepped, 3, 0, 4) == [0, 4]
+    same_again(stepped)
+
+
+def test_undo_returns_the_rhythm(stepped: Stepped):
+    stepped.ok('d1 = "kick*2"')
+    stepped.ok('d1 = "kick*4" at 3|1')
+    stepped.ok("undo")
+    stepped.ok("play")
+    stepped.run(4.0)
+    assert steps(stepped, 1, 4, 8) == [0, 4]
+    same_again(stepped)
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "part"),
+    [
+        ('d1 = "kick [hat"', 11, "not closed"),
+        ('d1 = "kick snar"', 11, "'snar' is not an instrument"),
+        ('d1 = "kick bare"', 11, "does not say how it is played"),
+        ('d1 = "c4 e4"', 6, "whose is 'c4'"),
+        ('d1 = "kick" loud', 12, "does not belong here"),
+        ('d1 = "kick" 100', 12, "write 100mNs or 100Ns"),
+        ('d1 = "kick" do revv', 15, "unknown transformation"),
+        ('d1 = "kick" to baar', 15, "'baar' is not an instrument"),
+        ('d1 = "kick', 5, "quote at the end"),
+        ('d1 = "kick:loud"', 11, "neither an impulse"),
+        ('d1 = "kick" do', 13, "a transformation is missing"),
+        ("d1 do rev", 0, "'d1' is not"),
+    ],
+)
+def test_mistake_told_in_its_place(stepped: Stepped, line: str, place: int, part: str):
+    reply = stepped.type(line)
+    assert not reply.taken
+    assert part in reply.text
+    error = first_error(line, SCOPE)
+    assert error is not None
+    assert error.offset == place
+
+
+def test_do_refused_without_cycles(stepped: Stepped):
+    stepped.ok("d1 strikes kick rate 3Hz for 4bar impulse 1mNs")
+    reply = stepped.type("d1 do rev")
+    assert not reply.taken
+    assert "no cycle" in reply.text
+    stepped.ok("ada plays knock every 1")
+    assert not stepped.type("ada do rev").taken
+    stepped.ok("ada do mirror")
