@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ergon.instruments.playing import Act
 from ergon.instruments.space import Space
+from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import Reach
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
@@ -139,6 +140,21 @@ class Output:
         SOX, SOV and SOA correspond to one movement at 1.6 kHz (10,000 rad/s).
         """
         return {"SOX": 1e-4, "SOV": 1.0, "SOA": 1e4, "SOF": 1e-2}[self.kind]
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """A way in which an instrument is played; `at` are names as they are written inside it.
+
+    `reach` [N·s] is the impulse of its softest and of its hardest stroke; `targets` is what is
+    struck, once the names are looked up.
+    """
+
+    name: str
+    at: tuple[Name, ...]
+    reach: Reach
+    place: Place
+    targets: tuple[Target, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

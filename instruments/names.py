@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from ergon.instruments.members import PATTERN, members
-from ergon.instruments.model import Module, Target
+from ergon.instruments.model import Act, Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
-from ergon.instruments.playing import Act
 from ergon.instruments.spread import size as n_links
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name

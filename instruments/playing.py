@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+from ergon.instruments.model import Act
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, ListOf, Name, NamesOf, Reference
-from ergon.notation.tables.strengths import Reach
-from ergon.notation.text.values import Place
+from ergon.notation.tables.shapes import MISSING, ListOf, NamesOf, Reference
 
 ACT = Record(
     "act",
@@ -34,19 +32,6 @@ PLAY = NamesOf(ACT, "act")
 _ANY_REACH = 1e-3, 1e-2  # N·s
 LEVEL_DOC = "how loud a stroke at mf is at a gain of 0 dB, measured"
 LOUDNESS = k.quantity(q.LOUDNESS)
-
-
-@dataclass(frozen=True, slots=True)
-class Act:
-    """A way in which an instrument is played; `at` are names as they are written inside it.
-
-    `reach` [N·s] is the impulse of its softest and of its hardest stroke.
-    """
-
-    name: str
-    at: tuple[Name, ...]
-    reach: Reach
-    place: Place
 
 
 def acts(values: Values) -> tuple[Act, ...]:

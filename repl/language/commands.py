@@ -409,15 +409,16 @@ class MapControl(Command):
 
 @dataclass(frozen=True, slots=True)
 class MapNotes(Command):
-    """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules.
+    """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules; `map note C3..C5 vib`: or
+    the notes of an instrument, by its strengths.
 
-    `impulse` [N·s] has the impulses at the velocities 1 and 127.
+    `impulse` [N·s] has the impulses at the velocities 1 and 127; None: those of what is struck.
     """
 
     low: int
     high: int
     target: str
-    impulse: tuple[float, float]
+    impulse: tuple[float, float] | None
 
     @property
     def name(self) -> str:
@@ -427,6 +428,8 @@ class MapNotes(Command):
     @property
     def line(self) -> str:
         """The line that makes the map."""
+        if self.impulse is None:
+            return f"map {self.name} {self.target}"
         weak, strong = self.impulse
         return f"map {self.name} {self.target} {weak!r}Ns..{strong!r}Ns"
 

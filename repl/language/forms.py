@@ -114,13 +114,20 @@ def map_gain(
 def map_notes(
     notes: tuple[int, int],
     target: str,
-    impulse: tuple[float, float],
+    impulse: tuple[float, float] | None,
     *,
     when: c.When,
     words: Words,
 ) -> c.MapNotes:
     """Map notes to strikes."""
     return c.MapNotes(*notes, target, impulse, when=when, words=words)
+
+
+def map_played_notes(
+    notes: tuple[int, int], target: str, *, when: c.When, words: Words
+) -> c.MapNotes:
+    """Map notes to an instrument that says how it is played."""
+    return c.MapNotes(*notes, target, None, when=when, words=words)
 
 
 def unmap_control(number: int, *, when: c.When, words: Words) -> c.Unmap:

@@ -432,6 +432,16 @@ def _read_struck(text: str, *_: Any) -> str:
     return text
 
 
+def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    part = text.split(".")[0]
+    if part not in playable(scope):
+        raise unknown_name(text, "an instrument", playable(scope))
+    if part not in scope.acts:
+        message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
+        raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))
+    return text
+
+
 def module_names(scope: Scope) -> dict[str, str]:
     """The modules with masses of every instrument that a line may play, each with a hint."""
     return {
@@ -474,6 +484,11 @@ NOTES = Value(
     lambda _: (Completion("C3..C5", "notes"),),
 )
 STRUCK = Value("a module, such as bell.m", _read_struck, _module_completions)
+PLAYED_INSTRUMENT = Value(
+    "an instrument that says how it is played",
+    _read_played_instrument,
+    lambda context: name_completions(dict.fromkeys(context.scope.acts, "instrument")),
+)
 IMPULSES = Value(
     "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
     _read_impulses,

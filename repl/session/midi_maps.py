@@ -10,13 +10,16 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ergon.instruments.names import Part, PartNames
+from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import velocity as strength_of_velocity
 from ergon.notation.text.errors import Collector
 from ergon.repl.language.commands import MapControl, MapNotes
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
-    from ergon.instruments.model import Target
+    from ergon.instruments.model import Act, Target
     from ergon.live.midi_messages import Control
     from ergon.repl.session.journal import JournalEvent
     from ergon.repl.session.version import Version
@@ -31,6 +34,7 @@ _UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
 
 Map = MapControl | MapNotes
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
+Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
 
 # The engine's numbers of struck places: each place keeps its number as long as this process runs,
 # so that a strike finds it in every version.
@@ -43,7 +47,8 @@ def with_map(version: Version, new: Map) -> Mapping[str, Map]:
     NotTakenError.
     """
     if isinstance(new, MapNotes):
-        places(version.piece, new)
+        for note in range(new.low, new.high + 1):
+            struck_by(version.piece, new, note)
     if len(version.maps) >= MAX_MAPS and new.name not in version.maps:
         raise NotTakenError(f"a session has at most {MAX_MAPS} maps; `unmap` one first")
     return {**version.maps, new.name: new}
@@ -57,24 +62,66 @@ def without_map(version: Version, name: str) -> Mapping[str, Map]:
     return {other: own for other, own in version.maps.items() if other != name}
 
 
-def places(piece: Piece, notes: MapNotes) -> list[Place]:
-    """The MATs that a range of notes strikes, in their order. Raises NotTakenError."""
-    target = _check_target(piece, notes.target)
+def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
+    """What a note of a range strikes. Raises NotTakenError.
+
+    An instrument that is played by its strengths is struck by its usual act, one with notes at
+    its note. Of other targets the lowest note strikes the first MAT and the next note the second;
+    a single MAT is struck by every note.
+    """
+    if notes.impulse is None:
+        return [
+            (place, act.reach)
+            for act in _acts(piece, notes.target, note)
+            for target in act.targets
+            for place in _members(target, notes.target)
+        ]
+    members = _members(_check_target(piece, notes.target), notes.target)
+    member = note - notes.low if len(members) > 1 else 0
+    return [(members[member], None)] if member < len(members) else []
+
+
+def _acts(piece: Piece, target: str, note: int) -> list[Act]:
+    """The act by which an instrument is played at a note; none if it does not have the note.
+    Raises NotTakenError.
+    """
+    name, _, act_name = target.partition(".")
+    part = name
+    if name in piece.families:
+        numbered = {number(member.rpartition(".")[2]): member for member in piece.families[name]}
+        if note not in numbered:
+            return []
+        part = numbered[note]
+    made = piece.instruments.get(part)
+    acts = {} if made is None else {act.name: act for act in made.acts}
+    if act_name and act_name not in acts:
+        known = ", ".join(acts) or "there is none"
+        raise NotTakenError(f"{name} has no act {act_name}; the acts: {known}")
+    if not acts:
+        raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
+    return [acts[act_name] if act_name else next(iter(acts.values()))]
+
+
+def _members(target: Target, text: str) -> list[Place]:
+    """The MATs of a target, in their order. Raises NotTakenError."""
     if target.first == "centre":
         return [(target.part, target.module, -1)]
     if target.count > _MAX_STRUCK:
         raise NotTakenError(
-            f"{notes.target} has {target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
+            f"{text} has {target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
             "name some of them"
         )
     first = target.first
     return [(target.part, target.module, first + i) for i in range(target.count)]
 
 
-def _sounding(version: Version, notes: MapNotes) -> list[Place]:
-    """The MATs that a range of notes strikes, as the engine knows them. Raises NotTakenError."""
-    found = places(version.piece, notes)
-    return [(version.sounds_as.of(part), module, member) for part, module, member in found]
+def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
+    """What a note strikes, as the engine knows it. Raises NotTakenError."""
+    struck = struck_by(version.piece, notes, note)
+    return [
+        ((version.sounds_as.of(part), module, member), reach)
+        for (part, module, member), reach in struck
+    ]
 
 
 def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
@@ -121,7 +168,8 @@ def strike_points(version: Version) -> StrikePoints:
     for own in version.maps.values():
         if isinstance(own, MapNotes):
             try:
-                found.update(dict.fromkeys(_sounding(version, own)))
+                for note in range(own.low, own.high + 1):
+                    found.update(dict.fromkeys(place for place, _ in _sounding(version, own, note)))
             except NotTakenError:
                 continue
     return [
@@ -131,22 +179,20 @@ def strike_points(version: Version) -> StrikePoints:
 
 
 def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
-    """The places that a note strikes, each with its impulse [N·s].
-
-    The lowest note of a range strikes the first MAT of the target, the next note the second. A
-    single MAT is struck by every note of the range.
-    """
+    """The places that a note strikes, each with its impulse [N·s]."""
     for own in version.maps.values():
         if not isinstance(own, MapNotes) or not own.low <= note <= own.high:
             continue
         try:
-            all_places = _sounding(version, own)
+            struck = _sounding(version, own, note)
         except NotTakenError:
             continue
-        member = note - own.low if len(all_places) > 1 else 0
-        if member < len(all_places):
-            weak, strong = own.impulse
-            yield all_places[member], weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
+        for place, reach in struck:
+            if own.impulse is None:
+                yield place, strength_of_velocity(velocity).impulse(reach, max)
+            else:
+                weak, strong = own.impulse
+                yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
 
 
 def controller_line(moved: Control, version: Version) -> str | None:
@@ -169,7 +215,7 @@ def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
 
 def _row(own: Map) -> list[object]:
     if isinstance(own, MapNotes):
-        return ["note", own.low, own.high, own.target, *own.impulse]
+        return ["note", own.low, own.high, own.target, *(own.impulse or ())]
     return ["cc", own.number, own.target, own.sounding, own.unit, *own.range]
 
 
@@ -188,6 +234,10 @@ def _read_row(event: JournalEvent, row: object) -> Map:
             0 <= low <= high <= _MIDI_MAX and _WORD.fullmatch(target) and isfinite(weak + strong)
         ):
             return MapNotes(low, high, target, (weak, strong))
+        case ["note", int(low), int(high), str(target)] if (
+            0 <= low <= high <= _MIDI_MAX and _WORD.fullmatch(target)
+        ):
+            return MapNotes(low, high, target, None)
         case [
             "cc",
             int(number),

@@ -241,12 +241,14 @@ class PartsReader:
                 every = self._rates.of_key(values)
                 self.keys[name] = self._same(replace(made, modules=modules, every=every))
             else:
-                for act in part.acts.values():
-                    self._part_names.of_act(part, act)
+                acts = tuple(
+                    replace(act, targets=tuple(self._part_names.of_act(part, act)))
+                    for act in part.acts.values()
+                )
                 outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
                 self.instruments[name] = self._same(
-                    replace(made, modules=modules, outputs=outputs, every=every)
+                    replace(made, modules=modules, outputs=outputs, every=every, acts=acts)
                 )
             todo += sorted(self._part_names.reached - done)
             if total > MAX_MATS:
@@ -276,7 +278,11 @@ class PartsReader:
             return part
         before: _Part | None = memory.held_for(f"part {part.name}", part.modules)
         # Pitches are not compared: two instruments may be one matter at two of them.
-        is_equal = before == part and getattr(before, "pitch", None) == getattr(part, "pitch", None)
+        # Nor is how they are played.
+        is_equal = before == part and all(
+            getattr(before, name, None) == getattr(part, name, None)
+            for name in ("pitch", "acts", "loudness")
+        )
         if before is not None and is_equal:
             return before
         memory.hold(f"part {part.name}", (part.modules,), part)

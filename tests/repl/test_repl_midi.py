@@ -58,6 +58,58 @@ def test_a_note_strikes_and_the_journal_renders_to_the_bit(played):
     assert np.array_equal(own.again(), own.sound)
 
 
+PLAYED = """\
+ergon: 1
+rates: {audio: 8kHz}
+instruments:
+  bar:
+    CEL: {M: 1g, f: A4, t60: 50ms}
+    notes: C4..C5
+    play: {strike: {impulse: 1mNs..4mNs}}
+    out: {SOX: bar}
+  drum:
+    modules:
+      skin: {CEL: {M: 5g, f: 90Hz, t60: 50ms}}
+      rim: {CEL: {M: 1g, f: 900Hz, t60: 50ms}}
+    play:
+      strike: {at: skin, impulse: 1mNs..16mNs}
+      click: {at: [rim, skin], impulse: 0.1mNs..1mNs}
+    out: {SOX: [skin, rim]}
+mix: {channels: 2, route: [{from: bar, to: 1}, {from: drum, to: 2}]}
+"""
+
+
+def test_keyboard_plays_notes_and_acts_by_strengths(tmp_path):
+    with closing(Stepped(PLAYED, tmp_path)) as session:
+        port = ProcessPort(lambda: 0.0)
+        port.listen(session.session.midi.receive)
+        session.ok("map note C4..C6 bar")
+        session.ok("map note C2 drum")
+        session.ok("map note D2 drum.click")
+        session.run(0.3)
+        for number, velocity in [(60, 127), (64, 1), (84, 64), (36, 127), (38, 127)]:
+            port.send(bytes([0x90, number, velocity]))
+            session.run(0.1)
+        strikes = _events(session, "strike")
+        assert [(e["part"], e["module"]) for e in strikes] == [
+            ("bar.C4", ""),
+            ("bar.E4", ""),
+            ("drum", "skin"),
+            ("drum", "rim"),
+            ("drum", "skin"),
+        ]
+        expected = [4e-3, 1e-3 * 4 ** (1 / 127), 16e-3, 1e-3, 1e-3]
+        assert [e["impulse"] for e in strikes] == pytest.approx(expected)
+        assert "note 60..84 bar" in session.ok("maps").lines[0]
+        reply = session.type("map note D2 drum.slap")
+        assert not reply.taken
+        assert "strike, click" in reply.text
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+        with closing(Stepped.resumed(session.journal)) as resumed:
+            assert len(resumed.session.schedule.head.maps) == 3
+
+
 def test_a_controller_moves_a_parameter_and_a_level(played):
     own, port = played
     own.ok("map cc 21 bell.m.M 1g..3g")

@@ -31,6 +31,7 @@ def _scope() -> Scope:
         "rooms": {"hall": "room"},
         "phrases": {"tune": "phrase"},
         "strikes": {**known.strikes, "rain": "strikes"},
+        "acts": {**known.acts, "gong": ("strike",)},
     }
     return dataclasses.replace(known, **added)
 
@@ -158,6 +159,7 @@ OTHERS = [
             when=parse_position("B"),
         ),
     ),
+    ("map note C4 gong.strike", c.MapNotes(60, 60, "gong.strike", None)),
     ("rain do off 1/8 transpose 7st", c.DoStrikes("rain", "off 1/8 transpose 7st")),
     ("rain do none now", c.DoStrikes("rain", "none", when=c.NOW)),
     (
