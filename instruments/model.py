@@ -146,14 +146,15 @@ class Output:
 class Act:
     """A way in which an instrument is played; `at` are names as they are written inside it.
 
-    `reach` [N·s] is the impulse of its softest and of its hardest stroke; `targets` is what is
-    struck, once the names are looked up.
+    `reach` [N·s] is the impulse of its softest and of its hardest stroke. `modules` are there once
+    a line plays it. `targets` is what is struck, once the names are looked up.
     """
 
     name: str
     at: tuple[Name, ...]
     reach: Reach
     place: Place
+    modules: tuple[Module, ...] = ()
     targets: tuple[Target, ...] = ()
 
 

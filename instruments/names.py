@@ -82,6 +82,7 @@ class PartNames:
             # What is wrong with the act itself is reported where it is written.
             quiet = replace(self, collector=Collector())
             self.reached.add(owner.name)
+            self._bring(owner, act)
             inside = quiet.of_act(owner, act)
             found += [replace(t, text=str(each), place=each.place) for t in inside]
         return found
@@ -89,9 +90,23 @@ class PartNames:
     def of_act(self, owner: Part, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
         who = f"play of {quote(owner.name)}"
+        owner = replace(owner, modules=_with(owner.modules, act))
         names = act.at or (Name(owner.name, act.place),)
         found = (self.target(name, "mats", who, owner if act.at else None) for name in names)
         return [target for target in found if target is not None]
+
+    def bring(self, target: Target) -> None:
+        """Add the modules of the act that strikes a target, if they are not there yet."""
+        owner = self.parts.get(target.part)
+        if owner is None or target.module in owner.modules:
+            return
+        for act in owner.acts.values():
+            if any(module.name == target.module for module in act.modules):
+                self._bring(owner, act)
+
+    def _bring(self, owner: Part, act: Act) -> None:
+        if act.modules:
+            owner.modules = _with(owner.modules, act)
 
     def reach(self, target: Target) -> Reach | None:
         """The impulses of the softest and the hardest stroke at a target; None if its instrument
@@ -122,7 +137,7 @@ class PartNames:
             return part, next(iter(part.acts.values()))
         head, _, tail = name.rpartition(".")
         part = self.parts.get(head)
-        if part is not None and tail in part.acts:
+        if part is not None and tail in part.acts and tail not in part.modules:
             return part, part.acts[tail]
         return Part("", {}), None
 
@@ -442,6 +457,12 @@ class PartNames:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self._refuse(name, who, sentence)
+
+
+def _with(modules: Mapping[str, Module], act: Act) -> Mapping[str, Module]:
+    """Modules with those of an act that are not among them."""
+    extra = {module.name: module for module in act.modules if module.name not in modules}
+    return {**modules, **extra} if extra else modules
 
 
 def _head(name: str) -> str:

@@ -14,7 +14,7 @@ from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import HOLDERS, KINDS, tables, with_optional_fields
 from ergon.instruments.outputs import Outputs
-from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, PLAY, acts
+from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, acts, play_table
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -132,7 +132,7 @@ def instrument_table(form: Form) -> Record:
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
-        Field("play", PLAY, "the ways in which it is played; the first is the usual one"),
+        Field("play", play_table(module_table(form)), "how it is played; the first act is usual"),
         Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
@@ -215,11 +215,14 @@ def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[
 
     `recall` gives those of values that were read before.
     """
-    bodies = (values["modules"] or {}).items()
+    return _modules_of(values["modules"] or {}, axes, recall)
+
+
+def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[Module, ...]:
     known = (
         # The values are kept, so that no others get their id.
         recall(("module", name, id(body), axes), partial(_with_modules, name, body, axes))[1]
-        for name, body in bodies
+        for name, body in bodies.items()
         if body is not MISSING
     )
     return tuple(chain.from_iterable(known))
@@ -333,7 +336,7 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
         pitch=pitch,
         placing=placing,
         space=space,
-        acts=acts(values),
+        acts=acts(values, partial(_modules_of, axes=axes, recall=recall)),
         loudness=values["level"],
     )
 

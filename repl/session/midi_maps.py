@@ -99,7 +99,10 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
         raise NotTakenError(f"{name} has no act {act_name}; the acts: {known}")
     if not acts:
         raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
-    return [acts[act_name] if act_name else next(iter(acts.values()))]
+    act = acts[act_name] if act_name else next(iter(acts.values()))
+    if made is not None and any(m.name not in {o.name for o in made.modules} for m in act.modules):
+        raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
+    return [act]
 
 
 def _members(target: Target, text: str) -> list[Place]:

@@ -75,6 +75,9 @@ class Checker:
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, file)
         included = self._included(times, len(duet))
+        for struck in chain(strikes, *(made.strikes for _, made in included)):
+            for target in struck.to:
+                self.part_names.bring(target)
         self.matter.look_up()
         plays = self._plays(times.known)
         changes = KnownEntries(memory, "automation", file).read(

@@ -61,7 +61,8 @@ def resolve_names(
     `parts` are all keys and instruments by name.
     """
     is_known = part.axes == 1 and memory is not None and not part_names.broken
-    condition = tuple(parts), part.prefix, part.selves, part.struck, part.broken
+    names = tuple(part.modules)  # an act that is played may bring more
+    condition = tuple(parts), part.prefix, part.selves, part.struck, part.broken, names
     before: _Part | None = None
     if is_known and memory is not None:
         before = memory.held(f"modules {part.name}", condition)

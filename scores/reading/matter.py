@@ -293,7 +293,7 @@ class PartsReader:
         entry, values = self._written[part.name]
 
         def make_rules() -> rules.ModuleRules:
-            laws = self.laws(self.by_name[part.name].modules, entry.home)
+            laws = self.laws(tuple(part.modules.values()), entry.home)
             return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(values))
 
         memory = self._uses.files.memory

@@ -212,6 +212,8 @@ class Striking:
 
         if self._gain > 0.0:
             impulse = self._gain * level.impulse(reach, draw)
+            if reach is not None and reach.turns and number % 2:
+                impulse = -impulse
             self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
 
     @cached_property

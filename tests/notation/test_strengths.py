@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import pytest
 
-from ergon.notation.tables.strengths import DYNAMICS, Level, level, levels, velocity
+from ergon.notation.tables.strengths import DYNAMICS, Level, Reach, level, levels, velocity
 from ergon.notation.text.errors import TextError
 
-REACH = 3e-3, 40e-3
+REACH = Reach(3e-3, 40e-3)
 
 
 def no_draw(low: float, high: float) -> float:
@@ -21,8 +21,8 @@ def impulse(text: str) -> float:
 
 def test_impulse_of_words_geometric():
     steps = [impulse(word) for word in DYNAMICS]
-    assert steps[0] == pytest.approx(REACH[0])
-    assert steps[-1] == pytest.approx(REACH[1])
+    assert steps[0] == pytest.approx(REACH.soft)
+    assert steps[-1] == pytest.approx(REACH.hard)
     ratios = [b / a for a, b in pairwise(steps)]
     assert ratios == pytest.approx([(40 / 3) ** (1 / 7)] * 7)
 
@@ -31,14 +31,14 @@ def test_impulse_of_words_geometric():
     ("text", "expected"),
     [
         ("2mNs", 2e-3),
-        ("0", REACH[0]),
-        ("1", REACH[1]),
+        ("0", REACH.soft),
+        ("1", REACH.hard),
         ("0.5", math.sqrt(3e-3 * 40e-3)),
         ("1/2", math.sqrt(3e-3 * 40e-3)),
-        ("v127", REACH[1]),
+        ("v127", REACH.hard),
         ("v1", 3e-3 * (40 / 3) ** (1 / 127)),
         ("f!", 3e-3 * (40 / 3) ** (6 / 7)),
-        ("fff!", REACH[1]),
+        ("fff!", REACH.hard),
         ("-6dB", 3e-3 * (40 / 3) ** (5 / 7) * 10 ** (-6 / 20)),
     ],
 )

@@ -121,6 +121,18 @@ def test_notes_of_an_instrument_of_the_same_name(stepped: Stepped):
     same_again(stepped)
 
 
+def test_bow_comes_with_its_first_stroke(stepped: Stepped):
+    stepped.ok("saw = friction/saw")
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.ok('d1 = "saw saw"')
+    stepped.run(3.0)
+    stepped.ok("rest d1")
+    stepped.run(1.0)
+    assert np.abs(stepped.sound).max() > 1e-3
+    same_again(stepped)
+
+
 def test_undo_returns_the_rhythm(stepped: Stepped):
     stepped.ok('d1 = "kick*2"')
     stepped.ok('d1 = "kick*4" at 3|1')

@@ -9,6 +9,7 @@ from checked import check, found
 
 from ergon import _core
 from ergon.instruments.model import Instrument
+from ergon.notation.tables.strengths import Reach
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Hit, Piece
 from ergon.scores.staging.stage import stage
@@ -37,8 +38,8 @@ instruments:
 """
 
 
-def piece(text: str) -> Piece:
-    loaded = check(DRUMS + text)
+def piece(text: str, head: str = DRUMS) -> Piece:
+    loaded = check(head + text)
     assert loaded.piece is not None, loaded.diagnostics
     return loaded.piece
 
@@ -77,7 +78,7 @@ def test_instrument_struck_by_first_act():
 def test_notes_struck_by_act_of_each():
     (strikes,) = piece("strikes: {s: {to: bar, at: 0, notes: C4 E4, every: 1, times: 1}}\n").strikes
     assert [(t.part, t.module) for t in strikes.voices["E4"]] == [("bar.E4", "")]
-    assert strikes.reaches["bar.E4"] == (1e-3, 4e-3)
+    assert strikes.reaches["bar.E4"] == Reach(1e-3, 4e-3)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_phrase_scaled_in_strength():
     (strikes,) = piece(text).strikes
     (hit,) = strikes.hits
     assert isinstance(hit, Hit)
-    assert hit.reach == (1e-3, 16e-3)
+    assert hit.reach == Reach(1e-3, 16e-3)
     assert hit.level.impulse(hit.reach, max) == pytest.approx(0.5e-3 * 16 ** (5 / 7))
 
 
@@ -154,7 +155,6 @@ def test_mistake_told_in_its_place(text, code, part):
     ("play", "code", "part"),
     [
         ("{strike: {at: nope, impulse: 1mNs..2mNs}}", "E301", "nothing is called 'nope'"),
-        ("{skin: {at: skin, impulse: 1mNs..2mNs}}", "E303", "a module has this name"),
         ("{strike: {at: skin, impulse: 2mNs}}", "E202", "the softest and the hardest"),
         ("{strike: {at: skin}}", "E103", "impulse"),
         ("{strike: {impulse: 1mNs..2mNs}}", "E304", "is ambiguous"),
@@ -184,6 +184,56 @@ def test_acts_leave_digest():
     text = "strikes: {s: {to: drum.skin, at: 0, impulse: 2mNs}}\n"
     silent = DRUMS.replace("1mNs..16mNs", "1mNs..20mNs") + text
     assert check(silent).piece.digest() == piece(text).digest()
+
+
+BOWED = """\
+ergon: 1
+rates: {audio: 44.1kHz}
+tempo: {bpm: 60}
+instruments:
+  reed:
+    modules: {m: {CEL: {M: 20g, f: 200Hz, t60: 1s}}}
+    out: {SOV: m}
+    play:
+      bow:
+        at: bow
+        impulse: 0.1Ns..1Ns
+        turns: true
+        with: {bow: {MAS: {M: 1kg}}, hair: {FRO: {between: [bow, m], Z: 0.1Ns/m}}}
+"""
+
+
+def modules_of(text: str) -> set[str]:
+    made = piece(text, BOWED)
+    return {module.name for module in made.instruments["reed"].modules}
+
+
+def test_act_brings_its_modules_once_played():
+    assert modules_of("") == {"m"}
+    assert modules_of("strikes: {s: {to: reed.m, at: 0, impulse: 1mNs}}\n") == {"m"}
+    assert modules_of("strikes: {s: {to: reed, at: 0}}\n") == {"m", "bow", "hair"}
+    assert modules_of("strikes: {s: {rhythm: reed, at: 0, times: 1}}\n") == {"m", "bow", "hair"}
+
+
+def test_module_of_instrument_stands_for_one_of_act():
+    text = BOWED.replace("{m: {CEL", "{bow: {MAS: {M: 2kg}}, m: {CEL")
+    made = piece("strikes: {s: {to: reed.bow, at: 0, impulse: 1mNs}}\n", text)
+    assert [m.name for m in made.instruments["reed"].modules] == ["bow", "m"]
+
+
+def test_each_second_stroke_turns():
+    made = piece("strikes: {s: {to: reed, at: 0, every: 1, times: 4, impulse: fff}}\n", BOWED)
+    staged = stage(made)
+    each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
+    assert [e.impulse for strikes in each for e in strikes] == [1.0, -1.0, 1.0, -1.0]
+
+
+def test_included_score_brings_modules_of_its_acts():
+    inner = BOWED + "strikes: {s: {to: reed, at: 0}}\n"
+    loaded = check("ergon: 1\ninclude: [{file: inner.yaml, at: 1|1, as: v}]\n", inner=inner)
+    assert loaded.piece is not None, loaded.diagnostics
+    names = [module.name for module in loaded.piece.instruments["v.reed"].modules]
+    assert names == ["m", "bow", "hair"]
 
 
 # --- the library --------------------------------------------------------------------------------

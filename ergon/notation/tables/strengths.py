@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from ergon import _core
 from ergon.notation.tables import quantities as q
@@ -26,8 +27,16 @@ _ACCENT = "!"
 MAX_STEPS = 1_000  # levels of one pattern
 MAX_TEXT = 16_000  # characters of one pattern
 
-# The impulses [N·s] that are the strengths 0 and 1 of an instrument.
-Reach = tuple[float, float]
+
+class Reach(NamedTuple):
+    """The impulses [N·s] that are the strengths 0 and 1 of an instrument.
+
+    If it `turns`, as a bow does, each second stroke goes backwards.
+    """
+
+    soft: float
+    hard: float
+    turns: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +65,7 @@ class Level:
         if not self.is_strength:
             return value
         assert reach is not None
-        soft, hard = reach
-        return soft * _core.pow(hard / soft, value) * self.factor
+        return reach.soft * _core.pow(reach.hard / reach.soft, value) * self.factor
 
     @property
     def written(self) -> str:
