@@ -377,6 +377,9 @@ class RecordAudio(Command):
     file: str | None
 
 
+BPM_UNIT = "bpm"  # the unit of a controller that sets the tempo
+
+
 @dataclass(frozen=True, slots=True)
 class MapControl(Command):
     """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
@@ -400,6 +403,8 @@ class MapControl(Command):
     @property
     def line(self) -> str:
         """The line that makes the map."""
+        if self.unit == BPM_UNIT:
+            return f"map {self.name} tempo {self.range[0]!r}..{self.range[1]!r}"
         low, high = (f"{end!r}{self.unit}" for end in self.range)
         what = (
             " ".join(filter(None, ("gain", self.sounding))) if self.target is None else self.target

@@ -99,6 +99,13 @@ def map_control(
     return c.MapControl(number, target, (low, high), unit, when=when, words=words)
 
 
+def map_tempo(
+    number: int, range: tuple[float, float], *, when: c.When, words: Words
+) -> c.MapControl:
+    """Map a controller to the tempo."""
+    return c.MapControl(number, None, range, c.BPM_UNIT, when=when, words=words)
+
+
 def map_gain(
     number: int,
     range: tuple[float, float],

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
+from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
@@ -432,10 +433,19 @@ def _read_struck(text: str, *_: Any) -> str:
     return text
 
 
+def _read_tempos(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (parse_bpm(end) for end in _range_ends(text, "60..180"))
+    if low[1] is not None or high[1] is not None:
+        raise TextError("a range of tempos is two numbers, such as 60..180", length=len(text))
+    return low[0], high[0]
+
+
 def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     part = text.split(".")[0]
+    if text in scope.blocks:
+        return text
     if part not in playable(scope):
-        raise unknown_name(text, "an instrument", playable(scope))
+        raise unknown_name(text, "an instrument or a block", (*playable(scope), *scope.blocks))
     if part not in scope.acts:
         message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
         raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))
@@ -484,10 +494,17 @@ NOTES = Value(
     lambda _: (Completion("C3..C5", "notes"),),
 )
 STRUCK = Value("a module, such as bell.m", _read_struck, _module_completions)
-PLAYED_INSTRUMENT = Value(
-    "an instrument that says how it is played",
+PLAYED_BY_NOTES = Value(
+    "an instrument that says how it is played, or a block",
     _read_played_instrument,
-    lambda context: name_completions(dict.fromkeys(context.scope.acts, "instrument")),
+    lambda context: name_completions(
+        {**dict.fromkeys(context.scope.acts, "instrument"), **context.scope.blocks}
+    ),
+)
+TEMPOS = Value(
+    "two tempos, such as 60..180",
+    _read_tempos,
+    lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
 )
 IMPULSES = Value(
     "the impulses of the softest and the loudest note, such as 1mNs..20mNs",

@@ -6,13 +6,19 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ergon.live.midi_messages import Control, Note, parse_message
-from ergon.repl.session.midi_maps import controller_line, place_number, struck_places
+from ergon.repl.session.midi_maps import (
+    controller_line,
+    place_number,
+    run_lines,
+    struck_places,
+)
 
 if TYPE_CHECKING:
     from ergon.repl.session.acts import Acts
     from ergon.repl.session.fast_values import FastValues
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.stops import Stops
+    from ergon.repl.session.version import Version
 
 
 class MidiInput:
@@ -24,6 +30,7 @@ class MidiInput:
         """Act on what plays (`acts`), and on values of lines."""
         self._schedule, self._acts = schedule, acts
         self._fast_values, self._stops = fast_values, stops
+        self._n_runs = 0  # blocks that notes have run
         self.lost = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, at: float) -> None:
@@ -31,8 +38,17 @@ class MidiInput:
         found = parse_message(data)
         if isinstance(found, Note):
             self._strike(found)
+            self._run(found)
         elif isinstance(found, Control):
             self._fast_values.set_soon(f"cc {found.number}", partial(controller_line, found))
+
+    def _run(self, note: Note) -> None:
+        """Run the blocks to which a note is mapped, each by a line of its own."""
+        for line in run_lines(self._schedule.running.version, note.number):
+            self._n_runs += 1
+            self._fast_values.set_soon(
+                f"note {note.number}, run {self._n_runs}", partial(_line, line)
+            )
 
     def _strike(self, note: Note) -> None:
         """Strike what a note is mapped to in the running version; do nothing during a panic."""
@@ -46,3 +62,8 @@ class MidiInput:
             said = {"part": part, "module": module, "member": member, "impulse": impulse}
             if not self._acts.begin(strike, "strike", **said):
                 self.lost += 1
+
+
+def _line(line: str, _: Version) -> str:
+    """A line that is the same in every version."""
+    return line

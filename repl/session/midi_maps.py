@@ -15,7 +15,7 @@ from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
 from ergon.notation.tables.strengths import velocity as strength_of_velocity
 from ergon.notation.text.errors import Collector
-from ergon.repl.language.commands import MapControl, MapNotes
+from ergon.repl.language.commands import BPM_UNIT, MapControl, MapNotes
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -69,6 +69,8 @@ def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
     its note. Of other targets the lowest note strikes the first MAT and the next note the second;
     a single MAT is struck by every note.
     """
+    if notes.impulse is None and notes.target in piece.blocks:
+        return []
     if notes.impulse is None:
         return [
             (place, act.reach)
@@ -198,6 +200,14 @@ def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[
                 yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
 
 
+def run_lines(version: Version, note: int) -> Iterator[str]:
+    """The lines that run the blocks to which a note is mapped."""
+    for own in version.maps.values():
+        is_hit = isinstance(own, MapNotes) and own.low <= note <= own.high and own.impulse is None
+        if is_hit and own.target in version.piece.blocks:
+            yield f"run {own.target} now"
+
+
 def controller_line(moved: Control, version: Version) -> str | None:
     """The line that sets the value of a moved controller; None if it has no map."""
     own = version.maps.get(f"cc {moved.number}")
@@ -205,6 +215,8 @@ def controller_line(moved: Control, version: Version) -> str | None:
         return None
     low, high = own.range
     x = low + (high - low) * moved.value / _MIDI_MAX
+    if own.unit == BPM_UNIT:
+        return f"tempo {x:.6g} now"
     if own.target is not None:
         return f"set {own.target} {x:.6g}{own.unit} over 50ms now"
     name = "" if own.sounding is None else f"{own.sounding} "

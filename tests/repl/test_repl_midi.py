@@ -110,6 +110,29 @@ def test_keyboard_plays_notes_and_acts_by_strengths(tmp_path):
             assert len(resumed.session.schedule.head.maps) == 3
 
 
+def test_note_runs_a_block_and_controller_sets_the_tempo(tmp_path):
+    with closing(Stepped(PLAYED, tmp_path)) as session:
+        port = ProcessPort(lambda: 0.0)
+        port.listen(session.session.midi.receive)
+        session.ok("def fill: d1 strikes drum every 1/4 times 4")
+        session.ok("map note D2 fill")
+        session.ok("map cc 1 tempo 60..187")
+        session.ok("play")
+        session.run(0.6)
+        for _ in range(2):
+            port.send(bytes([0x90, 38, 100]))
+            session.run(0.4)
+        versions = session.ok("history").lines
+        assert sum("run fill" in line for line in versions) == 2
+        assert np.abs(session.sound[:, 1]).max() > 0
+        port.send(bytes([0xB0, 1, 63]))
+        session.run(0.4)
+        tempo = session.session.schedule.head.piece.tempo_map
+        assert tempo.bpm(1000.0) == pytest.approx(123)
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+
+
 def test_a_controller_moves_a_parameter_and_a_level(played):
     own, port = played
     own.ok("map cc 21 bell.m.M 1g..3g")

@@ -99,6 +99,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "map cc 8 gain -40dB..0dB": lambda s: s.map("gain", "-40dB..0dB", cc=8),
     "map note C3..C5 bell.m 1mNs..20mNs": lambda s: s.map("bell.m", "1mNs..20mNs", note="C3..C5"),
     "map note C3..C5 gong": lambda s: s.map("gong", note="C3..C5"),
+    "map cc 1 tempo 60..180": lambda s: s.map(cc=1, tempo="60..180"),
     "maps": lambda s: s.maps(),
     "record audio evening.wav": lambda s: s.record("audio", file="evening.wav"),
     "record audio off": lambda s: s.record("audio", file="off"),

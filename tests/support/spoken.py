@@ -159,6 +159,8 @@ OTHERS = [
             when=parse_position("B"),
         ),
     ),
+    ("map note D2 fill", c.MapNotes(38, 38, "fill", None)),
+    ("map cc 1 tempo 60..180 now", c.MapControl(1, None, (60.0, 180.0), "bpm", when=c.NOW)),
     ("map note C4 gong.strike", c.MapNotes(60, 60, "gong.strike", None)),
     ("rain do off 1/8 transpose 7st", c.DoStrikes("rain", "off 1/8 transpose 7st")),
     ("rain do none now", c.DoStrikes("rain", "none", when=c.NOW)),
