@@ -26,9 +26,6 @@ are not counted:
 
 """
 _COUNTS = """
-`hat` is a name for the tambourine of the library, which has no hi-hat. With its full name the ideas
-2, 4 and 6 would have {shares} times the characters of Tidal.
-
 ## How many characters
 
 All characters are counted but the spaces that begin a line. Where another line follows, the end of
@@ -84,14 +81,6 @@ def ratio(idea: Idea) -> float | None:
     return None if ours is None or theirs is None else count(ours) / count(theirs)
 
 
-def _counts(comparison: Comparison) -> str:
-    shares = []
-    for idea in (comparison.ideas[number - 1] for number in (2, 4, 6)):
-        ours = (idea.texts["ergon"] or "").replace("hat", "tambourine")
-        shares.append(f"{count(ours) / count(idea.texts['tidal'] or ''):.2f}")
-    return _COUNTS.format(shares=f"{shares[0]}, {shares[1]} and {shares[2]}")
-
-
 def _table(comparison: Comparison) -> Iterator[str]:
     names = comparison.languages.values()
     yield f"| idea | {' | '.join(names)} | ergon / Tidal |"
@@ -121,7 +110,7 @@ def page() -> str:
     for number, idea in enumerate(comparison.ideas, 1):
         lines += _section(number, idea, comparison.languages)
     first = f"```text\n{comparison.preparation}\n```\n"
-    return _HEAD + first + _counts(comparison) + "\n".join(lines) + "\n"
+    return _HEAD + first + _COUNTS + "\n".join(lines) + "\n"
 
 
 def main() -> None:

@@ -22,6 +22,7 @@ from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
 from ergon.repl.language.verbs import VERBS
 from ergon.scores.reading.families import library
+from ergon.scores.reading.rhythms import words_of
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
@@ -107,7 +108,7 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
     if isinstance(read, DefineBlock):
         return with_name(scope, "blocks", read.name)
     if isinstance(read, StrikeModules):
-        return with_name(scope, "strikes", read.name)
+        return _scope_after_strikes(scope, read)
     if isinstance(read, Build):
         return with_name(scope, "instruments", read.name)
     if isinstance(read, Use):
@@ -118,6 +119,14 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
     if isinstance(read, Takes):
         return with_name(with_name(scope, "keys", read.key), "players", read.player)
     return scope
+
+
+def _scope_after_strikes(scope: Scope, read: StrikeModules) -> Scope:
+    """The scope with the name of strikes, and with the instruments that they begin to play."""
+    words = (*read.fields.get("to", "").split(), *words_of(read.fields.get("rhythm", "")))
+    for name in {word.partition(".")[0] for word in words} & scope.available.keys():
+        scope = with_name(scope, "instruments", name)
+    return with_name(scope, "strikes", read.name)
 
 
 def _corrected(text: str, scope: Scope, error: TextError) -> str | None:

@@ -401,8 +401,14 @@ class Route:
     sends: tuple[tuple[str, float], ...] = field(default=(), metadata=OMIT_EMPTY)  # rooms, ratios
     fade: Fade = field(default=(), metadata=OMIT_EMPTY)
     radiation: Radiation | None = field(default=None, metadata=OMIT_EMPTY)
-    # Loudness of a stroke at mf [LUFS]; `gain` contains it, once the instrument is known.
-    level: float | None = field(default=None, metadata=OMIT_EMPTY)
+    level: float | None = field(default=None, metadata=OMIT_EMPTY)  # of a stroke at mf [LUFS]
+    # The ratio that leads to that level, once the instrument is known.
+    level_ratio: float | None = field(default=None, metadata=OMIT_EMPTY)
+
+    @property
+    def ratio(self) -> float:
+        """The ratio of an output to its channels: the gain, and what leads to the level."""
+        return self.gain if self.level_ratio is None else self.gain * self.level_ratio
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,7 @@ def _route(
 
 
 def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
-    """A route whose gain contains what leads to its level: the channels share the power."""
+    """A route with the ratio that leads to its level: the channels share the power."""
     if route.level is None:
         return route
     if instrument.loudness is None:
@@ -75,8 +75,8 @@ def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Ro
         part_names.collector.error("E304", message, route.place)
         return route
     count = 1 if route.to == "nearest" or route.pan else len(route.to)
-    gain = ratio_of(route.level - instrument.loudness) / sqrt(count)
-    return replace(route, gain=route.gain * gain)
+    ratio = ratio_of(route.level - instrument.loudness) / sqrt(count)
+    return replace(route, level_ratio=ratio)
 
 
 def _check_route(

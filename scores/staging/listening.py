@@ -164,7 +164,7 @@ def _ways(
     route: Route,
     output: Output,
 ) -> None:
-    gain = route.gain * (piece.mix.master.gain if piece.mix.master else 1.0)
+    gain = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
     delay, quantity = 0, output.reference
     if route.radiation is not None:
         quantity = _PRESSURE

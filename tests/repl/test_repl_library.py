@@ -46,7 +46,9 @@ def session(tmp_path: Path):
 
 
 def test_use_family_is_played_by_plain_name(session: Stepped):
-    assert session.ok("use skins").text == "ok 1|1 skins: timpani, tabla, tambourine, kick, snare"
+    assert (
+        session.ok("use skins").text == "ok 1|1 skins: timpani, tabla, tambourine, kick, hat, snare"
+    )
     session.ok("play")
     session.run(0.5)
     assert instruments(session) == set()
@@ -215,16 +217,16 @@ def test_reload_keeps_what_use_brought(session: Stepped):
 def test_instruments_lists_routes_and_families(session: Stepped):
     first = session.ok("instruments").lines
     assert first[0] == "no instrument yet"
-    assert "  skins     5 instruments" in first
+    assert "  skins     6 instruments" in first
     session.ok("use skins")
     session.ok(KICK)
     session.ok("route kick 2 gain -6dB")
     lines = session.ok("instruments").lines
     assert lines[0] == "kick  to 2, -6 dB"
-    assert "  skins     5 instruments, in use" in lines
+    assert "  skins     6 instruments, in use" in lines
     about = session.ok("instruments skins").lines
     assert about[3].startswith("kick        a bass drum: a heavy beater")
-    assert len(about) == 5
+    assert len(about) == 6
 
 
 def test_every_instrument_that_ships_says_what_it_is():

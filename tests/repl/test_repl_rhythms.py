@@ -177,3 +177,8 @@ def test_do_refused_without_cycles(stepped: Stepped):
     stepped.ok("ada plays knock every 1")
     assert not stepped.type("ada do rev").taken
     stepped.ok("ada do mirror")
+
+
+def test_pasted_lines_know_what_the_first_brings_in(stepped: Stepped):
+    stepped.ok("use friction")
+    stepped.ok('d1 = "saw*2"\ngain saw -3dB\nd1 do rev')

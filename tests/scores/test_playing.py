@@ -176,7 +176,7 @@ def test_route_level_counts_from_loudness():
         "mix: {channels: 2, route: [{from: drum, to: [1, 2], level: -20LUFS, gain: -6dB}]}\n"
     )
     (route,) = made.mix.routes
-    assert route.gain == pytest.approx(10 ** ((12 - 6) / 20) / math.sqrt(2))
+    assert route.ratio == pytest.approx(10 ** ((12 - 6) / 20) / math.sqrt(2))
 
 
 def test_acts_leave_digest():
