@@ -46,6 +46,7 @@ class Form:
     slots: tuple[Slot, ...] = ()
     timed: bool = True  # may end in `now`, `at C` or `in 2`
     subject: bool = False
+    quoted: bool = False  # what follows the verb is in quotes
 
     @property
     def written(self) -> str:

@@ -6,6 +6,7 @@ offered.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,7 +49,7 @@ def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Comman
     verb, arguments = _find_verb(words, scope)
     after = words[-1].end
     refusals = []
-    for form in verbs.forms_of(verb):
+    for form in _forms(verb, arguments):
         reading = _FormReader(form, line, list(arguments), after, scope, hints)
         try:
             taken = reading.command()
@@ -61,6 +62,14 @@ def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Comman
         return None
     # The form that could be read furthest is probably the intended one.
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
+
+
+def _forms(verb: str, arguments: list[Word]) -> Iterator[Form]:
+    """The forms that a line may have: what is in quotes belongs to one alone."""
+    is_quoted = len(arguments) > 1 and arguments[1].text.startswith('"')
+    for form in verbs.forms_of(verb):
+        if len(arguments) < 2 or verb != "=" or form.quoted == is_quoted:
+            yield form
 
 
 def _split_joined_words(words: list[Word]) -> list[Word]:

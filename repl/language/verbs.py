@@ -43,8 +43,9 @@ def _form(
     *slots: Slot,
     timed: bool = True,
     subject: bool = False,
+    quoted: bool = False,
 ) -> Form:
-    return Form(verb, short, effect, example, make, slots, timed, subject)
+    return Form(verb, short, effect, example, make, slots, timed, subject, quoted)
 
 
 # By what they are about, in the order of the help. Each: the verb, the shortest beginning by which
@@ -88,7 +89,8 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               'd1 = "bell*2 ~ bell" 2mNs', rhythms.rhythm,
               Slot("name", "NAME", NAMED),
               Slot("fields", '"RHYTHM" [LEVEL …] [to INSTRUMENT] [cycle LENGTH] [do …] …',
-                   rhythms.RHYTHM, many=True), subject=True),
+                   rhythms.RHYTHM, many=True), subject=True,
+              quoted=True),
         _form("=", "=", "defines or redefines a gesture, also while it sounds",
               "knock = 0@0 smooth 7@1/8 smooth 0@1/4", c.Define,
               Slot("name", "NAME", v.GESTURE_NAME),

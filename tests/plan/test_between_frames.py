@@ -157,7 +157,7 @@ def test_an_obstacle_of_twelve_contacts_under_a_string_is_exact(
         "ergon: 1\nrates: {audio: 44100Hz}\ninstruments:\n  s:\n    modules:\n"
         + "".join(f"      {module}\n" for module in modules)
         + "    out: {SOX: b.5}\n"
-        "strikes: {k: {to: s.b.20, at: 0.001s, impulse: -0.0012}}\n"
+        "strikes: {k: {to: s.b.20, at: 0.001s, impulse: -0.0012Ns}}\n"
         "render: {bits: float, tail: 0.1s}\n"
     )
     (plan,) = audit.look("bridge", text, (-80.0,), plain=False).plans

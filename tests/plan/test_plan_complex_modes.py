@@ -91,7 +91,7 @@ a: {MAS: {M: 10g, V0: 0.5m/s}}
 b: {MAS: {M: 30g}}
 k: {REF: {between: [a, b], K: 2000, Z: 0.3}}
 """
-    strikes = "strikes:\n  hit: {to: s.b, at: 0.0123456s, impulse: 0.004}\n"
+    strikes = "strikes:\n  hit: {to: s.b, at: 0.0123456s, impulse: 0.004Ns}\n"
     sound = played(score(modules, "{a: {SOX: a}, b: {SOX: b}}", strikes))
     t = np.arange(len(sound)) / RATE
     middle = (0.01 * 0.5 * t + 0.004 * np.maximum(t - 0.0123456, 0.0)) / 0.04
@@ -175,7 +175,7 @@ def test_fewer_modes_are_computed_where_that_is_enough():
     held = ["w: {SOL: {}}", "t: {RES: {between: [w, m0], K: 90000}}"]
     damped = [f"d{i}: {{FRO: {{between: [m{i}, m{i + 1}], Z: 0.2}}}}" for i in range(0, n - 1, 3)]
     modules = "\n".join([*chain, *links, *held, *damped])
-    strikes = "strikes:\n  hit: {to: s.m59, at: 0.001s, impulse: 1e-4}\n"
+    strikes = "strikes:\n  hit: {to: s.m59, at: 0.001s, impulse: 1e-4Ns}\n"
     text = score(modules, "{x: {SOX: m30}}", strikes)
     stage = ready(text)
     kept = []
@@ -230,7 +230,7 @@ l: {LNL: {between: [w, b.4], damping: bow, F: 0.05, a: 40, u: 0.1}}
 @pytest.mark.parametrize("modules", few([HAMMER, BOW], 1), ids=["hammer", "bow"])
 def test_a_body_that_others_touch_goes_by_complex_modes_between_them(modules: str):
     """As exact as a body by its normal modes: the error is that of the contact or the law."""
-    strikes = "strikes:\n  hit: {to: s.b.9, at: 0.0503s, impulse: 1e-4}\n"
+    strikes = "strikes:\n  hit: {to: s.b.9, at: 0.0503s, impulse: 1e-4Ns}\n"
     text = score(modules, "{a: {SOX: b.15}, b: {SOX: b.4}}", strikes)
     free = text.replace("      d: {FRO: {between: [w, b.12], Z: 0.05}}\n", "")
     (damped,) = audit.look("damped", text, (-80.0,), plain=False).plans

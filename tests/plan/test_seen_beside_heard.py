@@ -95,7 +95,7 @@ def rope(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
         + "\n".join(bob)
         + "\n    out: {SOX: m4.y}\n  cord:\n    space: 3\n    modules:\n      c: "
         + spring(links[3], "rope.m3", "bob.m4")
-        + "\nstrikes: {ring: {to: bob.m4.y, at: 0.35s, impulse: 1e-12}}\nrender: {tail: 2s}\n"
+        + "\nstrikes: {ring: {to: bob.m4.y, at: 0.35s, impulse: 1e-12Ns}}\nrender: {tail: 2s}\n"
     )
     return text, {"x0": x0, "v0": v0, "mass": mass}, links
 

@@ -63,7 +63,7 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("set bell.m.K x-1", "negative"),
         ("damp 3", "'3' has no unit"),
         ("link on", "Ableton Link is not part of ergon"),
-        ("u", "'u' may be uncouple or unmap or unmute or undo"),
+        ("u", "'u' may be use or uncouple or unmap or unmute or undo"),
         ("help re", "'re' may be"),
         ("ada plays knock until Q", "'Q' is not a mark"),
         ("stop at Q+2", "'Q' is not a mark"),

@@ -230,7 +230,7 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             (
                 "E103",
                 "strikes 's': how strongly? 'lone' has no `play` that says what soft and hard "
-                "are; write an impulse, such as impulse: 2mNs",
+                "are; write an impulse with its unit, such as impulse: 2mNs",
             ),
         ),
         (

@@ -174,7 +174,7 @@ def test_a_tune_presses_a_key(tmp_path):
                 "E103",
                 6,
                 "strikes 's': how strongly? 'cell.C3' has no `play` that says what soft and "
-                "hard are; write an impulse, such as impulse: 2mNs",
+                "hard are; write an impulse with its unit, such as impulse: 2mNs",
             ),
         ),
         (

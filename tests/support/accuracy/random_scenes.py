@@ -63,7 +63,7 @@ def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | Non
     score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
         "to": to,
         "at": when,
-        "impulse": impulse,
+        "impulse": f"{impulse!r}Ns",
     }
 
 
