@@ -123,10 +123,8 @@ class PartNames:
         """
         reach = self.reach(target)
         if reach is None:
-            message = (
-                f"{who}: how strongly? {quote(target.part)} has no `play` that says what soft "
-            )
-            message += "and hard are; write an impulse, such as impulse: 2mNs"
+            message = f"{who}: how strongly? {quote(target.part)} has no `play` that says what "
+            message += "soft and hard are; write an impulse with its unit, such as impulse: 2mNs"
             self.collector.error("E103", message, target.place)
         return reach
 
