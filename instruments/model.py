@@ -143,11 +143,23 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
+class Release:
+    """What lets a note ring until its end: `at` is struck by −`impulse` [N·s] where a note begins,
+    and by the impulse where it ends, as a damper is lifted and let down.
+    """
+
+    at: tuple[Name, ...]
+    impulse: float
+    targets: tuple[Target, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Act:
     """A way in which an instrument is played; `at` are names as they are written inside it.
 
     `reach` [N·s] is the impulse of its softest and of its hardest stroke. `modules` are there once
-    a line plays it. `targets` is what is struck, once the names are looked up.
+    a line plays it. `targets` is what is struck, once the names are looked up. `release` says what
+    the end of a note does.
     """
 
     name: str
@@ -156,6 +168,7 @@ class Act:
     place: Place
     modules: tuple[Module, ...] = ()
     targets: tuple[Target, ...] = ()
+    release: Release | None = None
 
 
 @dataclass(frozen=True, slots=True)

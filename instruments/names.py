@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -89,10 +89,22 @@ class PartNames:
 
     def of_act(self, owner: Part, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
-        who = f"play of {quote(owner.name)}"
+        if act.at:
+            return self._inside(owner, act, act.at)
+        target = self.target(Name(owner.name, act.place), "mats", _who_plays(owner))
+        return [] if target is None else [target]
+
+    def resolved_act(self, owner: Part, act: Act) -> Act:
+        """An act with what it strikes; reports what is wrong with its names."""
+        release = act.release
+        if release is not None:
+            release = replace(release, targets=tuple(self._inside(owner, act, release.at)))
+        return replace(act, targets=tuple(self.of_act(owner, act)), release=release)
+
+    def _inside(self, owner: Part, act: Act, names: Iterable[Name]) -> list[Target]:
+        """The MATs of names that are written inside an instrument, for one of its acts."""
         owner = replace(owner, modules=_with(owner.modules, act))
-        names = act.at or (Name(owner.name, act.place),)
-        found = (self.target(name, "mats", who, owner if act.at else None) for name in names)
+        found = (self.target(name, "mats", _who_plays(owner), owner) for name in names)
         return [target for target in found if target is not None]
 
     def bring(self, target: Target) -> None:
@@ -103,6 +115,16 @@ class PartNames:
         for act in owner.acts.values():
             if any(module.name == target.module for module in act.modules):
                 self._bring(owner, act)
+
+    def bring_ready(self, owner: Part, names: Sequence[Name], who: str) -> None:
+        """Add the modules of acts by their names; reports names of none."""
+        for name in names:
+            if name in owner.acts:
+                self._bring(owner, owner.acts[name])
+            else:
+                known = tuple(owner.acts)
+                problem = f"{quote(owner.name)} has no act {quote(name)}"
+                self._refuse(name, who, problem, "E301", word=str(name), names=known)
 
     def _bring(self, owner: Part, act: Act) -> None:
         if act.modules:
@@ -116,6 +138,10 @@ class PartNames:
         at_it = (a for a in acts.values() if any(_head(n) == target.module for n in a.at))
         act = next(at_it, None) or next(iter(acts.values()), None)
         return None if act is None else act.reach
+
+    def has_release(self, target: Target) -> bool:
+        """Whether the end of a note does something where a target is struck."""
+        return any(act.release is not None for act in self.parts[target.part].acts.values())
 
     def sure_reach(self, target: Target, who: str) -> Reach | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
@@ -455,6 +481,10 @@ class PartNames:
         else:
             sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
         self._refuse(name, who, sentence)
+
+
+def _who_plays(owner: Part) -> str:
+    return f"play of {quote(owner.name)}"
 
 
 def _with(modules: Mapping[str, Module], act: Act) -> Mapping[str, Module]:

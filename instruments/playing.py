@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ergon.instruments.model import Act, Module
+from ergon.instruments.model import Act, Module, Release
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -13,9 +13,20 @@ from ergon.notation.tables.shapes import MISSING, ListOf, NamesOf, Reference
 from ergon.notation.tables.strengths import Reach
 
 _ANY_REACH = 1e-3, 1e-2  # N·s
+READY = ListOf(Reference("acts, such as strike"), 1, single=True)
 LEVEL_DOC = "how loud a stroke at mf is at a gain of 0 dB, measured"
 LOUDNESS = k.quantity(q.LOUDNESS)
 _AT = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
+
+
+RELEASE = Record(
+    "release",
+    "what the end of a note does",
+    (
+        Field("at", _AT, "what its impulse strikes; where the note begins, against it", None, True),
+        Field("impulse", k.quantity(q.IMPULSE), "impulse of an ergon", None, True),
+    ),
+)
 
 
 def play_table(module: Record) -> NamesOf:
@@ -24,6 +35,7 @@ def play_table(module: Record) -> NamesOf:
         Field("at", _AT, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke", None, True),
         Field("with", NamesOf(module, "module"), "modules that are there once a line plays it"),
+        Field("release", RELEASE, "what the end of a note does", shown="nothing"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )
     return NamesOf(Record("act", "a way in which an instrument is played", fields), "act")
@@ -49,5 +61,13 @@ def acts(
             soft, hard = _ANY_REACH  # strikes by this act are not refused once more
         brought = modules_of(body["with"] or {})
         reach = Reach(soft, hard, body["turns"])
-        found.append(Act(name, body["at"] or (), reach, body.place, brought))
+        act = Act(name, body["at"] or (), reach, body.place, brought, release=_release(body))
+        found.append(act)
     return tuple(found)
+
+
+def _release(body: Values) -> Release | None:
+    written = body["release"]
+    if written is None or not all(name in written.given for name in ("at", "impulse")):
+        return None
+    return Release(written["at"], written["impulse"])

@@ -14,7 +14,7 @@ from ergon.instruments.modal import listed, placed, retuned_modes
 from ergon.instruments.model import Form, Instrument, Module, Output, Places, Placing
 from ergon.instruments.module_kinds import HOLDERS, KINDS, tables, with_optional_fields
 from ergon.instruments.outputs import Outputs
-from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, acts, play_table
+from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, READY, acts, play_table
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
@@ -133,6 +133,7 @@ def instrument_table(form: Form) -> Record:
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
         Field("play", play_table(module_table(form)), "how it is played; the first act is usual"),
+        Field("ready", READY, "acts whose modules are there before a line plays them"),
         Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}

@@ -15,10 +15,17 @@ _SONG_POSITION = 0xF2
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A note that begins: its number and velocity, 1 to 127. The end of a note strikes nothing."""
+    """A note that begins: its number and velocity, 1 to 127."""
 
     number: int
     velocity: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoteEnd:
+    """The end of a note, by its number."""
+
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +52,7 @@ class Transport(Enum):
     STOP = 0xFC
 
 
-Message = Note | Control | SongPosition | Transport
+Message = Note | NoteEnd | Control | SongPosition | Transport
 _TRANSPORT = {message.value: message for message in Transport}
 
 
@@ -58,6 +65,8 @@ def parse_message(data: bytes) -> Message | None:
     kind = data[0] & 0xF0
     if kind == _ON and data[2]:  # velocity 0 ends a note
         return Note(data[1], data[2])
+    if kind in (_ON, _OFF):
+        return NoteEnd(data[1])
     if kind == _CONTROL:
         return Control(data[1], data[2])
     if data[0] == _SONG_POSITION:

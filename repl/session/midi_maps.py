@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from collections.abc import Iterator, Mapping
@@ -175,6 +176,7 @@ def strike_points(version: Version) -> StrikePoints:
             try:
                 for note in range(own.low, own.high + 1):
                     found.update(dict.fromkeys(place for place, _ in _sounding(version, own, note)))
+                    found.update(dict.fromkeys(p for p, _ in _released(version, own, note)))
             except NotTakenError:
                 continue
     return [
@@ -198,6 +200,27 @@ def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[
             else:
                 weak, strong = own.impulse
                 yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
+
+
+def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:
+    """The places that the end of a note strikes, each with its impulse [N·s]; its beginning strikes
+    them by the opposite.
+    """
+    for own in version.maps.values():
+        if isinstance(own, MapNotes) and own.low <= note <= own.high:
+            with contextlib.suppress(NotTakenError):
+                yield from _released(version, own, note)
+
+
+def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Place, float]]:
+    if notes.impulse is not None or notes.target in version.piece.blocks:
+        return
+    for act in _acts(version.piece, notes.target, note):
+        if (release := act.release) is None:
+            continue
+        for target in release.targets:
+            for part, module, member in _members(target, notes.target):
+                yield (version.sounds_as.of(part), module, member), release.impulse
 
 
 def run_lines(version: Version, note: int) -> Iterator[str]:

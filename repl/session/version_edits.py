@@ -243,6 +243,8 @@ def _map(command: midi_maps.Map) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         struck = [command.target] if isinstance(command, c.MapNotes) else []
         texts = families.played(version.texts, version.piece, struck)
+        if isinstance(command, c.MapNotes) and command.impulse is None:
+            texts = families.ready(texts, command.target)
         after = version if texts is version.texts else with_texts(version, texts)
         return replace(after, maps=midi_maps.with_map(after, command))
 

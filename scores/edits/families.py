@@ -89,3 +89,21 @@ def defined(texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Pi
             texts = structure.build(texts, piece, name, origin, {})
             piece = texts.load().piece or piece
     return texts, piece
+
+
+def ready(texts: Texts, path: str) -> Texts:
+    """Let the modules of an act be there that strikes from outside will play: `vib`, `vib.strike`.
+
+    Nothing changes where the act brings none, or where they are there. Raises EditError.
+    """
+    name, _, act_name = path.partition(".")
+    piece = texts.load().piece
+    made = None if piece is None else piece.playable(name)
+    acts = {} if made is None else {act.name: act for act in made.acts}
+    act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
+    if made is None or act is None:
+        return texts
+    modules = {module.name for module in made.modules}
+    if all(module.name in modules for module in act.modules):
+        return texts
+    return texts.put(("instruments", name, "ready"), act.name)

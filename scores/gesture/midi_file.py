@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ergon._core import poll
 from ergon.common.regular import read_bounded
@@ -19,12 +19,30 @@ _DATA = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}  # bytes after 
 _META, _END_OF_TRACK = 0xFF, 0x2F
 
 
+_OFF, _PEDAL, _ON, _OTHER = range(4)  # kinds of events, in the order in which those of a tick act
+_KINDS = {0x8: _OFF, 0x9: _ON, 0xB: _PEDAL}
+_SUSTAIN = 64  # the controller of the pedal
+
+
+class _Event(NamedTuple):
+    """An event of a track: its tick, its kind, its channel from 1, and its two numbers."""
+
+    tick: int
+    kind: int
+    channel: int = 0
+    number: int = 0
+    value: int = 0
+
+
 class MidiNote(NamedTuple):
-    """The beginning of a note: in beats, from 0; its number, 60 for C4, and velocity, 1 to 127."""
+    """A note: its beginning in beats, from 0; its number, 60 for C4; velocity, 1 to 127; and how
+    long it is held, by its key or by the pedal, in beats. A note that nothing ends has no length.
+    """
 
     at: float
     number: int
     velocity: int
+    lasting: float | None = None
 
 
 class MidiNotes(NamedTuple):
@@ -52,31 +70,73 @@ def _read(path: Path, channel: str | None, _: tuple[int, ...]) -> MidiNotes:
         raise TakeError(f"the file has more than {MAX_BYTES // 1_000_000} MB", path)
     file = _File(path, data)
     ticks, tracks = file.header()
-    by_channel: dict[int, list[tuple[int, int, int]]] = {}
+    by_channel: dict[int, list[_Event]] = {}
+    with_notes: set[int] = set()
     end, count = 0, 0
     for track in tracks:
-        for tick, note_channel, number, velocity in file.track(track):
-            end = max(end, tick)
-            if number < 0:
+        for event in file.track(track):
+            end = max(end, event.tick)
+            if event.kind == _OTHER:
                 continue
-            own = by_channel.setdefault(note_channel, [])
-            if wanted is None or note_channel == wanted:
-                count += 1
+            with_notes |= {event.channel} if event.kind == _ON else set()
+            events = by_channel.setdefault(event.channel, [])
+            if wanted is None or event.channel == wanted:
+                count += event.kind == _ON
                 if count > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
-                own.append((tick, number, velocity))
-    played = [note for own in by_channel.values() for note in own]
+                events.append(event)
+    played = [note for events in by_channel.values() for note in _notes(events, end)]
     if not played:
-        there = ", ".join(str(known) for known in sorted(by_channel))
+        there = ", ".join(str(known) for known in sorted(with_notes))
         message = f"channel {channel} has no notes; those with notes are {there}"
         field = "channel"
-        if not by_channel:
+        if not with_notes:
             message, field = "it has no notes", "file"
         raise TakeError(message, path, field=field)
     played.sort(key=lambda note: note[:2])
-    notes = tuple(MidiNote(tick / ticks, number, hard) for tick, number, hard in played)
+    notes = tuple(
+        MidiNote(tick / ticks, number, hard, None if held is None else held / ticks)
+        for tick, number, hard, held in played
+    )
     last = notes[-1].at
     return MidiNotes(notes, end / ticks if end / ticks > last else int(last) + 1.0)
+
+
+def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int | None]]:
+    """The notes of a channel: tick, number, velocity, and for how many ticks each is held.
+
+    A note ends with its key; while the pedal (controller 64) is down, where that comes up, or at
+    the end of the file. A key that is struck again ends the note before.
+    """
+    open_notes: dict[int, tuple[int, int]] = {}  # by number: tick and velocity
+    on_pedal: dict[int, tuple[int, int]] = {}  # those whose key is up already
+    is_down = False
+
+    def ended(of: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
+        if number in of:
+            begin, velocity = of.pop(number)
+            yield begin, number, velocity, tick - begin
+
+    for event in sorted(events, key=lambda one: (one.tick, one.kind)):  # what ends comes first
+        if event.kind == _PEDAL:
+            is_down = event.value >= 64
+            for number in [] if is_down else [*on_pedal]:
+                yield from ended(on_pedal, number, event.tick)
+            continue
+        number = event.number
+        if event.kind == _OFF and is_down and number in open_notes:
+            yield from ended(on_pedal, number, event.tick)
+            on_pedal[number] = open_notes.pop(number)
+        elif event.kind == _OFF:
+            yield from ended(open_notes, number, event.tick)
+        else:
+            yield from ended(open_notes, number, event.tick)
+            yield from ended(on_pedal, number, event.tick)
+            open_notes[number] = event.tick, event.value
+    for number, (begin, velocity) in on_pedal.items():
+        yield begin, number, velocity, max(end - begin, 1)
+    for number, (begin, velocity) in open_notes.items():
+        yield begin, number, velocity, None
 
 
 def _channel(path: Path, channel: str | None) -> int | None:
@@ -128,10 +188,8 @@ class _File:
             at = stop
         return division, tracks
 
-    def track(self, span: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
-        """Tick, channel from 1, number and velocity of each note; other events have the number
-        -1.
-        """
+    def track(self, span: tuple[int, int]) -> Iterator[_Event]:
+        """The events of a track, in order."""
         at, stop = span
         tick, status, count = 0, 0, 0
         while at < stop:
@@ -151,7 +209,7 @@ class _File:
             if status >= 0xF0:
                 kind, at = self.message(status, at, stop)
                 if kind == _END_OF_TRACK:
-                    yield tick, 0, -1, 0
+                    yield _Event(tick, _OTHER)
                     return
                 status = 0  # no running status after these
                 continue
@@ -160,8 +218,12 @@ class _File:
             if at + size > stop or any(byte & 0x80 for byte in content):
                 raise self.damaged(at, "an event lacks its data")
             at += size
-            is_note = status >> 4 == 0x9 and content[1] > 0
-            yield tick, (status & 0xF) + 1, content[0] if is_note else -1, content[-1]
+            kind = _KINDS.get(status >> 4, _OTHER)
+            if kind == _ON and content[1] == 0:
+                kind = _OFF
+            elif kind == _PEDAL and content[0] != _SUSTAIN:
+                kind = _OTHER
+            yield _Event(tick, kind, (status & 0xF) + 1, content[0], content[-1])
 
     def message(self, status: int, at: int, stop: int) -> tuple[int, int]:
         """The kind of a meta event (-1 for other messages), and the offset of its end."""

@@ -101,6 +101,9 @@ class PartsReader:
         self._part_names.parts[name] = Part(
             name, modules, struck, entry.prefix, broken, selves, axes, acts
         )
+        if acts:
+            who = values.context.of("ready")
+            self._part_names.bring_ready(self._part_names.parts[name], values["ready"] or (), who)
         self._written[name] = entry, values
         self.by_name[name] = part_object
 
@@ -241,10 +244,7 @@ class PartsReader:
                 every = self._rates.of_key(values)
                 self.keys[name] = self._same(replace(made, modules=modules, every=every))
             else:
-                acts = tuple(
-                    replace(act, targets=tuple(self._part_names.of_act(part, act)))
-                    for act in part.acts.values()
-                )
+                acts = tuple(self._part_names.resolved_act(part, a) for a in part.acts.values())
                 outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
                 self.instruments[name] = self._same(

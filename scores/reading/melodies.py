@@ -201,7 +201,8 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse),) * 2)
         what = (Name(notes.name(note.number), place),)
-        rows.append(Row(Length(beats=note.at), what, level, place))
+        lasting = None if note.lasting is None else Length(beats=note.lasting)
+        rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
     return tuple(rows), Length(beats=found.length)
 
 
@@ -233,6 +234,8 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
         targets = voices.targets(row, who)
+        if any(voices.part_names.has_release(target) for target in targets):
+            hit = replace(hit, lasting=row.lasting)
         if not level.is_strength:
             found.append(replace(hit, to=targets))
             continue

@@ -54,6 +54,7 @@ class Row:
     place: Place
     before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
     jitter: Length = _STILL  # how far chance moves it, earlier or later
+    lasting: Length | None = None  # None: it has no end
 
 
 class WhatShape(Reference):
@@ -241,7 +242,8 @@ def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
-        yield replace(row, at=_length(row).times(t.amount))
+        lasting = row.lasting and row.lasting.times(t.amount)
+        yield replace(row, at=_length(row).times(t.amount), lasting=lasting)
 
 
 def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:

@@ -191,6 +191,7 @@ class Hit:
     # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
     reach: Reach | None = field(default=None, metadata=OMIT_EMPTY)
+    lasting: Length | None = field(default=None, metadata=OMIT_EMPTY)  # None: it has no end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -310,7 +311,9 @@ class Strikes:
             if not since - SAME <= stroke.beat < before - SAME:
                 continue
             for to, reach in rhythm.voices[stroke.word]:
-                hit = Hit(Length(), to, stroke.level, self.place, stroke.word, reach=reach)
+                long = Length(beats=stroke.lasting)
+                word, level = stroke.word, stroke.level
+                hit = Hit(Length(), to, level, self.place, word, reach=reach, lasting=long)
                 yield stroke.beat, stroke.number, hit
 
     def steps(self, piece: Piece) -> Steps:

@@ -20,6 +20,7 @@ from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, Event, chance_from
 from ergon.scores.pattern.rhythm_text import WORD, Struck, parse
 
 HERE = "x"  # the word for what `to` names
+LONGEST_CYCLES = 8.0  # of a note: one that lasts longer is looked for no farther back
 MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
 _REMEMBERED = 256  # rhythms whose cycles are remembered: those of a long session
 
@@ -29,12 +30,13 @@ Voice = tuple[tuple[tuple[Target, ...], Reach | None], ...]
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """A stroke of a rhythm: its beat, its number among all, its word and how strongly."""
+    """A stroke of a rhythm: its beat, its number among all, its word, how strongly, how long."""
 
     beat: float
     number: int
     word: str
     level: Level
+    lasting: float  # in beats
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,10 @@ class Rhythm:
                 loud = level_of(event.what) or levels.at(index, len(events))
                 loud = loud.scaled(event.what.factor) if event.what.factor != 1.0 else loud
                 beat = begin + share * (end - begin)
-                yield Stroke(beat, number * MAX_EVENTS + index, key_of(event.what), loud)
+                cycles_long = min(float(event.end - event.begin), LONGEST_CYCLES)
+                lasting = cycles_long * (end - begin)
+                key = key_of(event.what)
+                yield Stroke(beat, number * MAX_EVENTS + index, key, loud, lasting)
 
     def most_strokes(self, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles."""

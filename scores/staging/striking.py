@@ -18,6 +18,7 @@ from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.rhythms import LONGEST_CYCLES
 from ergon.scores.reading.sweep_fields import Passing
 from ergon.scores.staging.sweep_members import visits
 
@@ -107,14 +108,17 @@ class Striking:
             return tempo.seconds(places[place])
 
         first, last = (first_from(seconds, len(places), instant) for instant in self.within)
-        for place in range(first, last):
+        for place in range(max(0, first - 1), last):  # the note before ends in this one
             name = course.named(place)
             if name is None:
                 continue
             instant, number = seconds(place), place + pattern.skip
+            end = seconds(place + 1) if place + 1 < len(places) else None
             for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
-                    self._strike(mat, instant, member, number, len(places))
+                    self._hold(mat, instant, end)
+                    if place >= first:
+                        self._strike(mat, instant, member, number, len(places))
         return tempo.seconds(places[-1]) if places else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
@@ -129,6 +133,9 @@ class Striking:
         """The strikes of a melody, one by one."""
         tempo, end = self.piece.tempo_map, 0.0
         since, before = (_beat(tempo, instant) for instant in self.within)
+        if self.strikes.rhythm is not None:  # notes that began before may end here
+            at = tempo.resolve(self.strikes.at)
+            since -= self.strikes.rhythm.begin(tempo, at, int(LONGEST_CYCLES)) - at
         for beat, number, hit in self.strikes.falls(self.piece, since, before):
             instant = tempo.seconds(beat)
             if hit.jitter != Length():
@@ -136,9 +143,13 @@ class Striking:
                 reach = tempo.seconds(tempo.after(beat, hit.jitter)) - instant
                 instant = max(0.0, instant + chance.uniform(-reach, reach))
             end = max(end, instant)
+            mats = [mat for target in hit.to for mat in self._members(target)]
+            for mat in mats:
+                lasting = hit.lasting
+                stop = None if lasting is None else tempo.seconds(tempo.after(beat, lasting))
+                self._hold(mat, instant, stop)
             if not self.within[0] <= instant < self.within[1]:
                 continue
-            mats = (mat for target in hit.to for mat in self._members(target))
             for member, mat in enumerate(mats):
                 self._impel(mat, instant, hit.level, hit.reach, member, number)
         return end
@@ -177,6 +188,9 @@ class Striking:
         tempo = self.piece.tempo_map
         instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
         for occurrence, instant in enumerate(instants):
+            is_last = occurrence + 1 == len(instants)
+            for mat in self.mats:
+                self._hold(mat, instant, None if is_last else instants[occurrence + 1])
             if not self.within[0] <= instant < self.within[1]:
                 continue
             for member, mat in enumerate(self.mats):
@@ -215,6 +229,32 @@ class Striking:
             if reach is not None and reach.turns and number % 2:
                 impulse = -impulse
             self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
+
+    def _hold(self, mat: int, begin: float, end: float | None) -> None:
+        """Let a note ring from its beginning to its end, where its instrument has a release."""
+        for damper, impulse in self._releases.get(mat, ()):
+            for instant, signed in ((begin, -impulse), (end, impulse)):
+                if instant is not None and self.within[0] <= instant < self.within[1]:
+                    self.timeline.strike(damper, instant, impulse=signed, source=self.source)
+
+    @cached_property
+    def _releases(self) -> Mapping[int, Sequence[tuple[int, float]]]:
+        """What lets the note of each MAT ring: other MATs, and their impulses [N·s]."""
+        found: dict[int, list[tuple[int, float]]] = {}
+        for part in {target.part for target in self.strikes.to}:
+            made = self.piece.instruments.get(part)
+            for act in () if made is None else made.acts:
+                if act.release is None:
+                    continue
+                dampers = [
+                    (mat, act.release.impulse)
+                    for target in act.release.targets
+                    for mat in self._members(target)
+                ]
+                for target in act.targets if dampers else ():
+                    for mat in self._members(target):
+                        found.setdefault(mat, []).extend(dampers)
+        return found
 
     @cached_property
     def _reaches(self) -> Mapping[int, Reach]:

@@ -110,6 +110,59 @@ def test_keyboard_plays_notes_and_acts_by_strengths(tmp_path):
             assert len(resumed.session.schedule.head.maps) == 3
 
 
+DAMPED = """\
+ergon: 1
+instruments:
+  bar:
+    f: A4
+    modules: {m: {CEL: {M: 20g, f: A4, t60: 9s}}}
+    notes: C4..C5
+    out: {SOV: m}
+    play:
+      strike:
+        at: m
+        impulse: 0.1Ns..1Ns
+        release: {at: damper, impulse: 20mNs}
+        with:
+          damper: {MAS: {M: 20g, X0: 5mm}}
+          ground: {SOL: {}}
+          guide: {FRO: {between: [ground, damper], Z: 4Ns/m}}
+          pad:
+            LNL:
+              between: [ground, m]
+              damping: z*v
+              follows: {z: {of: damper, from: 0Ns/m, to: 2Ns/m, span: 5mm}}
+mix: {route: [{from: bar, to: 1}]}
+"""
+
+
+def test_keyboard_ends_notes_and_pedal_holds_them(tmp_path):
+    with closing(Stepped(DAMPED, tmp_path)) as session:
+        port = ProcessPort(lambda: 0.0)
+        port.listen(session.session.midi.receive)
+        session.ok("map note C4..C5 bar now")
+        session.run(0.5)
+        assert "ready: strike" in session.session.schedule.head.texts.text
+        marks = []
+        for data in ([0x90, 60, 100], [0x80, 60, 0], [0xB0, 64, 127], [0x90, 64, 100]):
+            port.send(bytes(data))
+            session.run(0.4)
+            marks.append(len(session.sound))
+        port.send(bytes([0x90, 64, 0]))  # the key is up, the pedal down
+        session.run(0.4)
+        marks.append(len(session.sound))
+        port.send(bytes([0xB0, 64, 0]))
+        session.run(0.4)
+        marks.append(len(session.sound))
+        tail = int(0.05 * session.rate)
+        levels = [np.abs(session.sound[mark - tail : mark, 0]).max() for mark in marks]
+        assert levels[1] < 1e-3 * levels[0]
+        assert levels[4] > 0.5 * levels[3]
+        assert levels[5] < 1e-3 * levels[4]
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+
+
 def test_note_runs_a_block_and_controller_sets_the_tempo(tmp_path):
     with closing(Stepped(PLAYED, tmp_path)) as session:
         port = ProcessPort(lambda: 0.0)

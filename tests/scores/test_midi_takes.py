@@ -75,11 +75,11 @@ def test_notes_of_all_channels_or_of_one(tmp_path, kind):
     path = tune(tmp_path / "tune.mid", kind=kind)
     assert read_notes(path).length == 4.0
     assert read_notes(path).notes == (
-        MidiNote(0.0, 48, 1),
-        MidiNote(0.5, 52, 127),
-        MidiNote(0.5, 55, 64),
-        MidiNote(1.5, 49, 64),
-        MidiNote(2.0, 50, 100),
+        MidiNote(0.0, 48, 1, 200 / 480),
+        MidiNote(0.5, 52, 127, 200 / 480),
+        MidiNote(0.5, 55, 64, 200 / 480),
+        MidiNote(1.5, 49, 64, 200 / 480),
+        MidiNote(2.0, 50, 100, 200 / 480),
     )
     assert [note.number for note in read_notes(path, "3").notes] == [49]
     with pytest.raises(TakeError, match=r"channel 2 has no notes; those with notes are 1, 3"):
@@ -95,11 +95,45 @@ def test_it_reads_what_mido_reads(tmp_path, seed):
     )
     path = tune(tmp_path / "some.mid", notes, draw.randrange(2), end=9000)
     now, theirs = 0.0, []
+    is_open: dict[tuple[int, int], int] = {}  # by channel and number: which of `theirs`
     for message in mido.merge_tracks(mido.MidiFile(path).tracks):
         now += message.time
-        if message.type == "note_on" and message.velocity:
-            theirs.append((now / 480, message.note, message.velocity))
+        if not message.type.startswith("note"):
+            continue
+        before = is_open.pop((message.channel, message.note), None)
+        if before is not None:
+            theirs[before][3] = (now - theirs[before][3]) / 480
+        if message.type == "note_on":
+            is_open[message.channel, message.note] = len(theirs)
+            theirs.append([now / 480, message.note, message.velocity, now])
+    assert not is_open
     assert sorted(read_notes(path).notes) == sorted(MidiNote(*note) for note in theirs)
+
+
+def test_pedal_holds_notes_until_it_comes_up(tmp_path):
+    track = mido.MidiTrack()
+    events = [
+        ("note_on", {"note": 60, "velocity": 90}, 0),
+        ("control_change", {"control": 64, "value": 127}, 100),
+        ("note_off", {"note": 60}, 240),
+        ("note_on", {"note": 62, "velocity": 90}, 480),
+        ("note_off", {"note": 62}, 500),
+        ("note_on", {"note": 62, "velocity": 80}, 720),  # ends the note before
+        ("control_change", {"control": 64, "value": 0}, 960),
+        ("control_change", {"control": 1, "value": 127}, 970),
+        ("note_off", {"note": 62}, 1200),
+        ("note_on", {"note": 64, "velocity": 80}, 1210),  # nothing ends it
+    ]
+    now = 0
+    for word, fields, at in events:
+        track.append(mido.Message(word, time=at - now, **fields))
+        now = at
+    file = mido.MidiFile(ticks_per_beat=480)
+    file.tracks.append(track)
+    file.save(tmp_path / "pedal.mid")
+    notes = [(n.at * 480, n.number, n.lasting) for n in read_notes(tmp_path / "pedal.mid").notes]
+    expected = [(0, 60, 960), (480, 62, 240), (720, 62, 480), (1210, 64, None)]
+    assert notes == [(at, n, None if held is None else held / 480) for at, n, held in expected]
 
 
 # --- strikes ------------------------------------------------------------------------------------

@@ -236,6 +236,69 @@ def test_included_score_brings_modules_of_its_acts():
     assert names == ["m", "bow", "hair"]
 
 
+DAMPED = """\
+ergon: 1
+tempo: {bpm: 60}
+instruments:
+  bar:
+    f: A4
+    modules: {m: {CEL: {M: 20g, f: A4, t60: 9s}}}
+    notes: C4..C5
+    out: {SOV: m}
+    play:
+      strike:
+        at: m
+        impulse: 0.1Ns..1Ns
+        release: {at: damper, impulse: 20mNs}
+        with:
+          damper: {MAS: {M: 20g, X0: 5mm}}
+          ground: {SOL: {}}
+          guide: {FRO: {between: [ground, damper], Z: 4Ns/m}}
+          pad:
+            LNL:
+              between: [ground, m]
+              damping: z*v
+              follows: {z: {of: damper, from: 0Ns/m, to: 2Ns/m, span: 5mm}}
+"""
+
+
+def damper(fields: str) -> list[tuple[float, float]]:
+    """The strikes on dampers: instants [s] and impulses [N·s]; others are stronger."""
+    staged = stage(piece(f"strikes: {{s: {{{fields}}}}}\n", DAMPED))
+    each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
+    strikes = [(round(e.at, 9), e.impulse) for some in each for e in some]
+    return sorted(strike for strike in strikes if abs(strike[1]) < 0.05)
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ("rhythm: 'c4 ~', to: bar, at: 0, times: 1", [(0, -1), (2, 1)]),
+        (
+            "rhythm: 'c4 ~ [c4 ~]', to: bar, at: 0, times: 1, cycle: 3",
+            [(0, -1), (1, 1), (2, -1), (2.5, 1)],
+        ),
+        ("rhythm: 'c4@3 ~', to: bar, at: 0, times: 1", [(0, -1), (3, 1)]),
+        ("notes: C4 ~, to: bar, at: 0, every: 1, times: 1", [(0, -1), (1, 1)]),
+        ("to: bar.C4, at: 0, every: 1, times: 2", [(0, -1), (1, 1), (1, -1)]),
+        ("entries: [{at: 1, what: bar.C4, impulse: f}]", [(1, -1)]),
+    ],
+)
+def test_release_lifts_and_lets_down(fields, expected):
+    assert damper(fields) == sorted((at, sign * 0.02) for at, sign in expected)
+
+
+def test_note_is_damped_where_it_ends():
+    made = piece("strikes: {s: {rhythm: 'c4 ~ c4@2', to: bar, at: 0, times: 1}}\n", DAMPED)
+    staged = stage(made)
+    frames = np.zeros((int(4 * staged.rate), staged.simulation.n_out))
+    staged.simulation.process(frames)
+    levels = np.abs(frames).sum(axis=1)[: int(4 * staged.rate)].reshape(40, -1).max(axis=1)
+    assert levels[8] > 0.3 * levels[1]  # it rings
+    assert levels[15] < 1e-3 * levels[8]  # it is damped
+    assert levels[38] > 0.3 * levels[21]  # and rings again
+
+
 # --- the library --------------------------------------------------------------------------------
 
 
