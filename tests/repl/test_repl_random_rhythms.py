@@ -33,10 +33,24 @@ instruments:
         with: {bow: {MAS: {M: 10g}}, hair: {FRO: {between: [bow, top], Z: 20mNs/m}}}
     out: {SOX: [top, rim]}
   bar:
-    CEL: {M: 1g, f: A4, t60: 0.1s}
+    f: A4
+    modules: {m: {CEL: {M: 1g, f: A4, t60: 0.5s}}}
     notes: C4..C5
-    play: {strike: {impulse: 1mNs..4mNs}}
-    out: {SOX: bar}
+    play:
+      strike:
+        at: m
+        impulse: 1mNs..4mNs
+        release: {at: damper, impulse: 20mNs}
+        with:
+          damper: {MAS: {M: 10g, X0: 5mm}}
+          stand: {SOL: {}}
+          guide: {FRO: {between: [stand, damper], Z: 4Ns/m}}
+          pad:
+            LNL:
+              between: [stand, m]
+              damping: z*v
+              follows: {z: {of: damper, from: 0Ns/m, to: 0.02Ns/m, span: 5mm}}
+    out: {SOX: m}
 gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@160ms}
 players: {ada: {key: k1}}
 mix: {channels: 3, route: [{from: kick, to: [1]}, {from: hat, to: [2]}, {from: bar, to: [3]}]}
