@@ -70,24 +70,24 @@ class PartNames:
         """The MATs that strikes reach by a name: where it names an instrument, or an act of one
         (`kick.strike`), those of the act; there are none if an error was reported.
         """
-        found = []
+        targets = []
         for each in self.members(name):
             owner, act = self._act(each)
             if act is None:
                 target = self.target(each, "mats", who)
                 if target is None:
                     return []
-                found.append(target)
+                targets.append(target)
                 continue
             # What is wrong with the act itself is reported where it is written.
             quiet = replace(self, collector=Collector())
             self.reached.add(owner.name)
             self._bring(owner, act)
-            inside = quiet.of_act(owner, act)
-            found += [replace(t, text=str(each), place=each.place) for t in inside]
-        return found
+            inside = quiet.act_targets(owner, act)
+            targets += [replace(t, text=str(each), place=each.place) for t in inside]
+        return targets
 
-    def of_act(self, owner: Part, act: Act) -> list[Target]:
+    def act_targets(self, owner: Part, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
         if act.at:
             return self._inside(owner, act, act.at)
@@ -99,13 +99,13 @@ class PartNames:
         release = act.release
         if release is not None:
             release = replace(release, targets=tuple(self._inside(owner, act, release.at)))
-        return replace(act, targets=tuple(self.of_act(owner, act)), release=release)
+        return replace(act, targets=tuple(self.act_targets(owner, act)), release=release)
 
     def _inside(self, owner: Part, act: Act, names: Iterable[Name]) -> list[Target]:
         """The MATs of names that are written inside an instrument, for one of its acts."""
         owner = replace(owner, modules=_with(owner.modules, act))
-        found = (self.target(name, "mats", _who_plays(owner), owner) for name in names)
-        return [target for target in found if target is not None]
+        reached = (self.target(name, "mats", _who_plays(owner), owner) for name in names)
+        return [target for target in reached if target is not None]
 
     def bring(self, target: Target) -> None:
         """Add the modules of the act that strikes a target, if they are not there yet."""
@@ -135,8 +135,8 @@ class PartNames:
         does not say how it is played.
         """
         acts = self.parts[target.part].acts
-        at_it = (a for a in acts.values() if any(_head(n) == target.module for n in a.at))
-        act = next(at_it, None) or next(iter(acts.values()), None)
+        striking = (a for a in acts.values() if any(_head(n) == target.module for n in a.at))
+        act = next(striking, None) or next(iter(acts.values()), None)
         return None if act is None else act.reach
 
     def has_release(self, target: Target) -> bool:

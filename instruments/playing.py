@@ -49,7 +49,7 @@ def acts(
     A module of the name of an act, or of one that an act brings, stands in its place. Reports acts
     that have no range.
     """
-    found = []
+    result = []
     written: dict[str, Any] = values["play"] or {}
     for name, body in written.items():
         if body is MISSING or body["impulse"] is None:
@@ -62,8 +62,8 @@ def acts(
         brought = modules_of(body["with"] or {})
         reach = Reach(soft, hard, body["turns"])
         act = Act(name, body["at"] or (), reach, body.place, brought, release=_release(body))
-        found.append(act)
-    return tuple(found)
+        result.append(act)
+    return tuple(result)
 
 
 def _release(body: Values) -> Release | None:

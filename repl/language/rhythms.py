@@ -31,7 +31,7 @@ _OPTIONS = {
 _DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
-def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes with a rhythm, as texts."""
     if not text.startswith('"'):
         message = f'{quote(text.split()[0])} is not a rhythm in quotes, such as "kick*4"'
@@ -59,7 +59,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
         error.offset += start
         raise
     fields = {name: word.text for name, word in options.items()}
-    whose = fields.get("to") or (given["name"] if given["name"] in playable(scope) else "")
+    whose = fields.get("to") or (slots["name"] if slots["name"] in playable(scope) else "")
     try:
         check_text(rhythm)
         _check_words(rhythm, whose, scope, is_sure="impulse" in fields)
@@ -123,9 +123,9 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
         yield from (Completion(name, "") for name in names if name not in context.before)
 
 
-def _read_do(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
-    if given["name"] in scope.players:  # the form before reads it
-        raise TextError(f"{quote(given['name'])} is a player", length=1)
+def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
+    if slots["name"] in scope.players:  # the form before reads it
+        raise TextError(f"{quote(slots['name'])} is a player", length=1)
     return text if text == NO_TRANSFORMS else _transforms(text, 0, "x")
 
 

@@ -95,15 +95,17 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
         if note not in numbered:
             return []
         part = numbered[note]
-    made = piece.instruments.get(part)
-    acts = {} if made is None else {act.name: act for act in made.acts}
+    instrument = piece.instruments.get(part)
+    acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     if act_name and act_name not in acts:
         known = ", ".join(acts) or "there is none"
         raise NotTakenError(f"{name} has no act {act_name}; the acts: {known}")
     if not acts:
         raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
     act = acts[act_name] if act_name else next(iter(acts.values()))
-    if made is not None and any(m.name not in {o.name for o in made.modules} for m in act.modules):
+    if instrument is not None and any(
+        m.name not in {o.name for o in instrument.modules} for m in act.modules
+    ):
         raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
     return [act]
 

@@ -98,12 +98,12 @@ def ready(texts: Texts, path: str) -> Texts:
     """
     name, _, act_name = path.partition(".")
     piece = texts.load().piece
-    made = None if piece is None else piece.playable(name)
-    acts = {} if made is None else {act.name: act for act in made.acts}
+    instrument = None if piece is None else piece.playable(name)
+    acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
-    if made is None or act is None:
+    if instrument is None or act is None:
         return texts
-    modules = {module.name for module in made.modules}
+    modules = {module.name for module in instrument.modules}
     if all(module.name in modules for module in act.modules):
         return texts
     return texts.put(("instruments", name, "ready"), act.name)

@@ -43,20 +43,24 @@ def routed_to_all(texts: Texts, piece: Piece, name: str) -> Texts:
     """Route an instrument that is new in a piece to all channels, at the usual loudness if it says
     how loud it is. One without outputs that need a route has none.
     """
-    made = _made(texts, name)
-    if made is None or not made.outputs or any(out.nearest for out in made.outputs):
+    instrument = _new_instrument(texts, name)
+    if (
+        instrument is None
+        or not instrument.outputs
+        or any(out.nearest for out in instrument.outputs)
+    ):
         return texts
     texts = routed(texts, piece)
     every: dict[str, edit.Tree] = {
         "from": name,
         "to": [str(c + 1) for c in range(_n_channels(piece))],
     }
-    if made.loudness is not None and piece.mix.reference() is not None:
+    if instrument.loudness is not None and piece.mix.reference() is not None:
         every["level"] = USUAL_LEVEL
     return texts.append(("mix", "route"), edit.flow(every))
 
 
-def _made(texts: Texts, name: str) -> Instrument | None:
+def _new_instrument(texts: Texts, name: str) -> Instrument | None:
     """The instrument of a name, or its first note; None if the texts are refused for it."""
     piece = texts.load().piece
     return None if piece is None else piece.playable(name)

@@ -102,6 +102,11 @@ def _read(path: Path, channel: str | None, _: tuple[int, ...]) -> MidiNotes:
     return MidiNotes(notes, end / ticks if end / ticks > last else int(last) + 1.0)
 
 
+def _in_order(event: _Event) -> tuple[int, int]:
+    """What ends at a tick comes before what begins."""
+    return event.tick, event.kind
+
+
 def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int | None]]:
     """The notes of a channel: tick, number, velocity, and for how many ticks each is held.
 
@@ -112,12 +117,12 @@ def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int 
     on_pedal: dict[int, tuple[int, int]] = {}  # those whose key is up already
     is_down = False
 
-    def ended(of: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
-        if number in of:
-            begin, velocity = of.pop(number)
+    def ended(notes: dict[int, tuple[int, int]], number: int, tick: int) -> Iterator[Any]:
+        if number in notes:
+            begin, velocity = notes.pop(number)
             yield begin, number, velocity, tick - begin
 
-    for event in sorted(events, key=lambda one: (one.tick, one.kind)):  # what ends comes first
+    for event in sorted(events, key=_in_order):
         if event.kind == _PEDAL:
             is_down = event.value >= 64
             for number in [] if is_down else [*on_pedal]:

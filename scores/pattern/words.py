@@ -198,8 +198,8 @@ def _value(
     if word == "euclid":
         count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
     elif word == "impulse":
-        levels = (number for number, one in enumerate(values) if not is_level(one.text))
-        count = max(1, next(levels, len(values)))
+        others = (number for number, value in enumerate(values) if not is_level(value.text))
+        count = max(1, next(others, len(values)))
     elif word == "path":
         count = 2
         while [value.text for value in values[count : count + 1]] == ["->"]:

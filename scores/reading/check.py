@@ -129,14 +129,14 @@ class Checker:
         """Instruments that a file brings and nothing plays, or the first note of one with notes;
         names in them are not looked up.
         """
-        found = {}
+        available = {}
         for name in self.names.tables["instruments"]:
             notes = self.part_names.families.get(name, {})
             first = next(iter(notes.values()), name)
-            made = self.matter.by_name.get(first)
-            if isinstance(made, Instrument) and first not in self.matter.instruments:
-                found[name] = made
-        return found
+            instrument = self.matter.by_name.get(first)
+            if isinstance(instrument, Instrument) and first not in self.matter.instruments:
+                available[name] = instrument
+        return available
 
     # --- what other scores play ------------------------------------------------------------------
 
@@ -268,24 +268,24 @@ class Checker:
             self._has_pitch(target, who)
         return made
 
-    def _with_reaches(self, made: Strikes, values: Values) -> Strikes | None:
+    def _with_reaches(self, strikes: Strikes, values: Values) -> Strikes | None:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error
         was reported.
         """
-        levels, who = made.levels, f"strikes {quote(made.name)}"
+        levels, who = strikes.levels, f"strikes {quote(strikes.name)}"
         if levels is None or not levels.has_strengths:
-            return made
+            return strikes
         reaches = {}
-        for target in made.to:
+        for target in strikes.to:
             reach = self.part_names.sure_reach(target, who)
             if reach is None:
                 return None
             reaches[target.part] = reach
-        if made.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
+        if strikes.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
             message = f"{values.context.of('rate')}: strikes by chance have one impulse; write an "
             values.error("E111", message + "entry for each instrument and each strength", "rate")
             return None
-        return replace(made, reaches=reaches)
+        return replace(strikes, reaches=reaches)
 
     def _along_direction(self, values: Values, names: Sequence[Name], who: str) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was

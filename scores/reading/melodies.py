@@ -141,14 +141,14 @@ def transforms(
     values: Values, parse: Callable[[str], Iterable[_Transform]]
 ) -> list[_Transform] | None:
     """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
-    found: list[_Transform] = []
+    result: list[_Transform] = []
     for node in values["do"] or ():
         try:
-            found += parse_with_names(node, parse)
+            result += parse_with_names(node, parse)
         except TextError as error:
             values.context.text_error(error, node, "do")
             return None
-    return found
+    return result
 
 
 def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:
@@ -218,14 +218,14 @@ def _with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
     """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
     that say none.
     """
-    found, before = [], None
+    result, before = [], None
     for number, row in enumerate(rows):
-        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).at(number, len(rows))
+        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
         is_pattern = levels is not None and len(levels.steps) > 1
-        found.append(replace(row, level=before) if row.level != before else row)
+        result.append(replace(row, level=before) if row.level != before else row)
         if is_pattern and row.level is None:
             before = None  # the next row has the next level of the pattern
-    return tuple(found)
+    return tuple(result)
 
 
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:

@@ -86,7 +86,7 @@ class Rhythm:
             events = source(number)
             for index, event in enumerate(events):
                 share = float(event.begin - number)
-                loud = level_of(event.what) or levels.at(index, len(events))
+                loud = level_of(event.what) or levels.step(index, len(events))
                 loud = loud.scaled(event.what.factor) if event.what.factor != 1.0 else loud
                 beat = begin + share * (end - begin)
                 cycles_long = min(float(event.end - event.begin), LONGEST_CYCLES)
@@ -94,7 +94,7 @@ class Rhythm:
                 key = key_of(event.what)
                 yield Stroke(beat, number * MAX_EVENTS + index, key, loud, lasting)
 
-    def most_strokes(self, draws: tuple[int, str]) -> int:
+    def strokes_per_cycle(self, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles."""
         source = _cycles_of(self.text, self.do, *draws)
         return max(

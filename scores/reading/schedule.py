@@ -163,8 +163,8 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
             message = f"strikes {quote(strikes.name)}: the rhythm has no end; write `times`, `for` "
             collector.error("E103", message + "or `until`", strikes.place)
             return 0.0
-        most = strikes.rhythm.most_strokes((piece.seed, strikes.who))
-        return _left(strikes, float(strikes.cycles(tempo) * most), left, collector)
+        per_cycle = strikes.rhythm.strokes_per_cycle((piece.seed, strikes.who))
+        return _left(strikes, float(strikes.cycles(tempo) * per_cycle), left, collector)
     if strikes.has_rounds:
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)

@@ -205,7 +205,7 @@ class Striking:
             self.timeline.strike(mat, instant, mass=strikes.mass, speed=speed, source=self.source)
         if strikes.levels is None:
             return
-        level = strikes.levels.at(number, count)
+        level = strikes.levels.step(number, count)
         self._impel(mat, instant, level, self._reaches.get(mat), member, number)
 
     def _impel(
@@ -240,10 +240,10 @@ class Striking:
     @cached_property
     def _releases(self) -> Mapping[int, Sequence[tuple[int, float]]]:
         """What lets the note of each MAT ring: other MATs, and their impulses [N·s]."""
-        found: dict[int, list[tuple[int, float]]] = {}
+        releases: dict[int, list[tuple[int, float]]] = {}
         for part in {target.part for target in self.strikes.to}:
-            made = self.piece.instruments.get(part)
-            for act in () if made is None else made.acts:
+            instrument = self.piece.instruments.get(part)
+            for act in () if instrument is None else instrument.acts:
                 if act.release is None:
                     continue
                 dampers = [
@@ -253,8 +253,8 @@ class Striking:
                 ]
                 for target in act.targets if dampers else ():
                     for mat in self._members(target):
-                        found.setdefault(mat, []).extend(dampers)
-        return found
+                        releases.setdefault(mat, []).extend(dampers)
+        return releases
 
     @cached_property
     def _reaches(self) -> Mapping[int, Reach]:

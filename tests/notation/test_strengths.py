@@ -65,14 +65,14 @@ def test_level_written_and_read(text, factor):
 
 def test_levels_in_turn():
     pattern = levels("f p 2mNs p..f")
-    assert [pattern.at(n, 99) for n in range(5)] == [*map(level, ("f", "p", "2mNs", "p..f", "f"))]
+    assert [pattern.step(n, 99) for n in range(5)] == [*map(level, ("f", "p", "2mNs", "p..f", "f"))]
 
 
 def test_line_of_strengths_over_eight():
     line = levels("ppp -> fff")
-    strengths = [line.at(n, 8).low for n in range(8)]
+    strengths = [line.step(n, 8).low for n in range(8)]
     assert strengths == pytest.approx([n / 7 for n in range(8)])
-    assert line.at(0, 1) == level("ppp")
+    assert line.step(0, 1) == level("ppp")
 
 
 @pytest.mark.parametrize(

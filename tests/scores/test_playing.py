@@ -58,8 +58,10 @@ def impulses(text: str) -> list[tuple[float, float]]:
 
 
 def test_table_with_strengths():
-    made = piece("strikes:\n  s: |\n    1|1  drum small  f\n    1|2  drum\n    1|3  small  p!\n")
-    (strikes,) = made.strikes
+    score_piece = piece(
+        "strikes:\n  s: |\n    1|1  drum small  f\n    1|2  drum\n    1|3  small  p!\n"
+    )
+    (strikes,) = score_piece.strikes
     assert [hit.level.written for hit in strikes.hits] == [
         str(5 / 7),
         str(5 / 7),
@@ -172,10 +174,10 @@ def test_wrong_act_told_once(play, code, part):
 
 
 def test_route_level_counts_from_loudness():
-    made = piece(
+    score_piece = piece(
         "mix: {channels: 2, route: [{from: drum, to: [1, 2], level: -20LUFS, gain: -6dB}]}\n"
     )
-    (route,) = made.mix.routes
+    (route,) = score_piece.mix.routes
     assert route.ratio == pytest.approx(10 ** ((12 - 6) / 20) / math.sqrt(2))
 
 
@@ -204,8 +206,8 @@ instruments:
 
 
 def modules_of(text: str) -> set[str]:
-    made = piece(text, BOWED)
-    return {module.name for module in made.instruments["reed"].modules}
+    score_piece = piece(text, BOWED)
+    return {module.name for module in score_piece.instruments["reed"].modules}
 
 
 def test_act_brings_its_modules_once_played():
@@ -217,13 +219,15 @@ def test_act_brings_its_modules_once_played():
 
 def test_module_of_instrument_stands_for_one_of_act():
     text = BOWED.replace("{m: {CEL", "{bow: {MAS: {M: 2kg}}, m: {CEL")
-    made = piece("strikes: {s: {to: reed.bow, at: 0, impulse: 1mNs}}\n", text)
-    assert [m.name for m in made.instruments["reed"].modules] == ["bow", "m"]
+    score_piece = piece("strikes: {s: {to: reed.bow, at: 0, impulse: 1mNs}}\n", text)
+    assert [m.name for m in score_piece.instruments["reed"].modules] == ["bow", "m"]
 
 
 def test_each_second_stroke_turns():
-    made = piece("strikes: {s: {to: reed, at: 0, every: 1, times: 4, impulse: fff}}\n", BOWED)
-    staged = stage(made)
+    score_piece = piece(
+        "strikes: {s: {to: reed, at: 0, every: 1, times: 4, impulse: fff}}\n", BOWED
+    )
+    staged = stage(score_piece)
     each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
     assert [e.impulse for strikes in each for e in strikes] == [1.0, -1.0, 1.0, -1.0]
 
@@ -289,8 +293,8 @@ def test_release_lifts_and_lets_down(fields, expected):
 
 
 def test_note_is_damped_where_it_ends():
-    made = piece("strikes: {s: {rhythm: 'c4 ~ c4@2', to: bar, at: 0, times: 1}}\n", DAMPED)
-    staged = stage(made)
+    score_piece = piece("strikes: {s: {rhythm: 'c4 ~ c4@2', to: bar, at: 0, times: 1}}\n", DAMPED)
+    staged = stage(score_piece)
     frames = np.zeros((int(4 * staged.rate), staged.simulation.n_out))
     staged.simulation.process(frames)
     levels = np.abs(frames).sum(axis=1)[: int(4 * staged.rate)].reshape(40, -1).max(axis=1)
@@ -309,9 +313,13 @@ def library() -> list[tuple[str, str, Instrument]]:
         loaded = load(path)
         assert loaded.piece is not None, loaded.diagnostics
         for name in dict.fromkeys([*loaded.piece.instruments, *loaded.piece.families]):
-            made = loaded.piece.playable(name)
-            if made is not None and made.acts and name not in loaded.piece.note_families():
-                instruments.append((path.stem, name, made))
+            instrument = loaded.piece.playable(name)
+            if (
+                instrument is not None
+                and instrument.acts
+                and name not in loaded.piece.note_families()
+            ):
+                instruments.append((path.stem, name, instrument))
     return instruments
 
 

@@ -37,8 +37,8 @@ def piece(text: str, head: str = DRUMS) -> Piece:
 
 def falls(fields: str) -> list[str]:
     """Every stroke of a rhythm, as its beat and its word."""
-    made = piece(f"strikes: {{s: {{{fields}}}}}\n")
-    return [f"{beat:.9g} {hit.what}" for beat, _, hit in made.strikes[0].falls(made)]
+    score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
+    return [f"{beat:.9g} {hit.what}" for beat, _, hit in score_piece.strikes[0].falls(score_piece)]
 
 
 @pytest.mark.parametrize(
@@ -68,39 +68,39 @@ def test_cycles_follow_meter():
     """A cycle is a bar, also where the meter changes."""
     tempo = "tempo: [{at: 1|1, bpm: 60, meter: 3/4}, {at: 2|1, meter: 4/4}]\n"
     head = DRUMS.replace("tempo: {bpm: 60}\n", tempo)
-    made = piece("strikes: {s: {rhythm: 'kick kick', at: 0, times: 2}}\n", head)
-    assert [beat for beat, *_ in made.strikes[0].falls(made)] == [0, 1.5, 3, 5]
+    score_piece = piece("strikes: {s: {rhythm: 'kick kick', at: 0, times: 2}}\n", head)
+    assert [beat for beat, *_ in score_piece.strikes[0].falls(score_piece)] == [0, 1.5, 3, 5]
 
 
 def test_levels_of_words_and_cycle():
     fields = "rhythm: 'kick hat:p kick:2mNs hat', at: 0, times: 1, impulse: f mf, do: scale 0.5"
-    made = piece(f"strikes: {{s: {{{fields}}}}}\n")
-    hits = [hit for *_, hit in made.strikes[0].falls(made)]
+    score_piece = piece(f"strikes: {{s: {{{fields}}}}}\n")
+    hits = [hit for *_, hit in score_piece.strikes[0].falls(score_piece)]
     amounts = [hit.level.impulse(hit.reach, max) for hit in hits]
     expected = [1e-3 * 16 ** (5 / 7), 1e-3 * 4 ** (2 / 7), 2e-3, 1e-3 * 4 ** (4 / 7)]
     assert amounts == pytest.approx([amount / 2 for amount in expected])
 
 
 def test_note_and_transposed_note_strike_members():
-    made = piece("strikes: {s: {rhythm: c4, to: bar, at: 0, times: 1, do: transpose 7st}}\n")
-    assert [target.part for target in made.strikes[0].to] == ["bar.G4"]
+    score_piece = piece("strikes: {s: {rhythm: c4, to: bar, at: 0, times: 1, do: transpose 7st}}\n")
+    assert [target.part for target in score_piece.strikes[0].to] == ["bar.G4"]
 
 
 def test_same_strokes_from_middle():
     """Strokes between two beats are those of the entire rhythm, by chance too."""
-    made = piece(
+    score_piece = piece(
         "strikes: {s: {rhythm: 'kick? [hat|kick] hat*3?', at: 1, times: 64, do: 'sometimes rev'}}\n"
     )
-    every = [*made.strikes[0].falls(made)]
+    every = [*score_piece.strikes[0].falls(score_piece)]
     assert 100 < len(every) < 300
     for since, before in [(0.0, 9.0), (17.3, 100.0), (250.0, 1e9), (33.0, 33.0)]:
         part = [fall for fall in every if since - 1e-9 <= fall[0] < before - 1e-9]
-        assert [*made.strikes[0].falls(made, since, before)] == part
+        assert [*score_piece.strikes[0].falls(score_piece, since, before)] == part
 
 
 def test_ergons_of_rhythm():
-    made = piece("strikes: {s: {rhythm: 'kick hat', at: 0, times: 2, impulse: fff}}\n")
-    staged = stage(made)
+    score_piece = piece("strikes: {s: {rhythm: 'kick hat', at: 0, times: 2, impulse: fff}}\n")
+    staged = stage(score_piece)
     each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
     ergons = sorted((e.at, e.impulse) for strikes in each for e in strikes)
     expected = [(0, 16e-3), (2, 4e-3), (4, 16e-3), (6, 4e-3)]
@@ -109,10 +109,10 @@ def test_ergons_of_rhythm():
 
 def test_block_of_text_as_rhythm():
     """A rhythm may be written in several lines."""
-    made = piece(
+    score_piece = piece(
         "strikes:\n  s:\n    at: 0\n    times: 1\n    rhythm: |\n      kick ~,\n      hat*2\n"
     )
-    assert len([*made.strikes[0].falls(made)]) == 3
+    assert len([*score_piece.strikes[0].falls(score_piece)]) == 3
 
 
 @pytest.mark.parametrize(
@@ -168,18 +168,18 @@ def test_end_puts_until():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
     after = edits.end(texts(), before, before.strikes[0], 8.0)
-    made = after.load().piece
-    assert made is not None
-    assert len([*made.strikes[0].falls(made)]) == 6
+    score_piece = after.load().piece
+    assert score_piece is not None
+    assert len([*score_piece.strikes[0].falls(score_piece)]) == 6
 
 
 def test_kept_bars_written_out():
     before = load("s.yaml", text=TEXT).piece
     assert before is not None
-    kept = keep(texts(), before, "two", 6.0, 12.0)
-    made = kept.load().piece
-    assert made is not None, kept.load().diagnostics
-    beats = [beat for beat, *_ in made.strikes[0].falls(made)]
+    excerpt = keep(texts(), before, "two", 6.0, 12.0)
+    score_piece = excerpt.load().piece
+    assert score_piece is not None, excerpt.load().diagnostics
+    beats = [beat for beat, *_ in score_piece.strikes[0].falls(score_piece)]
     expected = [beat - 6.0 for beat, *_ in before.strikes[0].falls(before, 6.0, 12.0)]
     assert beats == pytest.approx(expected)
 
@@ -207,18 +207,18 @@ def test_do_writes_strikes_as_rhythm(fields, rhythm):
     line = after.text.splitlines()[-1]
     for part in rhythm.split(", "):
         assert part in line
-    made = after.load().piece
-    assert made is not None, after.load().diagnostics
+    score_piece = after.load().piece
+    assert score_piece is not None, after.load().diagnostics
     if "chance" in fields or "choose" in fields:  # other draws
         return
-    ergons = [ergons_of(each, 12.0) for each in (before, made)]
+    ergons = [ergons_of(each, 12.0) for each in (before, score_piece)]
     assert ergons[0] == pytest.approx(ergons[1])
     assert len(ergons[0]) > 4
 
 
-def ergons_of(made: Piece, before: float) -> list[float]:
+def ergons_of(score_piece: Piece, before: float) -> list[float]:
     """The instants of all strikes before an instant [s]."""
-    staged = stage(made)
+    staged = stage(score_piece)
     each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
     return sorted(e.at for strikes in each for e in strikes if e.at < before)
 

@@ -93,7 +93,7 @@ class Levels:
         """All levels times a factor."""
         return replace(self, steps=tuple(step.scaled(factor) for step in self.steps))
 
-    def at(self, number: int, count: int) -> Level:
+    def step(self, number: int, count: int) -> Level:
         """The level of a strike of so many."""
         if not self.is_line:
             return self.steps[number % len(self.steps)]
@@ -206,24 +206,24 @@ def levels(text: str) -> Levels:
         message = f"a pattern has at most {MAX_STEPS:,} levels"
         raise TextError(message, offset=words[MAX_STEPS][1], code="E105")
     arrows = [place for word, place in words if word == "->"]
-    found = []
+    steps = []
     for word, place in words:
         if word == "->":
             continue
         try:
-            found.append(level(word))
+            steps.append(level(word))
         except TextError as error:
             error.offset += place
             raise
     if not arrows:
-        return Levels(tuple(found))
+        return Levels(tuple(steps))
     is_pair = len(words) == 3 and words[1][0] == "->"
-    is_alike = is_pair and found[0].is_strength == found[1].is_strength
-    is_plain = all(step.low == step.high and step.factor == 1.0 for step in found)
+    is_alike = is_pair and steps[0].is_strength == steps[1].is_strength
+    is_plain = all(step.low == step.high and step.factor == 1.0 for step in steps)
     if not (is_alike and is_plain):
         message = "a line goes from one level to another of its kind, such as p -> f"
         raise TextError(message, offset=arrows[0], length=2, code="E204")
-    return Levels(tuple(found), is_line=True)
+    return Levels(tuple(steps), is_line=True)
 
 
 # A quantity may have a space before its unit: `2 mNs`.
