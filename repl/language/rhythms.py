@@ -16,7 +16,7 @@ from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of, name_of, note_of
+from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of, name_of, notes_of
 
 NO_TRANSFORMS = "none"  # `d1 do none` ends all transformations
 _OPTIONS = {
@@ -76,7 +76,7 @@ def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
     for struck in compiled(text, "").leaves:
         name = name_of(struck)
-        if note_of(name) or name == HERE:
+        if notes_of(name) or name == HERE:
             if to:
                 name = to
             else:

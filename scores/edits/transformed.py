@@ -50,6 +50,8 @@ def transform(texts: Texts, piece: Piece, name: str, at: float, do: str) -> Text
             body["skip"] = str(first)
         if strikes.times is not None:
             body["times"] = str(strikes.times - passed)
+        if strikes.span is not None and stop is not None:
+            body = {**body, "for": "", "until": written(piece, stop)}
         for field in [field for field, value in body.items() if value == ""]:
             del body[field]
         new = strikes.name if where <= begin + SAME else free_name(name, taken)

@@ -28,7 +28,7 @@ from ergon.scores.reading.rhythms import (
     key_of,
     level_of,
     name_of,
-    note_of,
+    notes_of,
 )
 
 
@@ -64,10 +64,13 @@ def _voice(
     leaf: Struck, place: Place, names: NoteTargets, who: str, *, is_strength: bool
 ) -> Voice | None:
     """What a word of a rhythm strikes; None if an error was reported."""
-    word = Name(note_of(name_of(leaf)) or name_of(leaf), place)
+    word = Name(name_of(leaf), place)
+    words = tuple(Name(note, place) for note in notes_of(word)) or (word,)
     collector, n_reports = names.part_names.collector, names.part_names.collector.told
     try:
-        struck = names.moved(word, leaf.semitones) if leaf.semitones else word
+        struck = tuple(
+            names.moved(note, leaf.semitones) if leaf.semitones else note for note in words
+        )
     except TextError as error:
         collector.error("E306", f"{who}: {error.message}", place)
         return None
@@ -75,7 +78,7 @@ def _voice(
     if word == HERE and names.to:
         targets = [t for name in names.to for t in names.part_names.struck(name, who)]
     else:
-        targets = names.targets(Row(Length(), (struck,), None, place, (word,)), who)
+        targets = names.targets(Row(Length(), struck, None, place, words), who)
     by_reach: dict[Reach | None, list[Target]] = {}
     for target in targets:
         reach = names.part_names.sure_reach(target, who) if is_strength else None

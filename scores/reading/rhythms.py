@@ -14,15 +14,19 @@ from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import Text
 from ergon.notation.tables.strengths import Level, Levels, Reach, level
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
-from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, Event, chance_from
+from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, chance_from
 from ergon.scores.pattern.rhythm_text import WORD, Struck, parse
 
 HERE = "x"  # the word for what `to` names
 LONGEST_CYCLES = 8.0  # of a note: one that lasts longer is looked for no farther back
 MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
-_REMEMBERED = 256  # rhythms whose cycles are remembered: those of a long session
+_REMEMBERED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
+
+# Where in its cycle an event begins, how many cycles it lasts, and its word.
+_CycleEvent = tuple[float, float, Struck]
 
 # What a word strikes, for each reach: a strength means another impulse on each instrument.
 Voice = tuple[tuple[tuple[Target, ...], Reach | None], ...]
@@ -84,21 +88,18 @@ class Rhythm:
             begin, end = (self.begin(tempo, at, n) for n in (turn, turn + 1))
             number = self.first + turn
             events = source(number)
-            for index, event in enumerate(events):
-                share = float(event.begin - number)
-                loud = level_of(event.what) or levels.step(index, len(events))
-                loud = loud.scaled(event.what.factor) if event.what.factor != 1.0 else loud
+            for index, (share, lasting, struck) in enumerate(events):
+                loud = level_of(struck) or levels.step(index, len(events))
+                loud = loud.scaled(struck.factor) if struck.factor != 1.0 else loud
                 beat = begin + share * (end - begin)
-                cycles_long = min(float(event.end - event.begin), LONGEST_CYCLES)
-                lasting = cycles_long * (end - begin)
-                key = key_of(event.what)
-                yield Stroke(beat, number * MAX_EVENTS + index, key, loud, lasting)
+                long = lasting * (end - begin)
+                yield Stroke(beat, number * MAX_EVENTS + index, key_of(struck), loud, long)
 
     def strokes_per_cycle(self, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles."""
         source = _cycles_of(self.text, self.do, *draws)
         return max(
-            sum(sum(len(to) for to, _ in self.voices[key_of(event.what)]) for event in events)
+            sum(sum(len(to) for to, _ in self.voices[key_of(struck)]) for *_, struck in events)
             for events in map(source, range(_TRIED))
         )
 
@@ -132,14 +133,21 @@ def compiled(text: str, do: str) -> Cycles[Struck]:
 
 
 @lru_cache(_REMEMBERED)
-def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[Event[Struck]]]:
-    """The events of a cycle by its number; those that were asked for are kept."""
+def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[_CycleEvent]]:
+    """The events of a cycle by its number; those that were asked for are remembered."""
     cycles, chance = compiled(text, do), chance_from(seed, who)
-    known: dict[int, list[Event[Struck]]] = {}
+    known: dict[int, list[_CycleEvent]] = {}
 
-    def events(number: int) -> list[Event[Struck]]:
+    def events(number: int) -> list[_CycleEvent]:
         if number not in known:
-            known[number] = cycles.onsets(number, chance)
+            known[number] = [
+                (
+                    float(event.begin - number),
+                    min(float(event.end - event.begin), LONGEST_CYCLES),
+                    event.what,
+                )
+                for event in cycles.onsets(number, chance)
+            ]
         return known[number]
 
     return events
@@ -176,12 +184,35 @@ def note_of(word: str) -> str | None:
     return note if notes.number(note) is not None else None
 
 
+def notes_of(word: str) -> tuple[str, ...]:
+    """The notes that a word means: of `c4` one, of `c4.min7` those of a chord or a scale, all
+    together; none of a name. Raises TextError for a chord that has no name.
+    """
+    root, dot, chord = word.partition(".")
+    low = note_of(root)
+    if low is None:
+        return ()
+    if not dot:
+        return (low,)
+    if chord not in notes.SCALES:
+        message = f"{quote(chord)} is not the name of a chord or a scale"
+        near = nearest(chord, notes.SCALES)
+        raise TextError(message, offset=len(root) + 1, length=len(chord), suggestion=near)
+    number = notes.number(low) or 0
+    return tuple(notes.name(number + step) for step in notes.SCALES[chord])
+
+
 def check_text(text: str) -> str:
     """The text itself, if it is a rhythm and its words say levels as they should.
 
     Raises TextError.
     """
     for struck in compiled(text, "").leaves:
+        try:
+            notes_of(name_of(struck))
+        except TextError as error:
+            error.offset += struck.offset
+            raise
         try:
             level_of(struck)
         except TextError as error:

@@ -155,6 +155,7 @@ def test_undo_returns_the_rhythm(stepped: Stepped):
         ('d1 = "kick" do revv', 15, "unknown transformation"),
         ('d1 = "kick" to baar', 15, "'baar' is not an instrument"),
         ('d1 = "kick', 5, "quote at the end"),
+        ('bar = "c4.moll"', 10, "name of a chord"),
         ('d1 = "kick:loud"', 11, "neither an impulse"),
         ('d1 = "kick" do', 13, "a transformation is missing"),
         ("d1 do rev", 0, "'d1' is not"),

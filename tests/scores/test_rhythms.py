@@ -54,6 +54,7 @@ def falls(fields: str) -> list[str]:
         ("rhythm: 'kick hat', at: 0, times: 2, do: every 2 rev", "0 hat, 2 kick, 4 kick, 6 hat"),
         ("rhythm: 'kick ~', at: 0, times: 1, do: [ply 2, late 1/8]", "0.5 kick, 1.5 kick"),
         ("rhythm: 'c4 e4', to: bar, at: 0, times: 1", "0 c4, 2 e4"),
+        ("rhythm: 'c4.min ~', to: bar, at: 0, times: 1", "0 c4.min"),
         (
             "rhythm: 'c4 ~', to: bar, at: 0, times: 1, do: off 1/4 transpose 12st",
             "0 c4, 1 c4+12",
@@ -84,6 +85,12 @@ def test_levels_of_words_and_cycle():
 def test_note_and_transposed_note_strike_members():
     score_piece = piece("strikes: {s: {rhythm: c4, to: bar, at: 0, times: 1, do: transpose 7st}}\n")
     assert [target.part for target in score_piece.strikes[0].to] == ["bar.G4"]
+
+
+def test_chord_strikes_its_notes_together():
+    fields = "rhythm: c4.min7, to: bar, at: 0, times: 1, do: transpose 2st"
+    (strikes,) = piece(f"strikes: {{s: {{{fields}}}}}\n").strikes
+    assert [target.part for target in strikes.to] == ["bar.D4", "bar.F4", "bar.A4", "bar.C5"]
 
 
 def test_same_strokes_from_middle():
@@ -123,6 +130,7 @@ def test_block_of_text_as_rhythm():
         ("rhythm: 'kick bare', at: 0, times: 1", "E103", 29, "'bare' has no `play`"),
         ("rhythm: 'c4', at: 0, times: 1", "E103", 24, "'C4' is a note; write `to`"),
         ("rhythm: 'c3', to: bar, at: 0, times: 1", "E301", 24, "has no note 'C3'"),
+        ("rhythm: 'c4.moll', to: bar, at: 0, times: 1", None, 27, "name of a chord"),
         ("rhythm: 'kick:loud', at: 0, times: 1", None, 29, "neither an impulse"),
         ("rhythm: 'kick', at: 0", "E103", None, "the rhythm has no end"),
         ("rhythm: 'kick', times: 1", "E103", None, "has no 'at'"),
@@ -221,6 +229,16 @@ def ergons_of(score_piece: Piece, before: float) -> list[float]:
     staged = stage(score_piece)
     each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
     return sorted(e.at for strikes in each for e in strikes if e.at < before)
+
+
+def test_do_keeps_the_end_of_a_rhythm():
+    text = f"{DRUMS}strikes:\n  s: {{rhythm: kick*2, at: 1|1, for: 16}}\n"
+    before = load("s.yaml", text=text).piece
+    assert before is not None
+    after = transform(texts(text), before, "s", 6.0, "fast 1").load().piece
+    assert after is not None
+    beats = [beat for strikes in after.strikes for beat, *_ in strikes.falls(after)]
+    assert beats == [0, 2, 4, 6, 8, 10, 12, 14]
 
 
 def test_no_mistake_in_plain_rhythm():
