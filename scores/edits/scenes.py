@@ -124,7 +124,10 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     ends += [found[-1] for found in piece.starts if found]
     for strikes in piece.strikes:
         begin = tempo.resolve(strikes.at)
-        ends += [beat for beat, *_ in strikes.falls(piece)]
+        if strikes.rhythm is None:
+            ends += [beat for beat, *_ in strikes.falls(piece)]
+        elif strikes.until is None and strikes.span is None:
+            ends.append(strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo)))
         ends.append(begin if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             ends.append(tempo.after(begin, strikes.span))
