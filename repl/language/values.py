@@ -461,6 +461,15 @@ def module_names(scope: Scope) -> dict[str, str]:
     }
 
 
+def act_names(scope: Scope) -> dict[str, str]:
+    """The acts by which a line may play an instrument, each with a hint."""
+    return {
+        f"{part}.{act}": f"a way to play {part}"
+        for part, acts in scope.acts.items()
+        for act in acts
+    }
+
+
 def up_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
     """Names, each up to the first dot behind what is typed."""
     for name, hint in names.items():
@@ -472,6 +481,7 @@ def up_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
 def struck_completions(context: CompletionContext) -> Iterator[Completion]:
     """Instruments that a line may play; behind a dot, the modules of one."""
     if "." in context.typed:
+        yield from up_to_dot(context.typed, act_names(context.scope))
         yield from up_to_dot(context.typed, module_names(context.scope))
     else:
         yield from name_completions(playable(context.scope))

@@ -229,8 +229,11 @@ def _striking(strikes: Strikes) -> str:
     struck = [*dict.fromkeys(target.text for target in strikes.to)]
     struck = struck or [*dict.fromkeys(hit.what for hit in strikes.hits)]
     more = ", …" if len(struck) > _STRUCK_MAX else ""
-    span = f"from {strikes.at.text}{_until(strikes.until)}"
-    return f"{strikes.name} (strikes): {', '.join(struck[:_STRUCK_MAX])}{more} {span}"
+    what = f"{', '.join(struck[:_STRUCK_MAX])}{more}"
+    if (rhythm := strikes.rhythm) is not None:
+        do = f" do {rhythm.do}" if rhythm.do else ""
+        what = f'"{" ".join(rhythm.text.split())}"{do}'
+    return f"{strikes.name} (strikes): {what} from {strikes.at.text}{_until(strikes.until)}"
 
 
 def _entry(play: Play) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sessions import Stepped
 
+from ergon.repl.language.complete import complete
 from ergon.repl.language.parse import first_error
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session.version import piece_of
@@ -183,3 +184,14 @@ def test_do_refused_without_cycles(stepped: Stepped):
 def test_pasted_lines_know_what_the_first_brings_in(stepped: Stepped):
     stepped.ok("use friction")
     stepped.ok('d1 = "saw*2"\ngain saw -3dB\nd1 do rev')
+
+
+def test_voices_show_rhythms(stepped: Stepped):
+    stepped.ok('d1 = "kick*2, ~ hat" p do every 2 rev')
+    (line,) = [line for line in stepped.ok("voices").lines if line.startswith("d1")]
+    assert line == 'd1 (strikes): "kick*2, ~ hat" do every 2 rev from 1|1'
+
+
+def test_tab_offers_acts():
+    offered = {offer.text for offer in complete("d1 strikes kick.", 16, SCOPE)}
+    assert "kick.strike" in offered
