@@ -62,6 +62,7 @@ class Checker:
         memory, file = self.uses.files.memory, score.node.document.file
         times = Times(score, self.collector, memory)
         self.gestures_and_takes.own(score.place)
+        self._has_quarters = times.map.bars.has_quarters
         self.matter.read()
         strikes = KnownEntries(memory, "strikes", file).read(
             score["strikes"] or (),
@@ -235,6 +236,8 @@ class Checker:
         kind = melodies.kind_of(values)
         if kind in melodies.MELODIES:
             found = melodies.hits_of(values, self.part_names, self._phrases(), self.uses.files)
+            if found is not None and not self._has_quarters and kind == "play":
+                found = melodies.in_quarters(self._phrases()[values["play"]], *found)
             return None if found is None else build.melody(values, *found)
         if kind == "rhythm":
             return rhythm_strikes.strikes_of_rhythm(values, self.part_names)

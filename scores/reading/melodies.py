@@ -90,6 +90,26 @@ def hits_of(
     return None if found is None else (_hits(found[0], found[1], who), found[2])
 
 
+def in_quarters(
+    phrase: Values, hits: tuple[Hit, ...], length: Length | None
+) -> tuple[tuple[Hit, ...], Length | None]:
+    """The hits and the length of what strikes play; of a MIDI file in quarter notes, which are not
+    beats where the meter has other notes.
+    """
+    if not is_midi(phrase):
+        return hits, length
+
+    def quarters(of_file: Length) -> Length:
+        return replace(of_file, beats=0.0, quarters=of_file.beats)
+
+    moved = (
+        replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
+        for hit in hits
+        if isinstance(hit.at, Length)
+    )
+    return tuple(moved), length and quarters(length)
+
+
 def played(
     phrase: Values, values: Values, voices: NoteTargets, files: Files
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:

@@ -265,7 +265,7 @@ class Strikes:
             return [0.0]
         until = None if self.until is None else tempo.resolve(self.until)
         at, every, times = tempo.resolve(self.at), self.every, self.times
-        if self.length.bars and every is None:
+        if (self.length.bars or self.length.quarters) and every is None:
             every = self.length
         own = Time(self.length.beats, self.length.seconds)
         return starts(tempo, at, own, every=every, times=times, until=until)

@@ -7,6 +7,7 @@ import mido
 import numpy as np
 import pytest
 
+from ergon.notation.clock.meter import Bars, Meter
 from ergon.scores.gesture import midi_file
 from ergon.scores.gesture.midi_file import MidiNote, read_notes
 from ergon.scores.gesture.take_file import TakeError
@@ -108,6 +109,38 @@ def test_it_reads_what_mido_reads(tmp_path, seed):
             theirs.append([now / 480, message.note, message.velocity, now])
     assert not is_open
     assert sorted(read_notes(path).notes) == sorted(MidiNote(*note) for note in theirs)
+
+
+@pytest.mark.parametrize("meter", ["4/4", "3/4", "6/8", "5/8", "2/2", "3/2"])
+def test_instants_are_those_of_mido_in_every_meter(tmp_path, meter):
+    """A quarter note of the file is one of the score, whatever note its beats are."""
+    path = tune(tmp_path / "tune.mid")
+    file = mido.MidiFile(path)
+    now, theirs = 0.0, []
+    for message in file:  # mido gives seconds, by the tempo of the file
+        now += message.time
+        if message.type == "note_on" and message.velocity:
+            theirs.append(now)
+    unit = int(meter.partition("/")[2])
+    bpm = 60e6 / 700_000 * unit / 4  # the file has 0.7 s a quarter
+    head = CELLS.replace("{at: 1|1, bpm: 240}", f"{{at: 1|1, bpm: {bpm!r}, meter: {meter}}}")
+    text = "takes: {t: {file: tune.mid, velocity: 1mNs}}\n"
+    text += "strikes: {s: {play: t, to: cell, at: 0, times: 2}}\n"
+    piece = load(tmp_path / "s.yaml", text=head + text).piece
+    assert piece is not None
+    seconds = [piece.tempo_map.seconds(beat) for beat, *_ in piece.strikes[0].falls(piece)]
+    length = 0.7 * 4
+    expected = sorted([*theirs, *(instant + length for instant in theirs)])
+    assert sorted(seconds) == pytest.approx(expected, abs=1e-9)
+
+
+def test_quarters_across_a_change_of_meter():
+    bars = Bars()
+    bars.change(0.0, Meter(3, 4, (3,)))
+    bars.change(3.0, Meter(6, 8, (6,)))
+    bars.change(9.0, Meter(2, 2, (2,)))
+    assert [bars.after_quarters(0.0, q) for q in (1.0, 3.0, 3.5, 6.0, 8.0)] == [1, 3, 4, 9, 10]
+    assert bars.after_quarters(4.0, 2.5) == 9.0
 
 
 def test_pedal_holds_notes_until_it_comes_up(tmp_path):

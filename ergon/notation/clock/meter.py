@@ -95,6 +95,22 @@ class Bars:
         beats = self._meters[i].beats
         return self._starts[i] + (bar - self._bars[i]) * beats, beats
 
+    def after_quarters(self, beats: float, quarters: float) -> float:
+        """The beat of the piece that lies so many quarter notes after another."""
+        i = max(0, bisect_right(self._starts, beats + SAME) - 1)
+        while i + 1 < len(self._starts):
+            unit = self._meters[i].unit
+            room = (self._starts[i + 1] - beats) * 4.0 / unit
+            if quarters <= room:
+                break
+            beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
+        return beats + quarters * self._meters[i].unit / 4.0
+
+    @property
+    def has_quarters(self) -> bool:
+        """Whether every beat is a quarter note."""
+        return all(meter.unit == 4 for meter in self._meters)
+
     def changes(self) -> list[tuple[float, int, Meter]]:
         """Every meter as (beat of the piece, bar, meter)."""
         return list(zip(self._starts, self._bars, self._meters, strict=True))

@@ -50,7 +50,7 @@ def starts(
     step = Length(0.0, *length) if every is None else every
     if times is None and until is None:
         times = 1
-    if times != 1 and not max(step.bars, step.beats, step.seconds) > 0.0:
+    if times != 1 and not step.is_some:
         raise TextError(
             "the gesture has no duration; write the time between repetitions, such as every: 1"
             if every is None
@@ -58,7 +58,7 @@ def starts(
         )
     count = room + 1 if times is None else times
     stop = float("inf") if until is None else until - SAME
-    mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds)) > 1
+    mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds, step.quarters)) > 1
     if step.beats and not mixed:  # a session repeats without end: thousands of occurrences
         most = min(count, room)
         if stop < at + step.beats * most:

@@ -31,15 +31,25 @@ _MARK = re.compile(rf"([^\W\d]\w*+(?:-[^\W\d]\w*+)*+){_PLUS}")
 
 @dataclass(frozen=True, slots=True)
 class Length:
-    """A length as written, in bars, beats or seconds; fields that are not written are 0."""
+    """A length as written, in bars, beats or seconds; fields that are not written are 0.
+
+    Lengths of a MIDI file are in quarter notes, which are beats where the meter has quarters.
+    """
 
     bars: float = 0.0
     beats: float = 0.0
     seconds: float = 0.0
+    quarters: float = field(default=0.0, metadata={"hash_omits_empty": True})
 
     def times(self, count: float) -> "Length":
         """The length `count` times over."""
-        return Length(self.bars * count, self.beats * count, self.seconds * count)
+        bars, beats, seconds = self.bars * count, self.beats * count, self.seconds * count
+        return Length(bars, beats, seconds, self.quarters * count)
+
+    @property
+    def is_some(self) -> bool:
+        """Whether it is longer than nothing."""
+        return max(self.bars, self.beats, self.seconds, self.quarters) > 0.0
 
 
 @dataclass(frozen=True, slots=True)

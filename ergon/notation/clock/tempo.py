@@ -142,11 +142,13 @@ class TempoMap:
         return max(0.0, beats)
 
     def after(self, beats: float, length: Length) -> float:
-        """The beat that lies `length` after `beats`: bars first, then beats, then seconds."""
+        """The beat that lies `length` after `beats`: bars first, then beats, quarters, seconds."""
         if length.bars:
             bar, beat = self.bars.bar_beat(beats)
             beats = self.bars.start(bar + length.bars) + (beat - 1.0)
         beats += length.beats
+        if length.quarters:
+            beats = self.bars.after_quarters(beats, length.quarters)
         return self.beats(self.seconds(beats) + length.seconds) if length.seconds else beats
 
     def seconds(self, beats: float) -> float:
