@@ -15,6 +15,7 @@ from types import FrameType
 
 Handler = Callable[[int, FrameType | None], None]
 _AGAIN = 0.01  # [s] until a signal that was lost comes again
+_sending: list[int] = []  # signals that threads are sending at this moment
 
 
 class Terminated(BaseException):
@@ -39,6 +40,8 @@ def signals_as_exceptions(
     watched: list[weakref.finalize[[int], Terminated]] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        if over:  # one that came again too late
+            return
         if _is_rescued(frame):  # an exception raised there is dropped too
             _again(number, over)
             return
@@ -47,6 +50,8 @@ def signals_as_exceptions(
         raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
+        if over:
+            return
         arrived.append(number)
         raise watch(Terminated(number))
 
@@ -87,6 +92,8 @@ def signals_as_exceptions(
         raise ended from error
     finally:
         over.append(True)
+        while _sending:  # what is being sent now must not meet the handlers of before
+            time.sleep(_AGAIN)
         for lost in watched:
             lost.detach()
         for number, handler in before.items():
@@ -124,8 +131,12 @@ def _again(number: int, over: list[bool]) -> None:
 
     def come() -> None:
         time.sleep(_AGAIN)
-        if not over:
-            _interrupt(number)
+        _sending.append(number)
+        try:
+            if not over:
+                _interrupt(number)
+        finally:
+            _sending.pop()
 
     # Take no lock of `threading`: a handler may have interrupted the holder of that lock.
     _thread.start_new_thread(come, ())
