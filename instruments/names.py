@@ -127,8 +127,7 @@ class PartNames:
                 self._refuse(name, who, problem, "E301", word=str(name), names=known)
 
     def _bring(self, owner: Part, act: Act) -> None:
-        if act.modules:
-            owner.modules = _with(owner.modules, act)
+        owner.modules = _with(owner.modules, act)
 
     def reach(self, target: Target) -> Reach | None:
         """The impulses of the softest and the hardest stroke at a target; None if its instrument

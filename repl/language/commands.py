@@ -14,6 +14,7 @@ from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.piece import PlayingOptions
+from ergon.scores.reading.rhythms import words_of
 
 
 class Now(Enum):
@@ -111,6 +112,11 @@ class StrikeModules(BlockCommand):
 
     name: str
     fields: Mapping[str, str]
+
+    @property
+    def struck(self) -> tuple[str, ...]:
+        """The paths of what may be struck: those after `to`, and the words of a rhythm."""
+        return (*self.fields.get("to", "").split(), *words_of(self.fields.get("rhythm", "")))
 
 
 @dataclass(frozen=True, slots=True)

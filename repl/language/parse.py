@@ -22,7 +22,6 @@ from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
 from ergon.repl.language.verbs import VERBS
 from ergon.scores.reading.families import library
-from ergon.scores.reading.rhythms import words_of
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
@@ -123,8 +122,7 @@ def _scope_after(scope: Scope, read: Command) -> Scope:
 
 def _scope_after_strikes(scope: Scope, read: StrikeModules) -> Scope:
     """The scope with the name of strikes, and with the instruments that they begin to play."""
-    words = (*read.fields.get("to", "").split(), *words_of(read.fields.get("rhythm", "")))
-    for name in {word.partition(".")[0] for word in words} & scope.available.keys():
+    for name in {path.partition(".")[0] for path in read.struck} & scope.available.keys():
         scope = with_name(scope, "instruments", name)
     return with_name(scope, "strikes", read.name)
 

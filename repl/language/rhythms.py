@@ -13,12 +13,12 @@ from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.striking import check_options, with_level
 from ergon.repl.language.values import Completion, CompletionContext, Value
+from ergon.scores.edits.transformed import NONE
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of, name_of, notes_of
 
-NO_TRANSFORMS = "none"  # `d1 do none` ends all transformations
 _OPTIONS = {
     "to": "bell",
     "impulse": "f",
@@ -32,10 +32,7 @@ _DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
 def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str]:
-    """The fields of strikes with a rhythm, as texts."""
-    if not text.startswith('"'):
-        message = f'{quote(text.split()[0])} is not a rhythm in quotes, such as "kick*4"'
-        raise TextError(message, length=len(text.split()[0]))
+    """The fields of strikes with a rhythm, as texts; the form is tried for quotes alone."""
     end = text.find('"', 1)
     if end < 0:
         message = "the quote at the end of the rhythm is missing"
@@ -126,12 +123,12 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
 def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
     if slots["name"] in scope.players:  # the form before reads it
         raise TextError(f"{quote(slots['name'])} is a player", length=1)
-    return text if text == NO_TRANSFORMS else _transforms(text, 0, "x")
+    return text if text == NONE else _transforms(text, 0, "x")
 
 
 def _offers_do(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
-        yield Completion(NO_TRANSFORMS, "ends all transformations")
+        yield Completion(NONE, "ends all transformations")
     yield from _transform_offers(context.before)
 
 

@@ -111,12 +111,7 @@ def _key(version: Version, name: str) -> str:
 
 def _struck(version: Version, name: str) -> frozenset[str]:
     """The instruments that strikes strike."""
-    parts: set[str] = set()
-    for strikes in named(version.piece, name):
-        voices = [target for voice in strikes.voices.values() for target in voice]
-        hits = [target for hit in strikes.hits for target in hit.to]
-        parts |= {target.part for target in (*strikes.to, *voices, *hits)}
-    return frozenset(parts)
+    return frozenset[str]().union(*(strikes.parts for strikes in named(version.piece, name)))
 
 
 def _played(version: Version) -> frozenset[str]:

@@ -103,9 +103,8 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
     if not acts:
         raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
     act = acts[act_name] if act_name else next(iter(acts.values()))
-    if instrument is not None and any(
-        m.name not in {o.name for o in instrument.modules} for m in act.modules
-    ):
+    known_modules = {module.name for module in instrument.modules} if instrument else set()
+    if not {module.name for module in act.modules} <= known_modules:
         raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
     return [act]
 
@@ -187,31 +186,32 @@ def strike_points(version: Version) -> StrikePoints:
     ]
 
 
+def _maps_of(version: Version, note: int) -> Iterator[MapNotes]:
+    """The maps whose range has a note."""
+    for new in version.maps.values():
+        if isinstance(new, MapNotes) and new.low <= note <= new.high:
+            yield new
+
+
 def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
     """The places that a note strikes, each with its impulse [N·s]."""
-    for own in version.maps.values():
-        if not isinstance(own, MapNotes) or not own.low <= note <= own.high:
-            continue
-        try:
-            struck = _sounding(version, own, note)
-        except NotTakenError:
-            continue
-        for place, reach in struck:
-            if own.impulse is None:
-                yield place, strength_of_velocity(velocity).impulse(reach, max)
-            else:
-                weak, strong = own.impulse
-                yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
+    for notes in _maps_of(version, note):
+        with contextlib.suppress(NotTakenError):
+            for place, reach in _sounding(version, notes, note):
+                if notes.impulse is None:
+                    yield place, strength_of_velocity(velocity).impulse(reach, max)
+                else:
+                    weak, strong = notes.impulse
+                    yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
 
 
 def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:
     """The places that the end of a note strikes, each with its impulse [N·s]; its beginning strikes
     them by the opposite.
     """
-    for own in version.maps.values():
-        if isinstance(own, MapNotes) and own.low <= note <= own.high:
-            with contextlib.suppress(NotTakenError):
-                yield from _released(version, own, note)
+    for notes in _maps_of(version, note):
+        with contextlib.suppress(NotTakenError):
+            yield from _released(version, notes, note)
 
 
 def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Place, float]]:
@@ -227,10 +227,9 @@ def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Pl
 
 def run_lines(version: Version, note: int) -> Iterator[str]:
     """The lines that run the blocks to which a note is mapped."""
-    for own in version.maps.values():
-        is_hit = isinstance(own, MapNotes) and own.low <= note <= own.high and own.impulse is None
-        if is_hit and own.target in version.piece.blocks:
-            yield f"run {own.target} now"
+    for notes in _maps_of(version, note):
+        if notes.impulse is None and notes.target in version.piece.blocks:
+            yield f"run {notes.target} now"
 
 
 def controller_line(moved: Control, version: Version) -> str | None:

@@ -44,7 +44,6 @@ from ergon.scores.edits import (
 from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
-from ergon.scores.reading.rhythms import words_of
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
@@ -105,8 +104,7 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     piece = version.piece
     texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
-    words = (*command.fields.get("to", "").split(), *words_of(command.fields.get("rhythm", "")))
-    return families.played(texts, piece, words)
+    return families.played(texts, piece, command.struck)
 
 
 @edits_texts(c.DoStrikes)

@@ -110,7 +110,7 @@ def steps(
     if every is None and course.pattern.euclid is not None:
         every = Length(bars=1.0 / course.pattern.euclid.steps)
     if every is not None:
-        if not max(every.bars, every.beats, every.seconds) > 0.0:
+        if not every.is_some:
             raise TextError("'every' must be above 0")
         beat = _even(tempo, at, course, every)
     else:

@@ -161,7 +161,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
             node = v.nodes["to"]
             value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
             points = (CurvePoint(Time(), one_amount(value, module, parameter), v["curve"]),)
-            if not max(v["over"].bars, v["over"].beats, v["over"].seconds) > 0.0:
+            if not v["over"].is_some:
                 v.error("E202", "automation: a glide takes a time above 0", "over")
                 return None
         elif v.written("set"):
@@ -182,7 +182,7 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
             read = reader(module, parameter)
             low, high = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
             swing = Swing(low, high, v["period"], v["shape"], v["phase"])
-            if not max(swing.period.bars, swing.period.beats, swing.period.seconds) > 0.0:
+            if not swing.period.is_some:
                 v.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:

@@ -229,7 +229,7 @@ def transformed(
             length = length.times(transform.amount)
         if transform.word == "from":
             length = _length_after(length, transform)
-            if not found or not max(length.bars, length.beats, length.seconds) > 0.0:
+            if not found or not length.is_some:
                 message = "'from' begins after the last entry of this phrase"
                 raise TextError(message, offset=transform.offset, length=transform.length)
     return found, length

@@ -231,6 +231,11 @@ class Strikes:
     session_gain: float | None = field(default=None, metadata=OMIT_EMPTY)
 
     @property
+    def parts(self) -> frozenset[str]:
+        """The parts that are struck; `to` has the targets of voices, hits and rhythms too."""
+        return frozenset(target.part for target in self.to)
+
+    @property
     def is_melody(self) -> bool:
         """Whether its strikes fall one by one, each with a name: those of a melody or a rhythm."""
         return bool(self.hits) or self.rhythm is not None

@@ -13,7 +13,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import Text
-from ergon.notation.tables.strengths import Level, Levels, Reach, level
+from ergon.notation.tables.strengths import LEVEL, Level, Levels, Reach
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
@@ -115,7 +115,7 @@ def name_of(struck: Struck) -> str:
 def level_of(struck: Struck) -> Level | None:
     """The level that a word says itself, after a colon. Raises TextError."""
     _, colon, text = struck.word.partition(":")
-    return level(text) if colon else None
+    return LEVEL.parse(text) if colon else None  # it remembers what it has read
 
 
 def key_of(struck: Struck) -> str:

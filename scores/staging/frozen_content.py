@@ -63,9 +63,7 @@ def _heard(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
 
 
 def _hits(strikes: Strikes, parts: Collection[str]) -> bool:
-    voices = [target for voice in strikes.voices.values() for target in voice]
-    hits = [target for hit in strikes.hits for target in hit.to]  # those of a rhythm are in `to`
-    return any(target.part in parts for target in (*strikes.to, *voices, *hits))
+    return not strikes.parts.isdisjoint(parts)
 
 
 def _pairs(piece: Piece) -> Iterator[tuple[str, str]]:

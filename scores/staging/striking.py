@@ -89,6 +89,9 @@ class Striking:
         """The ratio by which impulses are scaled."""
         return 1.0 if self.strikes.session_gain is None else self.strikes.session_gain
 
+    def _is_inside(self, instant: float) -> bool:
+        return self.within[0] <= instant < self.within[1]
+
     def _axes(self) -> Iterator[Striking]:
         """The strikes of each axis, with its share of the impulse; random draws are the same on all
         axes.
@@ -148,7 +151,7 @@ class Striking:
                 lasting = hit.lasting
                 stop = None if lasting is None else tempo.seconds(tempo.after(beat, lasting))
                 self._hold(mat, instant, stop)
-            if not self.within[0] <= instant < self.within[1]:
+            if not self._is_inside(instant):
                 continue
             for member, mat in enumerate(mats):
                 self._impel(mat, instant, hit.level, hit.reach, member, number)
@@ -169,7 +172,7 @@ class Striking:
             _core.poll(_STRIKE_STEPS * len(way))
             for number, (share, member) in enumerate(way, turn * len(way)):
                 instant = tempo.seconds(start + share * lasting)
-                if not self.within[0] <= instant < self.within[1]:
+                if not self._is_inside(instant):
                     continue
                 if draws.happens(passing.chance, number, member):
                     count = len(way) * len(rounds)
@@ -191,7 +194,7 @@ class Striking:
             is_last = occurrence + 1 == len(instants)
             for mat in self.mats:
                 self._hold(mat, instant, None if is_last else instants[occurrence + 1])
-            if not self.within[0] <= instant < self.within[1]:
+            if not self._is_inside(instant):
                 continue
             for member, mat in enumerate(self.mats):
                 self._strike(mat, instant, member, occurrence, len(instants))
@@ -234,14 +237,14 @@ class Striking:
         """Let a note ring from its beginning to its end, where its instrument has a release."""
         for damper, impulse in self._releases.get(mat, ()):
             for instant, signed in ((begin, -impulse), (end, impulse)):
-                if instant is not None and self.within[0] <= instant < self.within[1]:
+                if instant is not None and self._is_inside(instant):
                     self.timeline.strike(damper, instant, impulse=signed, source=self.source)
 
     @cached_property
     def _releases(self) -> Mapping[int, Sequence[tuple[int, float]]]:
         """What lets the note of each MAT ring: other MATs, and their impulses [N·s]."""
         releases: dict[int, list[tuple[int, float]]] = {}
-        for part in {target.part for target in self.strikes.to}:
+        for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
                 if act.release is None:

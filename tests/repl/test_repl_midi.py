@@ -6,6 +6,7 @@ import subprocess
 import threading
 from contextlib import closing
 
+import damped_bar
 import numpy as np
 import pytest
 import soundfile
@@ -110,30 +111,7 @@ def test_keyboard_plays_notes_and_acts_by_strengths(tmp_path):
             assert len(resumed.session.schedule.head.maps) == 3
 
 
-DAMPED = """\
-ergon: 1
-instruments:
-  bar:
-    f: A4
-    modules: {m: {CEL: {M: 20g, f: A4, t60: 9s}}}
-    notes: C4..C5
-    out: {SOV: m}
-    play:
-      strike:
-        at: m
-        impulse: 0.1Ns..1Ns
-        release: {at: damper, impulse: 20mNs}
-        with:
-          damper: {MAS: {M: 20g, X0: 5mm}}
-          ground: {SOL: {}}
-          guide: {FRO: {between: [ground, damper], Z: 4Ns/m}}
-          pad:
-            LNL:
-              between: [ground, m]
-              damping: z*v
-              follows: {z: {of: damper, from: 0Ns/m, to: 2Ns/m, span: 5mm}}
-mix: {route: [{from: bar, to: 1}]}
-"""
+DAMPED = damped_bar.SCORE + "mix: {route: [{from: bar, to: 1}]}\n"
 
 
 def test_keyboard_ends_notes_and_pedal_holds_them(tmp_path):

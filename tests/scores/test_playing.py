@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import damped_bar
 import numpy as np
 import pytest
 from checked import check, found
@@ -240,30 +241,7 @@ def test_included_score_brings_modules_of_its_acts():
     assert names == ["m", "bow", "hair"]
 
 
-DAMPED = """\
-ergon: 1
-tempo: {bpm: 60}
-instruments:
-  bar:
-    f: A4
-    modules: {m: {CEL: {M: 20g, f: A4, t60: 9s}}}
-    notes: C4..C5
-    out: {SOV: m}
-    play:
-      strike:
-        at: m
-        impulse: 0.1Ns..1Ns
-        release: {at: damper, impulse: 20mNs}
-        with:
-          damper: {MAS: {M: 20g, X0: 5mm}}
-          ground: {SOL: {}}
-          guide: {FRO: {between: [ground, damper], Z: 4Ns/m}}
-          pad:
-            LNL:
-              between: [ground, m]
-              damping: z*v
-              follows: {z: {of: damper, from: 0Ns/m, to: 2Ns/m, span: 5mm}}
-"""
+DAMPED = damped_bar.SCORE + "tempo: {bpm: 60}\n"
 
 
 def damper(fields: str) -> list[tuple[float, float]]:
