@@ -64,6 +64,11 @@ def of_cents(cents: float) -> Interval:
     return Interval(_core.pow(2.0, cents / 1200.0), cents)
 
 
+def is_interval(word: str) -> bool:
+    """Whether a word is an interval in semitones or cents, such as `7st`."""
+    return _INTERVAL.fullmatch(word) is not None
+
+
 def parse_interval(text: str) -> Interval:
     """Read `7st`, `-14cents` or `x1.5`. Raises TextError."""
     word = text.strip()
@@ -95,6 +100,14 @@ INTERVAL = Text(
     types=("string",),
     is_value=True,
 )
+
+
+def _parse_cents(text: str) -> float:
+    interval = parse_interval(text)
+    return 1200.0 * math.log2(interval.ratio) if interval.cents is None else interval.cents
+
+
+TRANSPOSITION = Text(_parse_cents, "an interval, such as 2st", is_value=True)  # in cents
 
 
 def between(low: float, high: float) -> Interval:

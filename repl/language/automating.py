@@ -13,9 +13,9 @@ from ergon.repl.language import values as v
 from ergon.repl.language.commands import Automate, StopLfo, When, Word
 from ergon.repl.language.scope import Scope
 from ergon.scores.pattern.order import WAYS
-from ergon.scores.pattern.values import parse_values
+from ergon.scores.pattern.values import ReadAmount, parse_values
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.automatable import ALL
+from ergon.scores.reading.automatable import ALL, amount_reader
 from ergon.scores.reading.automation import AUTOMATION, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
 
@@ -63,25 +63,30 @@ def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, in
     return text[:end], end, {name: word.text for name, word in options.items()}
 
 
+def _reader(scope: Scope, given: Mapping[str, Any]) -> ReadAmount:
+    target = given["target"]
+    return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
+
+
 def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
     values, end, options = _options(text, scope, _SET_OPTIONS)
+    read = _reader(scope, given)
     for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
         if word.group() == "over":  # what stands before it is no value
-            scope.targets[given["target"]].parse(values[: word.start()].strip())
+            read(values[: word.start()].strip())
         near = nearest(word.group(), (*_SET_OPTIONS, "over", *WAYS))
         if near is not None and word.group() not in WAYS:
             message = f"unknown word '{word.group()}'"
             length = len(word.group())
             raise TextError(message, offset=word.start(), length=length, suggestion=near)
-    shape = scope.targets[given["target"]]
     if is_curve(values):
-        parse_curve(values, shape.parse)
+        parse_curve(values, read)
         if extra := options.keys() - {"until"}:
             raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=end)
         return {"to": " ".join(values.split()), **options}
     is_pitch = given["target"].endswith(".f")
-    parse_values(values, shape.parse, is_pitch=is_pitch)
+    parse_values(values, read, is_pitch=is_pitch)
     if not options.keys() & {"every", "euclid"}:
         message = "several values need the length of a step: every 1"
         raise TextError(message, offset=end, length=max(1, len(text) - end))
@@ -91,7 +96,7 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
 def _read_lfo(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
     ends, end, options = _options(text, scope, _LFO_OPTIONS)
-    parse_range(ends, scope.targets[given["target"]].parse)
+    parse_range(ends, _reader(scope, given))
     if "period" not in options:
         message = "the length of one swing is missing: period 4bar"
         raise TextError(message, offset=end, length=max(1, len(text) - end))

@@ -11,11 +11,12 @@ from typing import Any
 from ergon.instruments.model import Form, Instrument, Module
 from ergon.instruments.module_kinds import HOLDERS, KINDS
 from ergon.instruments.spread import GAP
+from ergon.instruments.transpose import TRANSPOSITION
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
-from ergon.scores.reading.automatable import FACTOR, PARAMETERS, whole
+from ergon.scores.reading.automatable import FACTOR, INTERVAL_OR_FACTOR, PARAMETERS, whole
 from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Gesture, Piece
 
@@ -174,13 +175,19 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for key in piece.keys.values():
         for module in key.modules:
             yield from _fields(key.name, module, "si")
+    notes = {note for members in piece.families.values() for note in members}
     for instrument in piece.instruments.values():
         if whole(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
+        if instrument.name not in notes:
+            yield f"{instrument.name}.transpose", TRANSPOSITION
         for module in instrument.modules:
             yield from _fields(instrument.name, module, instrument.form)
     for name, members in piece.families.items():
+        yield f"{name}.transpose", TRANSPOSITION
         if (member := piece.instruments.get(members[0])) is not None:
+            if whole(member) is not None:
+                yield f"{name}.f", INTERVAL_OR_FACTOR
             for module in member.modules:
                 yield from _fields(name, module, member.form)
 

@@ -15,6 +15,7 @@ from ergon.repl.language.scope import Scope, playable
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
+from ergon.scores.reading.automatable import amount_reader
 from ergon.scores.reading.sections import STRIKES
 
 # `OPTIONS` has each option of `strikes` with an example.
@@ -117,7 +118,7 @@ def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[st
     said, options = parse_strikes(text, OPTIONS)
     said, options = with_level(said, options, ())
     end = said[-1].offset + len(said[-1].text) if said else 0
-    parse_values(text[:end], k.PITCH.parse, is_pitch=True)
+    parse_values(text[:end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
     check_options(options, scope)
     if not options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"

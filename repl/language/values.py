@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from ergon.instruments.transpose import TRANSPOSITION
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
 from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
@@ -21,6 +22,7 @@ from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.pattern.words import OPTIONS
+from ergon.scores.reading.automatable import amount_reader
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
@@ -221,6 +223,7 @@ _DIMENSIONS = {
     k.FORCE: q.FORCE,
     k.PAUSE: q.INSTANT,
     k.CONSTANT: q.CONSTANT,
+    TRANSPOSITION: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
 }
 
 
@@ -353,9 +356,12 @@ def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_change(
     text: str, scope: Scope, given: Mapping[str, Any]
 ) -> tuple[float | None, float | None]:
-    if text.startswith("x"):
-        return None, q.factor(text)
-    return scope.targets[given["target"]].parse(text), None
+    target = given["target"]
+    shape = scope.targets[target]
+    if shape is TRANSPOSITION:
+        return shape.parse(text), None
+    amount = amount_reader(shape.parse, target.rpartition(".")[2])(text)
+    return (None, amount.value) if amount.is_factor else (amount.value, None)
 
 
 def _change_completions(context: CompletionContext) -> Iterator[Completion]:

@@ -147,7 +147,7 @@ def definition_lines(version: Version, name: str, sounding: Piece, now: float) -
     `sounding`, which waiting lines have not changed yet.
     """
     head, _, parameter = name.rpartition(".")
-    found = automatable.found(head, sounding.keys, sounding.instruments) if head else None
+    found = automatable.of_name(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
         return _lines_of_score(version.texts, name)
     part, module, is_ca = found
@@ -169,7 +169,7 @@ def _value(
     automated.
     """
     for one in piece.automation:
-        if (one.target.part, one.target.module) == where and one.parameter == parameter:
+        if where in one.modules and one.parameter == parameter:
             return value_on(piece, where, parameter, now), True
     value = {**module.fields.get("constants", {}), **module.fields}.get(parameter)
     if not isinstance(value, float) and module.kind in ("CEL", "BANK"):  # f of K, K of f

@@ -41,6 +41,7 @@ from ergon.scores.edits import (
     times,
     transformed,
 )
+from ergon.scores.edits.matter import TRANSPOSE
 from ergon.scores.edits.scenes import has_events_from
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture import space_path
@@ -185,7 +186,8 @@ def _set_gliding(command: c.Set) -> VersionEdit:
             return with_texts(version, _set(command, version, beat))
         tempo, words = version.piece.tempo_map, command.words
         seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
-        if version.is_running and seconds >= _WRITTEN_GLIDE_MIN:
+        is_written = seconds >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
+        if version.is_running and is_written:
             value, over = words["change"].text, words["over"].text
             args = command.target, beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from ergon.common.changed import changed_part
 from ergon.notation.clock.meter import SAME
@@ -11,7 +12,7 @@ from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.lists import dropped, place
-from ergon.scores.edits.matter import said
+from ergon.scores.edits.matter import TRANSPOSE, said
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable
@@ -55,26 +56,43 @@ def glide(
     head, _, parameter = target.rpartition(".")
     check(piece, target)
     if value.startswith("x") and _of(texts, piece, target):
-        known = automatable.found(head, piece.keys, piece.instruments)
-        assert known is not None
-        part, module, _ = known
+        part, module, _ = _known(piece, head)[0]
         if module.kind != "BANK":
             now = value_on(piece, (part, module.name), parameter, at)
-            value = said(q.factor(value) * now, parameter, is_ca=False)
+            value = value_text(piece, target, q.factor(value) * now, value_on)
     entry: dict[str, edit.Tree] = {"set": target, "to": value, **fields, "at": written(piece, at)}
     texts = texts.append(("automation",), edit.flow(entry))
     return _ended(texts, piece, at, target)[0]
 
 
+def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> str:
+    """A value of a parameter as a score writes it; for all notes of an instrument, of which `value`
+    is that of the first, the factor of their values without automation.
+    """
+    head, _, parameter = target.rpartition(".")
+    part, module, _ = _known(piece, head)[0]
+    if module.kind == "BANK":
+        return f"x{value:.12g}"
+    if automatable.of_name(head, piece.keys, piece.instruments) is not None:
+        return said(value, parameter, is_ca=False)
+    unchanged = replace(piece, automation=(), strikes=())
+    return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
+
+
 def check(piece: Piece, target: str) -> None:
     """Raise EditError if a parameter cannot glide."""
     head, _, parameter = target.rpartition(".")
-    known = automatable.found(head, piece.keys, piece.instruments)
-    if known is None:
+    parameter = "f" if parameter == TRANSPOSE else parameter
+    known = _known(piece, head)
+    if not known:
         raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
-    _, module, is_ca = known
+    _, module, is_ca = known[0]
     if why := automatable.refusal(module, parameter, is_ca=is_ca):
         raise EditError(f"{head} {why}; leave out `over` to set it at once")
+
+
+def _known(piece: Piece, head: str) -> list[automatable.Automatable]:
+    return automatable.all_of_name(head, piece.keys, piece.instruments, piece.families)
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:

@@ -14,14 +14,13 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, matter, space
-from ergon.scores.edits.automation import ValueOn
+from ergon.scores.edits import entries, space
+from ergon.scores.edits.automation import ValueOn, value_text
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.scenes import END
 from ergon.scores.edits.strikes import only
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern.search import n_before
-from ergon.scores.reading import automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -212,13 +211,7 @@ class _Window:
                 at = left * step / _PIECES
                 beat = tempo.beats(tempo.seconds(self.start) + at)
                 value = self.value_on(self.piece, where, one.parameter, beat)
-                known = automatable.found(
-                    ".".join(filter(None, where)), piece.keys, piece.instruments
-                )
-                if known is not None and known[1].kind == "BANK":
-                    word = f"x{value:.12g}"
-                else:
-                    word = matter.said(value, one.parameter, is_ca=False)
+                word = value_text(piece, one.name, value, self.value_on)
                 points.append(f"{word}@{at:.12g}s")
             said["to"] = " line ".join(points)
         return self._said(texts, place(texts, "automation", number), said)

@@ -32,6 +32,7 @@ from ergon.scores.reading.sections import KEY
 # Two equivalent pairs of fields: a CEL or a key has one of them.
 _TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
 _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
+TRANSPOSE = "transpose"  # the interval by which an instrument is moved
 _RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
 _UNITS = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
@@ -84,9 +85,16 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     value. Raises EditError.
     """
     part, _, name = target.rpartition(".")
+    if name == TRANSPOSE:
+        return _set_transposition(texts, part, value)
     made = piece.instruments.get(part)
     if name == "f" and made is not None and automatable.whole(made) is not None:
         return _set_pitch(texts, made, value)
+    if name == "f" and part in piece.families:
+        raise EditError(
+            f"the notes of {quote(part)} have pitches of their own; move them all by an interval: "
+            f"set {part}.{TRANSPOSE} 2st"
+        )
     owner, name = _owner(texts, target)
     changes = _changes(owner, piece, target, name, value)
     home = owner.home(name)
@@ -168,6 +176,16 @@ def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
     if step.cents is not None and not step.cents % 100.0:
         said = f"{step.cents / 100.0:g}st"
     return texts.put((*path, "transpose"), said, file)
+
+
+def _set_transposition(texts: Texts, part: str, value: str) -> Texts:
+    """Set the interval by which an instrument is moved. Raises EditError."""
+    names, _ = texts.names()
+    entry = names.tables["instruments"].get(part)
+    if entry is None or not isinstance(entry.values, Values):
+        raise EditError(f"{quote(part)} is not an instrument that can be transposed")
+    path = "instruments", entry.values.context.name, TRANSPOSE
+    return texts.put(path, value, entry.values.node.document.file)
 
 
 def quantities(module: Module) -> Iterator[tuple[str, float]]:

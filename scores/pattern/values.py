@@ -25,13 +25,16 @@ class Amount:
         return self.value * own if self.is_factor else self.value
 
 
+ReadAmount = Callable[[str], Amount]
+
+
 def parse_values(
-    text: str, read: Callable[[str], float], *, is_pitch: bool = False
+    text: str, read: ReadAmount, *, is_pitch: bool = False
 ) -> tuple[Group, Mapping[str, Amount]]:
     """Read a pattern of values: its order, and the amount of each of its names.
 
-    `read` reads a quantity, `x1.5` is a factor; among pitches `A3.minor` is a scale or a chord.
-    Raises TextError with the characters at fault.
+    `read` reads an amount; among pitches `A3.minor` is a scale or a chord. Raises TextError with
+    the characters at fault.
     """
     amounts: dict[str, Amount] = {}
 
@@ -41,10 +44,7 @@ def parse_values(
                 some = _scale(word)
                 amounts.update(some)
                 return tuple(some)
-            if word.startswith("x"):
-                amounts[word] = Amount(q.factor(word), is_factor=True)
-            else:
-                amounts[word] = Amount(read(word))
+            amounts[word] = read(word)
         except TextError as error:
             error.offset += offset
             raise

@@ -5,16 +5,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS, LINKS
-from ergon.instruments.transpose import is_slow
+from ergon.instruments.transpose import is_interval, is_slow, parse_interval
+from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote, with_article
+from ergon.scores.pattern.values import Amount, ReadAmount
 
 # By the kind of a module; a generator changes as a whole.
 PARAMETERS: Mapping[str, tuple[str, ...]] = {
@@ -27,10 +29,18 @@ ALL = tuple(dict.fromkeys(chain.from_iterable(PARAMETERS.values())))
 _STIFFENING = ("hardening", "stretching")
 
 
-def found(
+class Automatable(NamedTuple):
+    """A part, one of its modules, and whether its values are algorithmic."""
+
+    part: str
+    module: Module
+    is_ca: bool
+
+
+def of_name(
     name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
-) -> tuple[str, Module, bool] | None:
-    """The part, the module and whether its values are algorithmic, for a name such as `bell.s`."""
+) -> Automatable | None:
+    """The module of a name such as `bell.s`; None if there is no such module."""
     words = name.split(".")
     for count in range(len(words), 0, -1):  # names that a file brings in have dots themselves
         part = ".".join(words[:count])
@@ -41,10 +51,31 @@ def found(
         is_ca = isinstance(owner, Instrument) and owner.ca_rate is not None
         for module in owner.modules:
             if module.name == wanted:
-                return part, module, is_ca
+                return Automatable(part, module, is_ca)
         if not wanted and (all_of_it := whole(owner)) is not None:
-            return part, all_of_it, is_ca
+            return Automatable(part, all_of_it, is_ca)
     return None
+
+
+def all_of_name(
+    name: str,
+    keys: Mapping[str, Any],
+    instruments: Mapping[str, Any],
+    families: Mapping[str, Sequence[str]],
+) -> list[Automatable]:
+    """The module of a name, or that of each note that is played of an instrument with notes.
+
+    `families` are the instruments with notes, each with the names of its notes.
+    """
+    if (known := of_name(name, keys, instruments)) is not None:
+        return [known]
+    words = name.split(".")
+    for count in range(len(words), 0, -1):
+        notes = families.get(".".join(words[:count]), ())
+        names = (".".join((note, *words[count:])) for note in notes)
+        if played := [k for n in names if (k := of_name(n, {}, instruments)) is not None]:
+            return played
+    return []
 
 
 def whole(owner: Any) -> Module | None:
@@ -108,15 +139,34 @@ def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
     return None
 
 
-def reader(module: Module, parameter: str) -> Callable[[str], float]:
-    """The function that reads a value of a parameter."""
+def reader(module: Module, parameter: str, *, is_one_of_many: bool = False) -> ReadAmount:
+    """The function that reads an amount of a parameter; `is_one_of_many` if all notes of an
+    instrument have that module.
+    """
+    if is_one_of_many and parameter == "f":
+        return amount_reader(_only_interval, parameter)
     if module.kind == "BANK":
-        return _only_factor
+        return amount_reader(_only_factor, parameter)
     if parameter in ("f", "t60"):
-        return (k.PITCH if parameter == "f" else k.DURATION).parse
+        return amount_reader((k.PITCH if parameter == "f" else k.DURATION).parse, parameter)
     shape = KINDS[module.kind].table.by_name[parameter].shape
     assert isinstance(shape, Text)
-    return shape.parse
+    return amount_reader(shape.parse, parameter)
+
+
+def amount_reader(read: Callable[[str], float], parameter: str) -> ReadAmount:
+    """The function that reads an amount: a value, which `read` reads, or a factor (`x1.5`) of the
+    parameter's own value; of a pitch also an interval (`2st`, `-50cents`).
+    """
+
+    def amount(word: str) -> Amount:
+        if word.startswith("x"):
+            return Amount(q.factor(word), is_factor=True)
+        if parameter == "f" and is_interval(word):
+            return Amount(parse_interval(word).ratio, is_factor=True)
+        return Amount(read(word))
+
+    return amount
 
 
 def _only_factor(text: str) -> float:
@@ -124,4 +174,11 @@ def _only_factor(text: str) -> float:
     raise TextError(message, length=max(1, len(text)), code="E201")
 
 
+def _only_interval(text: str) -> float:
+    """Refuse a pitch where every note has a pitch of its own. Raises TextError."""
+    message = f"{quote(text)}: the notes have pitches of their own; write an interval, 2st, or x1.5"
+    raise TextError(message, length=max(1, len(text)), code="E201")
+
+
 FACTOR = Text(_only_factor, "a factor, such as x1.5")
+INTERVAL_OR_FACTOR = Text(_only_interval, "an interval, such as 2st, or a factor, such as x1.5")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ergon.instruments.model import Module, Target
+from ergon.instruments.model import Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
@@ -20,9 +20,8 @@ from ergon.notation.text.values import Place, Time
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
-from ergon.scores.pattern.values import Amount, parse_values
-from ergon.scores.reading.automatable import reader
-from ergon.scores.reading.curves import CurvePoint, amount_of, is_curve, parse_curve
+from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
+from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
@@ -61,6 +60,14 @@ class Automation:
     struck: str = ""  # strikes that the values are for; set before they fall
     points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
     over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
+
+    # If all notes of an instrument change: the targets of the other notes that the piece plays.
+    other_notes: tuple[Target, ...] = field(default=(), metadata={"hash_omits_empty": True})
+
+    @property
+    def modules(self) -> tuple[tuple[str, str], ...]:
+        """The parts and their modules that change."""
+        return tuple((target.part, target.module) for target in (self.target, *self.other_notes))
 
     @property
     def name(self) -> str:
@@ -147,25 +154,26 @@ def check(values: Values) -> bool:
     return all(name in values.given for name in (*kinds, *needs))
 
 
-def made(values: Values, target: Target, module: Module, parameter: str) -> Automation | None:
-    """The automation of a known parameter; None if an error was reported."""
+def made(values: Values, target: Target, parameter: str, read: ReadAmount) -> Automation | None:
+    """The automation of a known parameter, whose amounts `read` reads; None if an error was
+    reported.
+    """
     v, pattern, swing = values, None, None
     amounts: Mapping[str, Amount] = {}
     points: tuple[CurvePoint, ...] = ()
     name = "to" if v.written("set") else "range"
     try:
         if v.written("set") and is_curve(v["to"]):
-            read = reader(module, parameter)
             points = parse_with_names(_node(v, "to"), lambda text: parse_curve(text, read))
         elif v["over"] is not None:
             node = v.nodes["to"]
             value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
-            points = (CurvePoint(Time(), one_amount(value, module, parameter), v["curve"]),)
+            points = (CurvePoint(Time(), _final_amount(value, read), v["curve"]),)
             if not v["over"].is_some:
                 v.error("E202", "automation: a glide takes a time above 0", "over")
                 return None
         elif v.written("set"):
-            read, is_pitch = reader(module, parameter), parameter == "f"
+            is_pitch = parameter == "f"
             order, amounts = parse_with_names(
                 _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
             )
@@ -179,7 +187,6 @@ def made(values: Values, target: Target, module: Module, parameter: str) -> Auto
                 v.error("E103", message, "to")
                 return None
         else:
-            read = reader(module, parameter)
             low, high = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
             swing = Swing(low, high, v["period"], v["shape"], v["phase"])
             if not swing.period.is_some:
@@ -211,23 +218,23 @@ def _node(values: Values, name: str) -> Scalar:
     return node
 
 
-def one_amount(text: str, module: Module, parameter: str) -> Amount:
+def _final_amount(text: str, read: ReadAmount) -> Amount:
     """The value that a glide ends with. Raises TextError."""
     words = text.split()
     if len(words) > 1:
         message = "a glide goes to one value; several values need the length of a step: every 1"
         raise TextError(message, length=len(text), code="E201")
     word = text.strip()
-    amount = amount_of(word, reader(module, parameter))
+    amount = read(word)
     if not amount.value > 0.0:
         message = f"{quote(word)}: a glide must end above 0, because no factor leads away from 0"
         raise TextError(message, length=max(1, len(word)), code="E202")
     return amount
 
 
-def parse_range(text: str, read: Callable[[str], float]) -> tuple[Amount, Amount]:
-    """Read `0.8..1.2` (factors of the parameter's own value) or `1kN/m..3kN/m`. Raises
-    TextError.
+def parse_range(text: str, read: ReadAmount) -> tuple[Amount, Amount]:
+    """Read `0.8..1.2` (factors of the parameter's own value) or `1kN/m..3kN/m`, both ends by
+    `read`. Raises TextError.
     """
     low, dots, high = (part.strip() for part in text.partition(".."))
     if not dots or not low or not high:
@@ -236,12 +243,10 @@ def parse_range(text: str, read: Callable[[str], float]) -> tuple[Amount, Amount
     ends = []
     for word in (low, high):
         try:
-            if word.startswith("x"):
-                ends.append(Amount(q.factor(word), is_factor=True))
-            elif _is_bare(low) and _is_bare(high):
-                ends.append(Amount(q.quantity(word, q.RATIO), is_factor=True))
-            else:
-                ends.append(Amount(read(word)))
+            is_ratio = _is_bare(low) and _is_bare(high)
+            ends.append(
+                Amount(q.quantity(word, q.RATIO), is_factor=True) if is_ratio else read(word)
+            )
         except TextError as error:
             error.offset += text.index(word)
             raise

@@ -25,6 +25,7 @@ from ergon.scores.gesture import midi_file, notation, space_path, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing
+from ergon.scores.reading.automatable import amount_reader
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
@@ -335,7 +336,7 @@ def _at_start(read: notation.Notation, said: str, text: Scalar) -> notation.Nota
 
 
 def _pitches(text: str) -> tuple[Group, Mapping[str, Amount]]:
-    return parse_values(text, k.PITCH.parse, is_pitch=True)
+    return parse_values(text, amount_reader(k.PITCH.parse, "f"), is_pitch=True)
 
 
 def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Strikes:

@@ -12,14 +12,13 @@ from typing import Any
 from ergon.common.changed import changed_part
 from ergon.instruments import rules, spread
 from ergon.instruments.model import Instrument, Target
-from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading import automatable, automation, build, melodies, rhythm_strikes
-from ergon.scores.reading.automation import Automation
+from ergon.scores.reading import build, melodies, rhythm_strikes
+from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.known_entries import KnownEntries
@@ -81,10 +80,11 @@ class Checker:
                 self.part_names.bring(target)
         self.matter.look_up()
         plays = self._plays(times.known)
+        automation_targets = AutomationTargets(self.matter, self.part_names)
         changes = KnownEntries(memory, "automation", file).read(
             self.score["automation"] or (),
-            self._automation,
-            lambda made, _: ((made.target.part, made.target.module),),
+            automation_targets.read,
+            automation_targets.modules,
             self.part_names,
             self.matter.by_name.get,
         )
@@ -375,39 +375,6 @@ class Checker:
             return None
         return tuple({(target.part, target.module) for target in made.to})
 
-    def _automation(self, values: Any) -> Automation | None:
-        if not isinstance(values, Values) or not automation.check(values):
-            return None
-        name = values["set"] or values["lfo"]
-        head, _, parameter = str(name).rpartition(".")
-        known = automatable.found(head, self.matter.keys, self.matter.instruments)
-        if known is None and head and parameter in automatable.ALL:
-            # Find the target of `head`, or report what is wrong with it.
-            target = self.part_names.target(Name(head, name.place), "mat", "automation")
-            if target is None:
-                return None
-            known = automatable.found(
-                f"{target.part}.{target.module}".rstrip("."),
-                self.matter.keys,
-                self.matter.instruments,
-            )
-            if known is not None and KINDS[known[1].kind].family == "generator":
-                message = f"automation: {quote(head)} is a member; its body changes as a whole"
-                self.collector.error("E304", message, name.place)
-                return None
-        if known is None:
-            words = ", ".join(automatable.ALL)
-            message = f"automation: {quote(name)} is not a parameter that changes ({words})"
-            self.collector.error("E301", message, name.place, help=_of_level(name))
-            return None
-        part, module, is_ca = known
-        if why := automatable.refusal(module, parameter, is_ca=is_ca):
-            message = f"automation: {quote(head)} {why}"
-            self.collector.error("E304", message, name.place, help=_of_level(name))
-            return None
-        target = Target(part, module.name, 0, 1, head, name.place)
-        return automation.made(values, target, module, parameter)
-
     def _coupling(self, values: Any, number: int) -> Coupling | None:
         made = build.coupling(values, number) if isinstance(values, Values) else None
         if made is None:
@@ -448,10 +415,3 @@ def _led(values: Any) -> str:
 
 def _joined(head: str, word: str) -> str:
     return f"{head}.{word}"
-
-
-def _of_level(name: str) -> str | None:
-    """Help for automation that was asked to change a level; None for other names."""
-    if "gain" not in str(name).replace(".", " ").split():
-        return None
-    return "to change a level over time, use `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
-from ergon.notation.tables import quantities as q
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import Way
-from ergon.scores.pattern.values import Amount
+from ergon.scores.pattern.values import Amount, ReadAmount
 
 MAX_POINTS = 1_000  # with repetitions
 _VALUE = re.compile(r"(?<![^\s(])[^\s()|@]+(?=@)")
@@ -32,21 +30,16 @@ def is_curve(text: str) -> bool:
     return "@" in text
 
 
-def amount_of(word: str, read: Callable[[str], float]) -> Amount:
-    """A value, or `x1.5`: a factor of the parameter's own. Raises TextError."""
-    if word.startswith("x"):
-        return Amount(q.factor(word), is_factor=True)
-    return Amount(read(word))
-
-
-def parse_curve(text: str, read: Callable[[str], float]) -> tuple[CurvePoint, ...]:
-    """Read `A3@0 smooth C4@2`. Raises TextError with the characters at fault."""
+def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
+    """Read `A3@0 smooth C4@2`, its values by `read`. Raises TextError with the characters at
+    fault.
+    """
     amounts: list[Amount] = []
     moved: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
     pieces, at, length = [], 0, 0
     for match in _VALUE.finditer(text):
         try:
-            amount = amount_of(match.group(), read)
+            amount = read(match.group())
         except TextError as error:
             error.offset += match.start()
             raise

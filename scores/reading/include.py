@@ -152,7 +152,13 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         for one in piece.strikes
     )
     automation = tuple(
-        replace(one, target=target(one.target), at=moved(one.at), until=until(one.until))
+        replace(
+            one,
+            target=target(one.target),
+            other_notes=tuple(map(target, one.other_notes)),
+            at=moved(one.at),
+            until=until(one.until),
+        )
         for one in piece.automation
     )
     duet = tuple(

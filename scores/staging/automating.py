@@ -125,7 +125,9 @@ def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instan
 
 def _place(piece: Piece, part: str) -> Place:
     """Where the first automation of a part is written."""
-    lines = (one.place for one in piece.automation if one.target.part == part)
+    lines = (
+        line.place for line in piece.automation if any(name == part for name, _ in line.modules)
+    )
     notes = (s.place for s in piece.strikes for one in s.to if s.notes and one.part == part)
     return next(chain(lines, notes))
 
@@ -169,11 +171,7 @@ def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
     led = Led.of(piece, where)
     assert led is not None
-    lines = [
-        one
-        for one in piece.automation
-        if (one.target.part, one.target.module) == where and one.parameter == parameter
-    ]
+    lines = [one for one in piece.automation if where in one.modules and one.parameter == parameter]
     instant = piece.tempo_map.seconds(beat)
     extent = Extent(beat, beat, instant)
     tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))

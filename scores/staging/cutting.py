@@ -102,7 +102,9 @@ def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> t
     noted = replace(
         piece,
         strikes=tuple(_struck_before(piece, beat)),
-        automation=tuple(line for line in piece.automation if line.target.part in parts),
+        automation=tuple(
+            line for line in piece.automation if any(part in parts for part, _ in line.modules)
+        ),
     )
     last = stage.paths_until + 2 * GRID / stage.rate
     until = tempo.beats(last) if last < float("inf") else beat

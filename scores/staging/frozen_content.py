@@ -53,7 +53,7 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
         {name: gesture for name, gesture in piece.gestures.items() if name in named},
         {name: take for name, take in piece.takes.items() if name in named},
         tuple(one for one in piece.duet if {one.a.part, one.b.part} & parts),
-        tuple(one for one in piece.automation if one.target.part in parts),
+        tuple(one for one in piece.automation if any(part in parts for part, _ in one.modules)),
         tuple(sorted(routes)),
     )
 

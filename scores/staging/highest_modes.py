@@ -90,7 +90,7 @@ def warn_over_limit(
         most = max((factor for _, factor, _ in points), default=1.0)
         if one.hertz >= limit or one.hertz * sqrt(most) < limit:
             continue
-        own = [line for line in piece.automation if (line.target.part, line.target.module) == where]
+        own = [line for line in piece.automation if where in line.modules]
         place = next((line.place for line in own if line.parameter == "f"), one.module.place)
         at = _instant(points, (limit / one.hertz) ** 2)
         tempo = piece.tempo_map

@@ -84,7 +84,7 @@ class KnownAutomation:
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
         changed = chain(lines.before, lines.now, *notes)
-        touched |= {_where(line) for line in changed}
+        touched |= {where for line in changed for where in line.modules}
         is_at_end = lines.start + len(lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
             self._set_last_lines(lines)
@@ -93,17 +93,19 @@ class KnownAutomation:
         if struck or not is_same_tempo:
             self._noted = {}
             for line in chain.from_iterable(self._notes[id(own)][1] for own in strikes):
-                self._noted.setdefault(_where(line), []).append(line)
+                for where in line.modules:
+                    self._noted.setdefault(where, []).append(line)
         if touched:
             self._set_tracks(piece.tempo_map, touched)
         return self._tracks
 
     def _set_last_lines(self, changed: Changed[Automation]) -> None:
         """Set the lines of modules of which only the last ones have changed."""
-        gone = Counter(map(_where, changed.before))
+        gone = Counter(chain.from_iterable(line.modules for line in changed.before))
         new: dict[Where, list[Automation]] = {}
         for line in changed.now:
-            new.setdefault(_where(line), []).append(line)
+            for where in line.modules:
+                new.setdefault(where, []).append(line)
         for where in {*gone, *new}:
             before = self._lines_of.get(where, [])
             self._lines_of[where] = before[: len(before) - gone[where]] + new.get(where, [])
@@ -112,7 +114,7 @@ class KnownAutomation:
         """Set the lines of modules whose automation has changed."""
         found: dict[Where, list[Automation]] = {where: [] for where in touched}
         for line in self._lines:
-            if (where := _where(line)) in touched:
+            for where in touched.intersection(line.modules):
                 found[where].append(line)
         self._lines_of |= found
 
@@ -192,10 +194,6 @@ class KnownAutomation:
         """
         known = self._settled.get(where)
         return known.moves if known is not None and known.points is points else None
-
-
-def _where(line: Automation) -> Where:
-    return line.target.part, line.target.module
 
 
 def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:

@@ -1,0 +1,104 @@
+"""What an entry of automation changes: a parameter of a part, or of all notes of an instrument."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ergon.instruments.model import Target
+from ergon.instruments.module_kinds import KINDS
+from ergon.instruments.names import PartNames
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import quote
+from ergon.scores.reading import automatable, automation
+from ergon.scores.reading.automatable import Automatable
+from ergon.scores.reading.automation import Automation
+from ergon.scores.reading.matter import PartsReader
+
+Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
+
+
+class AutomationTargets:
+    """Reads entries of automation for the parts of a score."""
+
+    def __init__(self, matter: PartsReader, part_names: PartNames) -> None:
+        """Take the parts."""
+        self.matter = matter
+        self.part_names = part_names
+        self.collector = part_names.collector
+
+    def read(self, values: object) -> Automation | None:
+        """What an entry means; None if an error was reported."""
+        if not isinstance(values, Values) or not automation.check(values):
+            return None
+        name = values["set"] or values["lfo"]
+        head, _, parameter = str(name).rpartition(".")
+        if parameter in automatable.ALL and self.part_names.family(head) is not None:
+            notes = self._played_notes(Name(head, name.place))
+        else:
+            known = self._changed(name, head, parameter)
+            notes = [] if known is None else [known]
+        if not notes or not self._may_change(notes[0], name, head, parameter):
+            return None
+        is_family = self.part_names.family(head) is not None
+        read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
+        first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
+        made = automation.made(values, first, parameter, read)
+        return made and replace(made, other_notes=tuple(others))
+
+    def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:
+        """The modules on which the meaning of an entry depends; None if it depends on which notes
+        of an instrument a piece plays.
+        """
+        if self.part_names.family(change.target.text) is not None:
+            return None
+        return change.modules
+
+    def _played_notes(self, head: Name) -> list[Automatable]:
+        """The notes of an instrument that the piece plays, or a module of each; reports an
+        instrument of which it plays none.
+        """
+        names, instruments = self.part_names.members(head), self.matter.instruments
+        found = (automatable.of_name(str(name), {}, instruments) for name in names)
+        played = [known for known in found if known is not None]
+        if not played:
+            problem = f"automation: the piece plays no note of {quote(head)}, or the notes have no "
+            message = f"{problem}such module; write an instrument that is struck, or a module of it"
+            self.collector.error("E304", message, head.place)
+        return played
+
+    def _changed(self, name: Name, head: str, parameter: str) -> Automatable | None:
+        """The module of a name; reports a name without one."""
+        keys, instruments = self.matter.keys, self.matter.instruments
+        known = automatable.of_name(head, keys, instruments)
+        if known is None and head and parameter in automatable.ALL:
+            # Find the target of `head`, or report what is wrong with it.
+            target = self.part_names.target(Name(head, name.place), "mat", "automation")
+            if target is None:
+                return None
+            path = f"{target.part}.{target.module}".rstrip(".")
+            known = automatable.of_name(path, keys, instruments)
+            if known is not None and KINDS[known.module.kind].family == "generator":
+                message = f"automation: {quote(head)} is a member; its body changes as a whole"
+                self.collector.error("E304", message, name.place)
+                return None
+        if known is None:
+            words = ", ".join(automatable.ALL)
+            message = f"automation: {quote(name)} is not a parameter that changes ({words})"
+            self.collector.error("E301", message, name.place, help=_of_level(name))
+        return known
+
+    def _may_change(self, known: Automatable, name: Name, head: str, parameter: str) -> bool:
+        """Whether a parameter of a module may change; reports why not."""
+        why = automatable.refusal(known.module, parameter, is_ca=known.is_ca)
+        if why:
+            message = f"automation: {quote(head)} {why}"
+            self.collector.error("E304", message, name.place, help=_of_level(name))
+        return not why
+
+
+def _of_level(name: str) -> str | None:
+    """Help for automation that was asked to change a level; None for other names."""
+    if "gain" not in str(name).replace(".", " ").split():
+        return None
+    return "to change a level over time, use `fade` of its route: fade: [{at: 1|1, gain: 0dB}, …]"
