@@ -112,23 +112,30 @@ COMMANDS: Table = {
     "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),
     "demo": ("demo", "demo", "Render a score that ships with ergon, and play it."),
     "completion": ("completion", "completion", "Print a completion script for bash, zsh or fish."),
+    "help": ("help_", "help_command", "Show the help of a command, or a page of the manual."),
+    "explain": (
+        "help_",
+        "explain",
+        "Explain a mistake by the code that its message shows, such as E204.",
+    ),
 }
 _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
 
 
 def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
-        from importlib.metadata import PackageNotFoundError, version
+        from ergon.api.version import __version__
 
-        try:
-            number = version("ergon-live")
-        except PackageNotFoundError:  # run from a source tree that was never installed
-            from ergon._core import __version__ as number
-        click.echo(f"ergon {number}")
+        click.echo(f"ergon {__version__}")
         ctx.exit()
 
 
-@click.group(cls=LazyGroup, table=COMMANDS, epilog=f"Exit codes: {_CODES}.")
+@click.group(
+    cls=LazyGroup,
+    table=COMMANDS,
+    epilog=f"Exit codes: {_CODES}.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.option(
     "--version",
     is_flag=True,

@@ -166,6 +166,7 @@ _PLACES = {
     "TuneOptions": "api.tune",
     "Tuned": "api.tune",
     "TunedValue": "api.tune",
+    "__version__": "api.version",
     "admittance": "api.admittance",
     "bell": "workshop.api.bell",
     "check": "api.check",

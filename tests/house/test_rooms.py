@@ -11,7 +11,7 @@ from rust_imports import circles
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ergon"
-LINKS = {"cli", "instruments", "repl", "scores"}
+LINKS = {"cli", "instruments", "manual", "repl", "scores"}
 
 
 MAY = {

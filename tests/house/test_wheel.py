@@ -31,6 +31,8 @@ def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
     ).stdout.split()
     packaged = (f"ergon/{name.removeprefix('ergon/')}" for name in tracked)
     wanted = {name for name in packaged if Path(name).suffix in SHIPPED}
+    pages = (ROOT / "docs").glob("**/*.md")
+    wanted |= {f"ergon/manual/{page.relative_to(ROOT / 'docs').as_posix()}" for page in pages}
     assert len(wanted) > 80
     assert wanted - names == set()
     assert {"ergon/__init__.py", "ergon/_core.pyi", "ergon/py.typed"} <= names
@@ -38,6 +40,7 @@ def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
     engine = {name for name in names if Path(name).suffix in {".so", ".pyd"}}
     assert len(engine) == 1
     inside = {name for name in names if name.startswith("ergon/")} - engine
+    assert not [name for name in inside if name.startswith("ergon/manual/generators/")]
     assert {Path(name).suffix for name in inside} <= SHIPPED | {".pyi", ".typed"}
 
 

@@ -1,0 +1,104 @@
+"""`ergon help`, `ergon explain`, `-h`, and the ways to start the program."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ergon
+from ergon.cli import app, manual
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def answer(capsys: pytest.CaptureFixture[str]):
+    def run(*words: str) -> tuple[int, str, str]:
+        code = app.run([*words])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize("words", [["render"], ["take", "trim"], ["metrology", "fit"]])
+def test_help_of_a_command(answer, words):
+    usual = answer(*words, "--help")
+    assert usual[0] == 0
+    assert usual[1].startswith(f"Usage: ergon {' '.join(words)}")
+    assert answer("help", *words) == usual
+    assert answer(*words, "-h") == usual
+
+
+def test_help_of_all_commands_and_pages(answer):
+    code, out, _err = answer("help")
+    assert code == 0
+    for name in ("render", "explain", "rhythm", "tutorial"):
+        assert name in out
+
+
+@pytest.mark.parametrize(
+    ("topic", "path"),
+    [
+        ("rhythm", "rhythm.md"),
+        ("tune", None),  # the command comes before the page
+        ("howto/tune", "howto/tune.md"),
+        ("E204", "errors/E204.md"),
+        ("e204", "errors/E204.md"),
+        ("start", "README.md"),
+    ],
+)
+def test_help_of_a_page(answer, topic, path):
+    code, out, _err = answer("help", topic)
+    assert code == 0
+    if path is None:
+        assert out.startswith("Usage: ergon tune")
+    else:
+        assert out == (ROOT / "docs" / path).read_text(encoding="utf-8")
+
+
+def test_help_of_a_word_of_headings(answer):
+    _code, out, _err = answer("help", "transformations")
+    assert re.search(r"ergon help rhythm +Transformations", out)
+
+
+def test_help_of_an_unknown_topic_suggests(answer):
+    code, _out, err = answer("help", "rythm")
+    assert code == 2
+    assert "did you mean 'rhythm'?" in err
+
+
+@pytest.mark.parametrize("topic", ["../pyproject", "/etc/passwd", "\x1b[31m", "a" * 10_000])
+def test_help_reads_no_other_file(answer, topic):
+    code, out, err = answer("help", topic)
+    assert code == 2
+    assert "\x1b" not in err
+    assert "root:" not in out
+
+
+@pytest.mark.parametrize("code", ["E204", "w325"])
+def test_explain_a_mistake(answer, code):
+    status, out, _ = answer("explain", code)
+    page = ROOT / f"docs/errors/{code.upper()}.md"
+    assert (status, out) == (0, page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("code", ["E999", "rhythm", "start", ""])
+def test_explain_what_is_no_code(answer, code):
+    status, _, err = answer("explain", code)
+    assert status == 2
+    assert "is not the code of a mistake" in err
+
+
+def test_every_page_is_read():
+    for page in manual.pages().values():
+        assert page.headings, page.name
+
+
+def test_the_package_is_a_program_with_a_version():
+    command = [sys.executable, "-m", "ergon", "--version"]
+    printed = subprocess.run(command, capture_output=True, check=True, text=True, cwd=ROOT).stdout
+    assert printed == f"ergon {ergon.__version__}\n"
