@@ -203,8 +203,8 @@ def _tempo_file(piece: Piece, end: float) -> bytes:
     from ergon.exchange.midi import Marker, tempo_file
 
     tempo = piece.tempo_map
-    ramps = [tempo.after(tempo.resolve(e.at), e.over) for e in piece.tempo if e.over is not None]
-    written = max([tempo.beats(end), *ramps, *(tempo.resolve(e.at) for e in piece.tempo)])
+    ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
+    written = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
     length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
     markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
     try:

@@ -1,4 +1,4 @@
-"""`ergon info`: what a render, a take, a motion file or a score contains."""
+"""`ergon info`: what a render, a take, a MIDI file, a motion file or a score contains."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 @options.trust
 @options.speaking
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
-    """Say what a render, a take, a motion file or a score contains.
+    """Say what a render, a take, a MIDI file, a motion file or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
     .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) is a take: its channels and what
-    they span. A .motion file is what moved. Anything else is a score.
+    they span. Of a MIDI file it says what is played and what is passed over. A .motion file is what
+    moved. Anything else is a score.
     """
+    from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
 
     path = Path(file)
@@ -46,6 +48,10 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         from .take_info import take
 
         take(console, path)
+    elif suffix in MIDI:
+        from .midi_info import midi
+
+        midi(console, path)
     elif suffix == ".motion":
         from .motion_info import motion
 

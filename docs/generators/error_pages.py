@@ -118,7 +118,8 @@ def page(entry: Code) -> str:
 
 def _shown(name: str, content: str | bytes) -> str:
     if isinstance(content, bytes):
-        return f"with `{name}`, {len(content)} bytes of a recording,\n\n"
+        kind = " of a recording" if name.endswith(".take") else ""
+        return f"with `{name}`, {len(content)} bytes{kind},\n\n"
     return f"with `{name}`:\n\n```yaml\n{content.rstrip()}\n```\n\n"
 
 

@@ -20,6 +20,7 @@ from ergon.scores.reading.part import PLAY
 _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("rates", s.RATES),
     ("tempo", s.TEMPO),
+    ("meter", s.METERS),
     ("keys", s.KEY),
     ("instruments", INSTRUMENT.forms["si"]),
     ("instruments: place", PLACING),

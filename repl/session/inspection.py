@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.strike_levels import StrikeLevels
     from ergon.repl.session.version import Faders, Version
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Piece, Play, Strikes
+    from ergon.scores.reading.piece import Piece, Play, Strikes, TempoEntry
 
 _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
@@ -178,6 +178,13 @@ def _value(
     return (value, False) if isinstance(value, float) else (None, False)
 
 
+def _tempo_row(entry: TempoEntry) -> str:
+    if entry.tempos:
+        count = len(entry.tempos)
+        return f"1|1: {count:,} tempo{'s' if count > 1 else ''} of a MIDI file"
+    return f"{entry.at.text}: {entry.bpm or ''} bpm"
+
+
 def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
     """What each player plays at beat `now`, and what follows; then the strikes that go on, and the
     instruments with a level of their own.
@@ -185,7 +192,7 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     `playing` are the gestures in flight: (player, gesture).
     """
     piece = version.piece
-    rows = [f"{entry.at.text}: {entry.bpm or ''} bpm" for entry in piece.tempo]
+    rows = [_tempo_row(entry) for entry in piece.tempo]
     for player in piece.players.values():
         lines = entries.lines(version.texts, piece, player.name)
         sounding = [what for name, what in playing if name == player.name]

@@ -11,9 +11,9 @@ import math
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
+from ergon.notation.clock.positions import Length
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.values import Time
 from ergon.scores.edits import entries, space
 from ergon.scores.edits.automation import ValueOn, value_text
 from ergon.scores.edits.lists import dropped, items, place
@@ -135,7 +135,7 @@ class _Window:
             found = (
                 strikes.rounds(self.map)
                 if strikes.has_rounds
-                else starts(self.map, begin, Time(), every=every, times=times, until=end)
+                else starts(self.map, begin, Length(), every=every, times=times, until=end)
             )
             inside = self.within(found)
             if not inside:
@@ -222,10 +222,11 @@ class _Window:
         first: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first["meter"] = str(meter)
         said = [first]
-        for entry in self.piece.tempo:
-            begin = self.map.resolve(entry.at)
+        for begin, entry in self.map.placed:
             end = begin if entry.over is None else self.map.after(begin, entry.over)
             if begin >= self.stop - SAME or max(begin, end) <= self.start + SAME:
+                continue
+            if entry.bpm is None and entry.meter is None:
                 continue
             if begin <= self.start + SAME:  # a ramp under way goes on
                 first["bpm"] = f"{first['bpm']} -> {entry.bpm_end:.12g}"
@@ -240,8 +241,9 @@ class _Window:
             if entry.meter is not None:
                 more["meter"] = str(entry.meter)
             said.append(more)
-        if items(texts, "tempo"):
-            texts = texts.remove(("tempo",))
+        for section in ("tempo", "meter"):  # what files say of them is written out
+            if items(texts, section):
+                texts = texts.remove((section,))
         for one in said:
             texts = texts.append(("tempo",), edit.flow(one))
         return texts

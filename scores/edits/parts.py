@@ -140,6 +140,6 @@ def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | No
     gesture = piece.gestures.get(what)
     if begin >= at - SAME or gesture is None:
         return None
-    beat = 60.0 / tempo.bpm(begin)
+    beat = gesture.beat(tempo, begin)
     points, _ = apply(gesture.points, (*gesture.do, *line.play.do), MidpointChance(), beat)
-    return line if tempo.instant(begin, points[-1].at) > tempo.seconds(at) else None
+    return line if gesture.instant(tempo, begin, points[-1].at) > tempo.seconds(at) else None

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from ergon.instruments.model import Instrument
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
+from ergon.notation.clock.positions import Length
 from ergon.notation.tables.fields import Values
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.values import Time
 from ergon.scores.edits import automation, entries, matter, parts, scene_patterns, times
 from ergon.scores.edits import strikes as strikes_edits
 from ergon.scores.edits.entries import Entry, Line
@@ -292,7 +292,7 @@ def _struck(
         begins = (
             strikes.rounds(tempo)
             if strikes.passing is not None
-            else starts(tempo, begin, Time(), every=every, times=most, until=limit)
+            else starts(tempo, begin, Length(), every=every, times=most, until=limit)
         )
         again = {**body, "every": f"{scene.beats:.12g}"}
         found = [(beat, again) for beat in begins if beat < scene.beats - SAME]

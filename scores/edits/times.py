@@ -18,7 +18,8 @@ from ergon.scores.reading.piece import Piece
 def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
-    A ramp under way ends there; later tempos are removed, but their meters stay. Raises
+    A ramp under way ends there; later tempos are removed, but their meters stay. Those of a file
+    hold no longer (`FileTimes`), and one that would never hold is not named any more. Raises
     EditError.
     """
     over = None if over is None else _over(piece, at, over)
@@ -36,12 +37,15 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
             return _without(texts, here, "over")
         return texts.put((*place(texts, "tempo", here), "over"), over)
     ramp = {} if over is None else {"over": over}
-    return _inserted(texts, below, {"at": written(piece, at), "bpm": bpm, **ramp})
+    line: dict[str, edit.Tree] = {"at": written(piece, at), "bpm": bpm, **ramp}
+    if at <= SAME and piece.tempo and piece.tempo[0].tempos:
+        return texts.put(place(texts, "tempo", 0), edit.flow(line))
+    return _inserted(texts, below, line)
 
 
 def change_meter(texts: Texts, piece: Piece, at: float, meter: str) -> Texts:
     """Set the meter from a beat on, which begins a bar; later meters are removed, but their tempos
-    stay.
+    stay. Those of a file hold no longer, and one that would never hold is not named any more.
 
     Raises EditError.
     """
@@ -49,8 +53,10 @@ def change_meter(texts: Texts, piece: Piece, at: float, meter: str) -> Texts:
     if abs(tempo.bar_beat(at)[1] - 1.0) > SAME:
         raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(at)}")
     texts, below = _without_later(texts, piece, at, "meter")
+    if at <= SAME and piece.file_meters:
+        texts = texts.remove(("meter",))
     for number, begin in _until(piece, at):
-        if begin >= at - SAME:
+        if begin >= at - SAME and not piece.tempo[number].tempos:
             return texts.put((*place(texts, "tempo", number), "meter"), meter)
     return _inserted(texts, below, {"at": written(piece, at), "meter": meter})
 

@@ -13,7 +13,6 @@ from ergon.notation.clock.occurrences import MAX_OCCURRENCES
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.values import Time
 from ergon.scores.pattern.order import Leaf
 from ergon.scores.pattern.pattern import PlaceSequence
 from ergon.scores.pattern.rhythm import EVEN
@@ -93,7 +92,7 @@ def steps(
     every: Length | None = None,
     times: int | None = None,
     until: float | None = None,
-    length: Callable[[str], Time | None] = lambda name: None,
+    length: Callable[[str], Length | None] = lambda name: None,
     room: int = MAX_OCCURRENCES,
 ) -> Steps:
     """The places of a line that begins on beat `at`, with one step per `every`.
@@ -147,7 +146,7 @@ def _end_to_end(
     tempo: TempoMap,
     at: float,
     course: PlaceSequence,
-    length: Callable[[str], Time | None],
+    length: Callable[[str], Length | None],
     most: int,
     until: float | None,
 ) -> Callable[[int], float]:
@@ -161,8 +160,8 @@ def _end_to_end(
                 "the length of a step is missing; write `every`, for instance every 1",
                 code="E103",
             )
-        lasting.append(Length(0.0, *found))
-    if not any(one.beats > 0.0 or one.seconds > 0.0 for one in lasting):
+        lasting.append(found)
+    if not any(length.is_some for length in lasting):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
     beats = [at]
     for place in range(most):

@@ -385,11 +385,11 @@ def _unresolved(name: Any) -> Target:
     return Target(str(name), "", 0, 1, str(name), name.place)
 
 
-def tempo(values: Values) -> TempoEntry:
-    """A line of `tempo:`."""
+def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
+    """A line of `tempo:`, with the tempos of the file that it names."""
     bpm, end = values["bpm"] or (None, None)
-    place = values.node.place
-    return TempoEntry(values["at"] or START, bpm, end, values["over"], values["meter"], place)
+    at, over, meter = values["at"] or START, values["over"], values["meter"]
+    return TempoEntry(at, bpm, end, over, meter, values.node.place, tempos)
 
 
 def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:

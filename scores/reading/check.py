@@ -59,9 +59,10 @@ class Checker:
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         memory, file = self.uses.files.memory, score.node.document.file
-        times = Times(score, self.collector, memory)
-        self.gestures_and_takes.own(score.place)
+        times = Times(score, self.collector, memory, self.uses.midi)
         self._has_quarters = times.map.bars.has_quarters
+        self.gestures_and_takes.has_quarters = self._has_quarters
+        self.gestures_and_takes.own(score.place)
         self.matter.read()
         strikes = KnownEntries(memory, "strikes", file).read(
             score["strikes"] or (),
@@ -118,6 +119,7 @@ class Checker:
             blocks={n: own for n, own in (score["blocks"] or {}).items() if own is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._available(),
+            file_meters=times.file.meters,
             used=tuple(self.names.families),
             families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
         )
@@ -235,9 +237,13 @@ class Checker:
             return None
         kind = melodies.kind_of(values)
         if kind in melodies.MELODIES:
-            found = melodies.hits_of(values, self.part_names, self._phrases(), self.uses.files)
-            if found is not None and not self._has_quarters and kind == "play":
-                found = melodies.in_quarters(self._phrases()[values["play"]], *found)
+            phrases = self._phrases()
+            phrase = phrases.get(values["play"]) if kind == "play" else None
+            if isinstance(phrase, Values) and melodies.is_midi(phrase):
+                self.uses.midi.play(phrase, has_lengths=True)
+            found = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
+            if found is not None and not self._has_quarters and isinstance(phrase, Values):
+                found = melodies.in_quarters(phrase, *found)
             return None if found is None else build.melody(values, *found)
         if kind == "rhythm":
             return rhythm_strikes.strikes_of_rhythm(values, self.part_names)

@@ -25,6 +25,7 @@ class GesturesAndTakes:
         self._paths: dict[str, tuple[str, ...]] = {}  # gestures in space: the names of their axes
         self._room = MAX_EVENTS  # points that gestures may still have
         self.takes: dict[str, TakeFile] = {}
+        self.has_quarters = True  # whether every beat of the piece is a quarter note
 
     @property
     def gestures(self) -> dict[str, Gesture]:
@@ -106,7 +107,9 @@ class GesturesAndTakes:
         """Make a gesture of a MIDI take that a hand plays."""
         if name not in self._made:
             self.take(name, entry)
-            self._keep(name, midi_gesture.gesture(entry.values, self._uses.files, self._room))
+            self._uses.midi.play(entry.values, has_lengths=False)
+            files, room = self._uses.files, self._room
+            self._keep(name, midi_gesture.gesture(entry.values, files, room, self.has_quarters))
 
     def _keep(self, name: str, made: Gesture | None) -> None:
         self._made[name] = called(made, name) if made else None

@@ -35,9 +35,10 @@ class Loaded:
 
     @property
     def inputs(self) -> tuple[Path, ...]:
-        """Every file that the score is read from: its texts and its takes."""
+        """Every file that the score is read from: its texts, its takes and its MIDI files."""
         takes = self.piece.takes.values() if self.piece is not None else ()
-        return *map(Path, self.files), *(take.path for take in takes if take.path is not None)
+        paths = (*map(Path, self.files), *(take.path for take in takes if take.path is not None))
+        return paths if self.uses is None else (*paths, *self.uses.midi.paths)
 
 
 @without_gc
@@ -72,6 +73,8 @@ def load(
         names = uses.read(document)
         if names.score is not None:
             piece = Checker(names, uses).piece()
+            if not collector.has_errors():
+                uses.midi.report(collector)
     if collector.has_errors():
         piece = None
         if memory is not None and memory.is_loose:  # read again, for the places of mistakes

@@ -11,12 +11,15 @@ from ergon.scores.gesture.midi_file import MidiNote
 from ergon.scores.reading.melodies import between, midi_notes
 from ergon.scores.reading.piece import NO_OPTIONS, Gesture
 
-_REACH = 0.125  # [beats] from rest to the depth of a note, and back
+_REACH = 0.125  # [quarters] from rest to the depth of a note, and back
 _ROOM = 0.45  # at most this share of the way to the next note
 
 
-def gesture(take: Values, files: Files, room: int) -> Gesture | None:
-    """The gesture of a MIDI take with at most `room` points; None if an error was reported."""
+def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:
+    """The gesture of a MIDI take with at most `room` points; None if an error was reported.
+
+    Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
+    """
     who = take.context.of("")
     if take["depth"] is None:
         take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
@@ -28,7 +31,8 @@ def gesture(take: Values, files: Files, room: int) -> Gesture | None:
     if len(points) > room:
         take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
         return None
-    return Gesture(take.context.name, points, (), (), NO_OPTIONS, take.place)
+    name, place = take.context.name, take.place
+    return Gesture(name, points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
 
 
 def _points(

@@ -44,7 +44,7 @@ Ergons = Literal["event", "particle"]
 
 @dataclass(frozen=True, slots=True)
 class TempoEntry:
-    """One line of `tempo:`."""
+    """One line of `tempo:`; `tempos` are those of a MIDI file that it names."""
 
     at: Position
     bpm: float | None
@@ -52,6 +52,7 @@ class TempoEntry:
     over: Length | None
     meter: Meter | None
     place: Place
+    tempos: tuple[tuple[float, float], ...] = field(default=(), metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +120,25 @@ class Gesture:
     manner: PlayingOptions
     place: Place
     written: Scalar | None = field(default=None, compare=False, repr=False)
+    # Whether its beats are quarter notes (of a MIDI file), whatever beats the meter has.
+    in_quarters: bool = field(default=False, metadata=OMIT_EMPTY)
+
+    def beat(self, tempo: TempoMap, start: float) -> float:
+        """The duration of one of its beats at a beat of the piece [s]."""
+        beat = 60.0 / tempo.bpm(start)
+        return beat * tempo.bars.unit(start) / 4.0 if self.in_quarters else beat
+
+    def instant(self, tempo: TempoMap, start: float, time: Time) -> float:
+        """The instant of a time in it, played from a beat of the piece on [s]."""
+        if self.in_quarters:
+            start, time = tempo.after(start, self.length(Time(time.beats))), Time(0.0, time.seconds)
+        return tempo.instant(start, time)
+
+    def length(self, time: Time) -> Length:
+        """A time in it as a length of the piece."""
+        if self.in_quarters:
+            return Length(seconds=time.seconds, quarters=time.beats)
+        return Length(0.0, *time)
 
     def place_of(self, point: Point) -> Place:
         """Where a point is written."""
@@ -262,7 +282,7 @@ class Strikes:
         if self.every is None:
             return [at]
         stop = self.stop(tempo)
-        return starts(tempo, at, Time(), every=self.every, times=self.times, until=stop)
+        return starts(tempo, at, Length(), every=self.every, times=self.times, until=stop)
 
     def rounds(self, tempo: TempoMap) -> list[float]:
         """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
@@ -270,10 +290,7 @@ class Strikes:
             return [0.0]
         until = None if self.until is None else tempo.resolve(self.until)
         at, every, times = tempo.resolve(self.at), self.every, self.times
-        if (self.length.bars or self.length.quarters) and every is None:
-            every = self.length
-        own = Time(self.length.beats, self.length.seconds)
-        return starts(tempo, at, own, every=every, times=times, until=until)
+        return starts(tempo, at, self.length, every=every, times=times, until=until)
 
     def falls(
         self, piece: Piece, since: float = -inf, before: float = inf
@@ -523,6 +540,8 @@ class Piece:
     # The lowest rate of parts that are only seen [Hz]; None: the audio rate.
     motion: float | None = field(default=None, metadata=OMIT_EMPTY)
 
+    # The meters of a MIDI file that `meter:` names, as in `FileTimes`.
+    file_meters: tuple[tuple[float, Meter], ...] = field(default=(), metadata=OMIT_EMPTY)
     # What strikes may play: the names of phrases, and of takes that are MIDI files.
     phrases: tuple[str, ...] = field(default=(), compare=False, repr=False)
     # Instruments that a file brings and nothing plays yet; they are not in the network.

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES, starts
+from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import Collector, TextError, quote
-from ergon.notation.text.values import Place, Time
+from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import steps
@@ -17,7 +18,7 @@ from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 
 # The length of a gesture, and one sentence for each thing that its transformations lost.
-_Length = tuple[Time, tuple[str, ...]]
+_Length = tuple[Length, tuple[str, ...]]
 _NOTHING: tuple[str, ...] = ()
 
 MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
@@ -85,7 +86,7 @@ def _line(
         return _pattern(piece, play, at, lengths, room, collector)
     beats = None
     gesture = piece.gestures.get(play.what)
-    length, notes = Time(), _NOTHING
+    length, notes = Length(), _NOTHING
     if gesture is not None:
         length, notes = _length(piece, gesture, play, at, lengths)
     for note in notes:
@@ -135,7 +136,7 @@ def _pattern(
 
 
 def _beats(
-    piece: Piece, play: Play, at: float, length: Time, room: int, collector: Collector
+    piece: Piece, play: Play, at: float, length: Length, room: int, collector: Collector
 ) -> list[float]:
     tempo = piece.tempo_map
     until = None if play.until is None else tempo.resolve(play.until)
@@ -233,12 +234,12 @@ def _length(
     """The length of a gesture from beat `at` on, after its transformations."""
     chain = (*gesture.do, *play.do)
     if not chain:
-        return gesture.points[-1].at, ()
-    beat = 60.0 / piece.tempo_map.bpm(at)
+        return gesture.length(gesture.points[-1].at), ()
+    beat = gesture.beat(piece.tempo_map, at)
     memo = gesture.name, play.do, beat
     if memo not in lengths:
         points, lost = apply(gesture.points, chain, MidpointChance(), beat)
-        lengths[memo] = points[-1].at, lost
+        lengths[memo] = gesture.length(points[-1].at), lost
     return lengths[memo]
 
 

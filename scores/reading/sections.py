@@ -315,8 +315,14 @@ TEMPO = Record(
         Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
+        Field("from", k.PATH, "a MIDI file whose tempos hold, in the first line and alone there"),
     ),
     refused={"link": _LINK},
+)
+METERS = Record(
+    "meter map",
+    "the meters of a MIDI file",
+    (Field("from", k.PATH, "a MIDI file whose meters hold", required=True),),
 )
 
 
@@ -550,6 +556,7 @@ SCORE = Record(
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
+        Field("meter", METERS, "meters that a MIDI file says; `tempo` may say others"),
         Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
         Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
         Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),

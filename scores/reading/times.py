@@ -8,22 +8,26 @@ from typing import Any
 
 from ergon.common.changed import changed_part
 from ergon.notation.clock.positions import Position
-from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
+from ergon.notation.clock.tempo import NO_FILE, Entry, FileTimes, TempoError, TempoMap
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.values import Place
+from ergon.scores.gesture.midi_survey import meters_of, tempos_of
 from ergon.scores.reading import build
 from ergon.scores.reading.known_plays import KnownPlays
+from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.piece import Mark, Piece, TempoEntry
 
 
 class Times:
     """Tempo entries and marks of a score; `map` is a default one if they contain errors."""
 
-    def __init__(self, score: Values, collector: Collector, memory: Memory | None = None) -> None:
+    def __init__(
+        self, score: Values, collector: Collector, memory: Memory | None, midi: MidiUses
+    ) -> None:
         """Read them and make the map. `memory` keeps what was checked before at the same times."""
         self.collector = collector
         lines = tuple([v for v in score["tempo"] or () if isinstance(v, Values)])
@@ -31,8 +35,15 @@ class Times:
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
         known = None if memory is None else memory.held(f"tempo {file}", self._lets)
-        if known is None or known[0] is not marks_node or changed_part(known[1], lines):
-            self._lines = [(v, build.tempo(v)) for v in lines]
+        self.file = _file_times(lines, score["meter"], midi)
+        if (
+            known is None
+            or known[0] is not marks_node
+            or known[2] != self.file
+            or changed_part(known[1], lines)
+        ):
+            tempos = self.file.tempos
+            self._lines = [(v, build.tempo(v, tempos if v.written("from") else ())) for v in lines]
             nodes = getattr(marks_node, "entries", {})
             marks = tuple(
                 Mark(name, at, nodes[name][1].place)
@@ -40,16 +51,17 @@ class Times:
                 if at is not MISSING
             )
             self.marks = marks
-            known = marks_node, lines, self._lines, marks, self._map()
+            known = marks_node, lines, self.file, self._lines, marks, self._map()
             if memory is not None and known[-1] is not None:
                 memory.hold(f"tempo {file}", self._lets, known)
-        _, _, self._lines, self.marks, made = known
+        _, _, _, self._lines, self.marks, made = known
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
         self._is_made = made is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
         self.map = made or TempoMap((), {name: Position() for name in self._known})
         said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
-        self.known = KnownPlays(memory, file, (said, [(mark.name, mark.at) for mark in self.marks]))
+        places = [(mark.name, mark.at) for mark in self.marks]
+        self.known = KnownPlays(memory, file, (said, self.file, places))
 
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
@@ -57,21 +69,36 @@ class Times:
         good = True
         for mark in self.marks:
             good &= self._mark_exists(mark.at, mark.place)
-        for values, entry in self._lines:
+        for number, (values, entry) in enumerate(self._lines):
+            if values.written("from"):
+                good &= self._is_alone(values, number)
             good &= self._mark_exists(entry.at, values.place_of("at"))
             good &= all(name in values.given for name in values.nodes)  # a missing one was reported
         if not good or len(positions) != len(self._known):
             return None
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
         try:
-            return TempoMap(entries, positions)
+            return TempoMap(entries, positions, self.file)
         except TempoError as error:
             values = self._lines[error.entry][0]
             self.collector.error("E305", f"tempo: {error.message}", values.place_of(error.field))
         except TextError as error:  # marks in a circle, or a position before 0
-            values = self._lines[_first_wrong(entries, positions)][0]
+            values = self._lines[_first_wrong(entries, positions, self.file)][0]
             self.collector.error("E305", f"tempo: {error.message}", values.place_of("at"))
         return None
+
+    def _is_alone(self, values: Values, number: int) -> bool:
+        """Whether a line with the tempos of a file is the first and says no more; reports an error
+        if not.
+        """
+        if number:
+            message = "tempo: a file is named in the first line; lines below say what differs"
+            values.error("E305", message, "from")
+            return False
+        for name in (extra := [name for name in values.nodes if name != "from"]):
+            message = f"{values.context.of(name)}: a file says the tempos from the beginning on; "
+            values.error("E111", f"{message}write this in a line of its own below", name)
+        return not extra
 
     def _mark_exists(self, at: Position, place: Place) -> bool:
         if at.mark is None or at.mark in self._known:
@@ -186,14 +213,22 @@ class Times:
             self.collector.error("E305", "`until` must be later than `at`", place)
 
 
-def _first_wrong(entries: list[Entry], marks: dict[str, Position]) -> int:
+def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTimes:
+    """What the MIDI files say that `tempo:` and `meter:` name; mistakes are reported."""
+    named = next((values for values in lines if values.written("from")), None)
+    tempos = () if named is None else midi.times(named, tempos_of, is_tempo=True)
+    meters = () if not isinstance(meter, Values) else midi.times(meter, meters_of, is_tempo=False)
+    return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
+
+
+def _first_wrong(entries: list[Entry], marks: dict[str, Position], file: FileTimes) -> int:
     """The index of the first entry whose position cannot be resolved: entries up to and including
     it fail.
     """
 
     def fails(count: int) -> bool:
         try:
-            TempoMap(entries[:count], marks)
+            TempoMap(entries[:count], marks, file)
         except TextError:
             return True
         return False

@@ -17,6 +17,7 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.include import YIELDING, Include, includes, transposed
+from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
 from ergon.scores.reading.sections import SCORE
@@ -76,6 +77,7 @@ class Uses:
         self.collector = collector
         self._read: dict[str, Names] = {}
         self.is_full = False  # files bring more names than are read
+        self.midi = MidiUses(files)
         self.pieces: dict[str, Piece] = {}  # of scores that are included, by file
         self._open: list[tuple[str, Place | None]] = []
 

@@ -43,8 +43,9 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
     named |= {player.standin for player in players.values() if player.standin}
     named |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
     routes = {(output.name, route.to == "nearest") for route, output in _heard(piece, part)}
+    file_meters = (piece.file_meters,) if piece.file_meters else ()
     return (
-        (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout),
+        (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout, *file_meters),
         {name: key for name, key in piece.keys.items() if name in parts},
         {name: one for name, one in piece.instruments.items() if name in parts},
         players,

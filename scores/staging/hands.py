@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, TypedDict, cast, overload
 from ergon import _core
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
-from ergon.notation.clock.positions import Position
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.points import Curve
@@ -305,7 +305,7 @@ class Hands:
         until = None if play.until is None else tempo.resolve(play.until)
         shape = apply_to_take(play.do, 60.0 / tempo.bpm(at))
         lasting = (take.duration - shape.front - shape.back) * shape.stretch
-        length = Time(shape.shift.beats, shape.shift.seconds + lasting)
+        length = Length(0.0, shape.shift.beats, shape.shift.seconds + lasting)
         try:
             return starts(tempo, at, length, times=play.times, until=until)
         except TextError as error:
@@ -322,7 +322,7 @@ class Hands:
     ) -> None:
         shape = self._shape(play, gesture, chain, start, chance)
         tempo = self.piece.tempo_map
-        t = [tempo.instant(start, at) for at in shape.times]
+        t = [gesture.instant(tempo, start, time) for time in shape.times]
         if t[-1] <= self.window.after:
             return
         index, struck = self._keys[shape.key]
@@ -380,7 +380,8 @@ class Hands:
                 chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
             return self._shaped(play, gesture, chain, start, chance)
         manner = None if play.manner is NO_OPTIONS else play.manner
-        key = (*who, play.do, manner, self.piece.tempo_map.bpm(start) if chain else 0.0)
+        beat = gesture.beat(self.piece.tempo_map, start) if chain else 0.0
+        key = (*who, play.do, manner, beat)
         if key not in self._shapes:
             self._shapes[key] = self._shaped(play, gesture, chain, start, MidpointChance())
         return self._shapes[key]
@@ -395,7 +396,7 @@ class Hands:
     ) -> _Shape:
         points: Sequence[Point] = gesture.points
         if chain:
-            points, _ = apply(points, chain, chance, 60.0 / self.piece.tempo_map.bpm(start))
+            points, _ = apply(points, chain, chance, gesture.beat(self.piece.tempo_map, start))
         reach = self._reach(play)
         return _Shape(
             self._key_of(play),

@@ -337,12 +337,16 @@ def test_a_damaged_file_is_refused_with_the_byte(tmp_path, data, message):
     assert [(code, line) for code, line, _ in said(tmp_path, text)] == [("E310", 6)]
 
 
-def test_running_status_ends_with_a_message(tmp_path):
+def test_running_status_goes_on_over_meta_events_alone(tmp_path):
     path = tmp_path / "run.mid"
     path.write_bytes(track(b"\x00\x90\x40\x40\x60\x41\x41\x60\x40\x00\x00\xff\x2f\x00"))
     assert [(n.number, n.velocity) for n in read_notes(path).notes] == [(64, 64), (65, 65)]
+    text = b"\x00\xff\x01\x02AB"
+    path.write_bytes(track(b"\x00\x90\x40\x40" + text + b"\x60\x40\x00\x00\x41\x41"))
+    notes = [(n.number, n.velocity, n.lasting) for n in read_notes(path).notes]
+    assert notes == [(64, 64, 0.2), (65, 65, None)]
     path = tmp_path / "ends.mid"
-    path.write_bytes(track(b"\x00\x90\x40\x40\x00\xff\x01\x00\x60\x41\x41"))
+    path.write_bytes(track(b"\x00\x90\x40\x40\x00\xf0\x01\xf7\x60\x41\x41"))
     with pytest.raises(TakeError, match="data without a status"):
         read_notes(path)
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from ergon.notation.clock.positions import Length, parse_length, parse_position
 from ergon.notation.clock.tempo import Entry, TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.values import Time
 from ergon.scores.pattern import order, rhythm, turns, words
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
@@ -225,9 +224,9 @@ def beats(text, every="1", tempo=FLAT, at=0.0, length=lambda name: None, **more)
         ("a", {"every": "1/4", "euclid": rhythm.Euclid(3, 8), "times": 2},
          [0, 0.75, 1.5, 2, 2.75, 3.5]),
         # Plain names follow each other.
-        ("a b", {"every": None, "length": lambda name: Time({"a": 2.0, "b": 0.5}[name], 0.0),
+        ("a b", {"every": None, "length": lambda name: Length(0.0, {"a": 2.0, "b": 0.5}[name]),
                  "times": 2}, [0, 2, 2.5, 4.5]),
-        ("a b", {"every": None, "length": lambda name: Time(0.0, 0.25), "until": 0.6},
+        ("a b", {"every": None, "length": lambda name: Length(seconds=0.25), "until": 0.6},
          [0, 0.25, 0.5]),
         # What is skipped leaves its time out.
         ("a b c", {"skip": 2, "times": 2}, [0, 1, 2, 3]),
@@ -255,8 +254,8 @@ def test_a_line_without_end_is_worked_out_where_it_is_asked_for():
     ("text", "options", "words_"),
     [
         ("a b", {"every": None}, "write `every`"),
-        ("a ~", {"every": None, "length": lambda name: Time(1.0, 0.0)}, "write `every`"),
-        ("a b", {"every": None, "length": lambda name: Time(0.0, 0.0)}, "no duration"),
+        ("a ~", {"every": None, "length": lambda name: Length(beats=1.0)}, "write `every`"),
+        ("a b", {"every": None, "length": lambda name: Length()}, "no duration"),
         ("a b", {"every": "0"}, "above 0"),
         ("a b", {"skip": 2}, "leaves out every place"),
         ("a", {"every": "1/1000", "until": 1e6}, "more than 1,000,000 occurrences"),

@@ -11,7 +11,6 @@ from ergon.notation.clock.occurrences import parse_times, starts
 from ergon.notation.clock.positions import Length, parse_length, parse_position
 from ergon.notation.clock.tempo import Entry, TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.values import Time
 from ergon.scores.pattern.words import parse, parse_row, rows
 
 FLAT = TempoMap()
@@ -129,7 +128,7 @@ def test_any_text_is_read_or_refused(text):
 
 def begin(tempo=FLAT, at=0.0, length=(2.0, 0.0), every=None, times=None, until=None, **more):
     apart = None if every is None else parse_length(every)
-    return starts(tempo, at, Time(*length), every=apart, times=times, until=until, **more)
+    return starts(tempo, at, Length(0.0, *length), every=apart, times=times, until=until, **more)
 
 
 @pytest.mark.parametrize(

@@ -106,6 +106,10 @@ class Bars:
             beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
         return beats + quarters * self._meters[i].unit / 4.0
 
+    def unit(self, beats: float) -> int:
+        """The note that a beat of the piece is: 4 for a quarter."""
+        return self._meters[max(0, bisect_right(self._starts, beats + SAME) - 1)].unit
+
     @property
     def has_quarters(self) -> bool:
         """Whether every beat is a quarter note."""

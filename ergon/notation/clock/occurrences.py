@@ -13,7 +13,6 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.values import Time
 
 MAX_OCCURRENCES = 1_000_000  # in a piece
 
@@ -32,7 +31,7 @@ def parse_times(text: str) -> int:
 def starts(
     tempo: TempoMap,
     at: float,
-    length: Time,
+    length: Length,
     *,
     every: Length | None = None,
     times: int | None = None,
@@ -47,7 +46,7 @@ def starts(
     poll()
     if times in (None, 1) and until is None and room > 0:
         return [at]  # most lines of a part play once
-    step = Length(0.0, *length) if every is None else every
+    step = length if every is None else every
     if times is None and until is None:
         times = 1
     if times != 1 and not step.is_some:

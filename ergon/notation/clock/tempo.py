@@ -37,6 +37,20 @@ class Entry:
     meter: Meter | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class FileTimes:
+    """Tempos in quarters a minute, and meters, that come from a file; each with its place, in
+    quarter notes after the beginning. They hold up to the first entry of the score that says a
+    tempo, or a meter.
+    """
+
+    tempos: tuple[tuple[float, float], ...] = ()
+    meters: tuple[tuple[float, Meter], ...] = ()
+
+
+NO_FILE = FileTimes()
+
+
 class TempoError(TextError):
     """A tempo entry that does not fit the others: `field` of entry number `entry` (from 0)."""
 
@@ -99,7 +113,10 @@ class TempoMap:
     """The instant of each beat of the piece; beats count from 0."""
 
     def __init__(
-        self, entries: Sequence[Entry] = (), marks: Mapping[str, Position] | None = None
+        self,
+        entries: Sequence[Entry] = (),
+        marks: Mapping[str, Position] | None = None,
+        file: FileTimes = NO_FILE,
     ) -> None:
         """Place the entries, which must be in order of time. Raises TempoError or TextError."""
         self.bars = Bars()
@@ -110,8 +127,13 @@ class TempoMap:
         self._ramp_end = 0.0
         self._latest_bpm = -1.0  # beat of the last entry that says a tempo
         self._ramp_in_bars = False  # whether that end would move with the meter
+        self._ramp_entry = 0
+        self._quarters: float | None = None  # quarters a minute, while a file says the tempo
+        self.placed: list[tuple[float, Entry]] = []  # all changes, each with its beat
         latest = 0.0
+        tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
         for i, entry in enumerate(entries):
+            self._take_over(tempos, meters, entry.at)
             at = self.resolve(entry.at)
             if at < latest - SAME:
                 raise TempoError(
@@ -121,6 +143,47 @@ class TempoMap:
                 )
             latest = max(at, latest)
             self._place(i, entry, latest)
+            if entry.bpm is not None:
+                tempos.clear()
+                self._quarters = None
+            if entry.meter is not None:
+                meters.clear()
+                self._count_quarters(latest)
+        self._take_over(tempos, meters, None)
+
+    def _take_over(
+        self,
+        tempos: list[tuple[float, float]],
+        meters: list[tuple[float, Meter]],
+        until: Position | None,
+    ) -> None:
+        """Place what a file says up to a position; the last items of the lists come first."""
+        while tempos or meters:
+            quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
+            beat = self.bars.after_quarters(0.0, quarter)
+            if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
+                return
+            if meters and meters[-1][0] == quarter:
+                _, meter = meters.pop()
+                if self._ramp_in_bars and beat < self._ramp_end - SAME:
+                    message = "the meter changes during this ramp, whose length is in bars; "
+                    raise TempoError(
+                        f"{message}write the length in beats", self._ramp_entry, "over"
+                    )
+                self.bars.change(beat, meter)
+                self.placed.append((beat, Entry(Position(), meter=meter)))
+            if tempos and tempos[-1][0] == quarter:
+                _, self._quarters = tempos.pop()
+            self._count_quarters(beat)
+
+    def _count_quarters(self, beat: float) -> None:
+        """Let a tempo that a file says in quarters go on in beats of the meter here."""
+        if self._quarters is None:
+            return
+        bpm = self._quarters * self.bars.unit(beat) / 4.0
+        if bpm != self.bpm(beat):
+            self._append(beat, bpm, bpm, MAX_TIME)
+            self.placed.append((beat, Entry(Position(), bpm)))
 
     def is_same(self, other: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
@@ -189,6 +252,7 @@ class TempoMap:
         return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
 
     def _place(self, i: int, entry: Entry, at: float) -> None:
+        self.placed.append((at, entry))
         inside = at < self._ramp_end - SAME
         if entry.meter is not None:
             if inside and self._ramp_in_bars:
@@ -227,6 +291,7 @@ class TempoMap:
             if not 0.0 < span <= MAX_TIME:
                 raise TempoError("the length of a ramp must be above 0", i, "over")
             self._ramp_end, self._ramp_in_bars = at + span, entry.over.bars != 0.0
+            self._ramp_entry = i
             self._append(at, entry.bpm, entry.bpm_end, span)
             self._append(at + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
@@ -244,7 +309,10 @@ class TempoMap:
         self._starts.append(stretch.start)
         self._instants.append(stretch.seconds)
 
-    def _resolve(self, position: Position, chain: tuple[str, ...]) -> float:
+    def _resolve(
+        self, position: Position, chain: tuple[str, ...], *, any_beat: bool = False
+    ) -> float:
+        # With `any_beat` a bar may have more beats than its meter, for a later one may hold there.
         # A name such as `verse-2` reads like a mark minus two beats; a mark of that name wins.
         mark = position.text if position.text in self._marks else position.mark
         if mark is None:
@@ -252,7 +320,7 @@ class TempoMap:
             if position.bar is not None:
                 start, per_bar = self.bars.bar(position.bar)
                 base = start + (position.beat - 1.0)
-                if position.beat >= per_bar + 1:
+                if position.beat >= per_bar + 1 and not any_beat:
                     raise TextError(
                         f"beat {position.beat:g} does not exist; bar "
                         f"{position.bar} has {per_bar} beats",
@@ -272,7 +340,7 @@ class TempoMap:
         if mark in chain:
             circle = " -> ".join((*chain[chain.index(mark) :], mark))
             raise TextError(f"marks refer to one another in a circle: {circle}", length=len(mark))
-        base = self._resolve(self._marks[mark], (*chain, mark))
+        base = self._resolve(self._marks[mark], (*chain, mark), any_beat=any_beat)
         return base if mark == position.text else self.after(base, position.plus)
 
 

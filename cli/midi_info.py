@@ -1,0 +1,116 @@
+"""What `ergon info` says of a MIDI file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.terminal import printable
+
+from .console import Console, plural
+from .outcome import Refused
+from .units import seconds
+
+if TYPE_CHECKING:
+    from ergon.scores.gesture.midi_survey import MidiSurvey, MidiTrack
+
+_MINUTE = 60e6  # [us]
+_CHANGES_MAX = 12  # tempos or meters in a line
+_LINE_MAX = 2_000  # characters
+
+
+def midi(console: Console, path: Path) -> None:
+    """Say what a MIDI file holds, what of it a score can play, and what is passed over."""
+    from ergon.scores.gesture.midi_survey import passed_over, survey
+    from ergon.scores.gesture.take_file import TakeError
+
+    try:
+        file = survey(path)
+    except TakeError as error:
+        raise Refused(error.message) from None
+    duration = file.seconds(file.length)
+    tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
+    meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
+    left_out = [*passed_over(file, has_pedal=True, has_tempo=True, has_meter=True)]
+    if extra := file.n_bytes_after + file.n_bytes_unread:
+        left_out.append(plural(extra, "byte") + " after the end of tracks")
+    played = [*_understood(file)]
+    if console.json:
+        console.record(
+            "midi",
+            file=str(path),
+            format=file.format,
+            ticks_per_quarter=file.ticks,
+            duration_s=duration,
+            quarters=file.length,
+            tracks=[_fields(track) for track in file.tracks],
+            tempos=[{"quarter": quarter, "bpm": bpm} for quarter, bpm in tempos],
+            meters=[{"quarter": quarter, "meter": meter} for quarter, meter in meters],
+            understood=played,
+            passed_over=left_out,
+        )
+        return
+    lines = [
+        f"{path}: MIDI file of format {file.format}, {seconds(duration)} "
+        f"({file.length:g} quarters of {plural(file.ticks, 'tick')}), "
+        f"{plural(len(file.tracks), 'track')}"
+    ]
+    for number, track in enumerate(file.tracks, 1):
+        name = f" {track.name}" if track.name else ""
+        lines.append(f"  track {number}{name}: {_notes(track)}")
+    said = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
+    lines.append(f"  tempo: {_changes(said, '120 bpm, for the file says none')}")
+    lines.append(f"  meter: {_changes(meters, '4/4, for the file says none')}")
+    lines.append(f"  understood: {', '.join(played) or 'nothing'}")
+    lines.append(f"  passed over: {', '.join(left_out) or 'nothing'}")
+    console.data("\n".join(printable(line[:_LINE_MAX]) for line in lines) + "\n")
+
+
+def _fields(track: MidiTrack) -> dict[str, object]:
+    channels = [
+        {"channel": channel, "notes": notes.count, "low": notes.low, "high": notes.high}
+        for channel, notes in sorted(track.notes.items())
+    ]
+    return {"name": track.name, "channels": channels}
+
+
+def _notes(track: MidiTrack) -> str:
+    from ergon.notation.tables.notes import name
+
+    words = [
+        f"channel {channel}: {plural(notes.count, 'note')}, "
+        + (
+            f"{name(notes.low)} to {name(notes.high)}"
+            if notes.low < notes.high
+            else name(notes.low)
+        )
+        for channel, notes in sorted(track.notes.items())
+    ]
+    return "; ".join(words) or "no notes"
+
+
+def _understood(file: MidiSurvey) -> Iterator[str]:
+    """What a score can play of a file, or take over."""
+    from ergon.scores.gesture.midi_file import SUSTAIN
+
+    if count := sum(file.notes.values()):
+        yield plural(count, "note")
+    if pedal := file.controllers[SUSTAIN]:
+        yield plural(pedal, "pedal value")
+    if file.n_tempos:
+        yield plural(file.n_tempos, "tempo")
+    if file.n_meters:
+        yield plural(file.n_meters, "meter")
+
+
+def _changes(changes: Sequence[tuple[float, str]], none: str) -> str:
+    """What holds from where on, counted in quarter notes."""
+    if not changes:
+        return none
+    if len(changes) == 1 and not changes[0][0]:
+        return changes[0][1]
+    words = [f"{value} at {quarter:g}" for quarter, value in changes[:_CHANGES_MAX]]
+    if extra := len(changes) - len(words):
+        words.append(f"and {extra:,} more")
+    return f"{', '.join(words)} (in quarter notes)"

@@ -1,0 +1,154 @@
+"""The bytes of a MIDI file (Standard MIDI Files 1.0, RP-001): chunks, and the events of a track."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from ergon._core import poll
+from ergon.scores.gesture.take_file import TakeError
+
+MAX_TICK = 2**40
+NOTE_OFF, NOTE_ON, KEY_PRESSURE, CONTROLLER = 0x80, 0x90, 0xA0, 0xB0  # kinds of events
+PROGRAM, CHANNEL_PRESSURE, PITCH_BEND = 0xC0, 0xD0, 0xE0
+SYSEX, SYSEX_PART, META = 0xF0, 0xF7, 0xFF
+TRACK_NAME, END_OF_TRACK, SET_TEMPO, METER = 0x03, 0x2F, 0x51, 0x58  # kinds of meta events
+_SIZES = {0x8: 2, 0x9: 2, 0xA: 2, 0xB: 2, 0xC: 1, 0xD: 1, 0xE: 2}  # bytes after each status
+_NAME_SIZE = 8  # bytes of a chunk's name and length
+
+
+class MidiEvent(NamedTuple):
+    """An event of a track: its tick, its kind (a status without a channel), its channel from 1 (0:
+    none), its number (of a meta event, its kind) and its content.
+    """
+
+    tick: int
+    kind: int
+    channel: int
+    number: int
+    content: bytes
+
+
+class MidiHeader(NamedTuple):
+    """What the chunks of a file say: its format, ticks in a quarter note, the first and last offset
+    of each track, how many chunks are of other kinds, and the bytes after the last track.
+    """
+
+    format: int
+    ticks: int
+    tracks: tuple[tuple[int, int], ...]
+    n_other_chunks: int
+    n_bytes_after: int
+
+
+class MidiBytes:
+    """The bytes of a MIDI file, parsed with checks."""
+
+    def __init__(self, path: Path, data: bytes) -> None:
+        """Take the content of a file; the path is for messages."""
+        self.path = path
+        self.data = data
+        self.n_unread = 0  # bytes of tracks that follow the events that end them
+
+    def damaged(self, offset: int, what: str) -> TakeError:
+        """The error for damage at a byte."""
+        return TakeError(f"the file is damaged at byte {offset:,}: {what}", self.path)
+
+    def header(self) -> MidiHeader:
+        """The chunks of the file. Raises TakeError."""
+        data = self.data
+        if data[:4] != b"MThd":
+            raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
+        size = int.from_bytes(data[4:8], "big")
+        if len(data) < 14 or size < 6:
+            raise self.damaged(4, "the header has fewer than 6 bytes")
+        kind, n_tracks, division = (int.from_bytes(data[i : i + 2], "big") for i in (8, 10, 12))
+        if kind > 1:
+            message = f"a MIDI file of type {kind} holds several pieces; save it as type 1"
+            raise TakeError(message, self.path)
+        if division & 0x8000:
+            message = "its times are frames of film (SMPTE); save it with ticks in a beat"
+            raise TakeError(message, self.path)
+        if not division:
+            raise self.damaged(12, "a beat has no ticks")
+        tracks: list[tuple[int, int]] = []
+        n_others, start = 0, _NAME_SIZE + size
+        while start < len(data):
+            name, first = data[start : start + 4], start + _NAME_SIZE
+            size = int.from_bytes(data[start + 4 : first], "big")
+            stop = first + size
+            is_chunk = first <= len(data) and name.isascii() and name.decode("ascii").isprintable()
+            is_whole = is_chunk and stop <= len(data)
+            if not is_whole and len(tracks) >= n_tracks and name != b"MTrk":
+                break  # no chunk, and all tracks that the header counts are there
+            if first > len(data):
+                raise self.damaged(start, "a chunk ends in its name or length")
+            if stop > len(data):
+                raise self.damaged(start + 4, f"a chunk of {size:,} bytes goes beyond the end")
+            if name == b"MTrk":
+                tracks.append((first, stop))
+            else:
+                n_others += 1
+            start = stop
+        return MidiHeader(kind, division, tuple(tracks), n_others, max(0, len(data) - start))
+
+    def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
+        """The events of a track in order, up to the event that ends it. Raises TakeError."""
+        offset, stop = span
+        tick, status, count = 0, 0, 0
+        while offset < stop:
+            count += 1
+            if not count % 4096:
+                poll()
+            step, offset = self._variable(offset, stop)
+            tick += step
+            if tick > MAX_TICK:
+                raise self.damaged(offset, "a track is longer than any piece")
+            if offset >= stop:
+                raise self.damaged(offset, "a track ends where an event is expected")
+            byte = self.data[offset]
+            if byte >= SYSEX:
+                event, offset = self._message(tick, byte, offset + 1, stop)
+                yield event
+                if event.kind == META and event.number == END_OF_TRACK:
+                    self.n_unread += stop - offset
+                    return
+                if byte != META:  # a running status goes on over meta events alone
+                    status = 0
+                continue
+            if byte & 0x80:
+                status, offset = byte, offset + 1
+            elif not status:
+                raise self.damaged(offset, "data without a status before it")
+            size = _SIZES[status >> 4]
+            content = self.data[offset : offset + size]
+            if offset + size > stop or any(byte & 0x80 for byte in content):
+                raise self.damaged(offset, "an event lacks its data")
+            offset += size
+            channel = (status & 0xF) + 1
+            yield MidiEvent(tick, status & 0xF0, channel, content[0], content)
+
+    def _message(self, tick: int, status: int, offset: int, stop: int) -> tuple[MidiEvent, int]:
+        """A meta event or a message of the system, and the offset of its end."""
+        number = 0
+        if status == META:
+            if offset >= stop:
+                raise self.damaged(offset, "a track ends where an event is expected")
+            number, offset = self.data[offset], offset + 1
+        elif status not in (SYSEX, SYSEX_PART):
+            raise self.damaged(offset - 1, f"a message 0x{status:02X}, which no file has")
+        size, offset = self._variable(offset, stop)
+        if offset + size > stop:
+            raise self.damaged(offset, f"an event of {size:,} bytes goes beyond its track")
+        content = self.data[offset : offset + size]
+        return MidiEvent(tick, status, 0, number, content), offset + size
+
+    def _variable(self, offset: int, stop: int) -> tuple[int, int]:
+        """A number of variable length, and the offset of its end."""
+        value = 0
+        for place in range(offset, min(offset + 4, stop)):
+            value = value << 7 | self.data[place] & 0x7F
+            if not self.data[place] & 0x80:
+                return value, place + 1
+        raise self.damaged(offset, "a number has no end")

@@ -1,0 +1,220 @@
+"""What a MIDI file holds, whether it is played or not: tracks, tempos, meters, and counts of all
+other events.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+from ergon.notation.clock.meter import MAX_BEATS, Bars, Meter
+from ergon.notation.clock.tempo import FASTEST, SLOWEST
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture import midi_bytes as m
+from ergon.scores.gesture.midi_bytes import MidiEvent
+from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
+from ergon.scores.gesture.take_file import TakeError
+
+QUARTER = 500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
+_MINUTE = 60e6  # [us]
+_LARGEST_UNIT = 6  # a power of two: 1/64
+# What is counted, by the kind of event, in the order in which it is said: singular and plural.
+NOUNS = {
+    m.PITCH_BEND: ("pitch bend", "pitch bends"),
+    m.CHANNEL_PRESSURE: ("channel pressure", "channel pressures"),
+    m.KEY_PRESSURE: ("key pressure", "key pressures"),
+    m.PROGRAM: ("program change", "program changes"),
+    m.SYSEX: ("system exclusive message", "system exclusive messages"),
+}
+
+
+@dataclass(slots=True)
+class NoteCount:
+    """How many notes there are, and the lowest and highest."""
+
+    count: int = 0
+    low: int = 127
+    high: int = 0
+
+    def add(self, number: int) -> None:
+        """Count a note."""
+        self.count += 1
+        self.low, self.high = min(self.low, number), max(self.high, number)
+
+
+@dataclass(slots=True)
+class MidiTrack:
+    """A track: its name, and its notes by channel."""
+
+    name: str = ""
+    notes: dict[int, NoteCount] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class MidiSurvey:
+    """What a file holds. Times are in quarter notes, of `ticks` each, from the beginning.
+
+    `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
+    power of two of their note), in the order of time and only the last of those at one instant;
+    `n_tempos` and `n_meters` count all. `controllers` and `others` count events by their numbers
+    and kinds. `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks
+    that follow the event that ends a track.
+    """
+
+    format: int
+    ticks: int
+    n_other_chunks: int
+    n_bytes_after: int
+    length: float = 0.0
+    n_bytes_unread: int = 0
+    tracks: list[MidiTrack] = field(default_factory=list)
+    tempos: list[tuple[float, int]] = field(default_factory=list)
+    meters: list[tuple[float, int, int]] = field(default_factory=list)
+    n_tempos: int = 0
+    n_meters: int = 0
+    controllers: Counter[int] = field(default_factory=Counter)
+    others: Counter[int] = field(default_factory=Counter)
+
+    @property
+    def notes(self) -> Mapping[int, int]:
+        """How many notes each channel has."""
+        counts: Counter[int] = Counter()
+        for track in self.tracks:
+            counts.update({channel: notes.count for channel, notes in track.notes.items()})
+        return counts
+
+    def seconds(self, quarters: float) -> float:
+        """The instant of a place of the file, by its own tempos [s]."""
+        starts = [(0.0, QUARTER), *self.tempos]
+        last = bisect_right(starts, quarters, key=lambda change: change[0])
+        ends = [*(start for start, _ in starts[1:last]), quarters]
+        pairs = zip(starts[:last], ends, strict=True)
+        return sum((end - start) * micros for (start, micros), end in pairs) / 1e6
+
+
+def survey(path: Path) -> MidiSurvey:
+    """What a file holds. Raises TakeError."""
+    try:
+        return _survey(path, state_of(path))
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+
+
+@lru_cache(16)
+def _survey(path: Path, _: FileState) -> MidiSurvey:
+    file = read_bytes(path)
+    header = file.header()
+    result = MidiSurvey(header.format, header.ticks, header.n_other_chunks, header.n_bytes_after)
+    tempos: list[tuple[int, int]] = []
+    meters: list[tuple[int, tuple[int, int]]] = []
+    last = 0
+    for span in header.tracks:
+        track = MidiTrack()
+        result.tracks.append(track)
+        for event in file.track(span):
+            last = max(last, event.tick)
+            if event.kind != m.META:
+                _count(event, track, result)
+            elif event.number == m.TRACK_NAME and not track.name:
+                track.name = _text(event.content)
+            elif event.number == m.SET_TEMPO and len(event.content) == 3:
+                tempos.append((event.tick, int.from_bytes(event.content, "big")))
+            elif event.number == m.METER and len(event.content) >= 2:
+                meters.append((event.tick, (event.content[0], event.content[1])))
+    ticks = result.ticks
+    result.length, result.n_bytes_unread = last / ticks, file.n_unread
+    result.n_tempos, result.n_meters = len(tempos), len(meters)
+    result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
+    result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
+    return result
+
+
+def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
+    if event.kind == m.NOTE_ON and event.content[1]:
+        track.notes.setdefault(event.channel, NoteCount()).add(event.number)
+    elif event.kind == m.CONTROLLER:
+        result.controllers[event.number] += 1
+    elif event.kind in NOUNS:
+        result.others[event.kind] += 1
+
+
+def _text(content: bytes) -> str:
+    """A text of a file, which says no encoding."""
+    try:
+        return content.decode()
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+_Value = TypeVar("_Value")
+
+
+def _latest(changes: Iterable[tuple[int, _Value]]) -> list[tuple[int, _Value]]:
+    """Changes in the order of time; of several at one tick the last, which all others follow."""
+    return [*dict(sorted(changes, key=lambda change: change[0])).items()]
+
+
+def tempos_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, float], ...]:
+    """The tempos of a file: quarter notes from the beginning, and quarters a minute. Raises
+    TakeError.
+    """
+    result = []
+    first = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
+    for quarter, micros in (*first, *file.tempos):
+        if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
+            message = (
+                f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
+                f"quarter; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
+            )
+            raise TakeError(message, path)
+        result.append((quarter, _MINUTE / micros))
+    return tuple(result)
+
+
+def meters_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, Meter], ...]:
+    """The meters of a file: quarter notes from the beginning, and a meter. Raises TakeError for a
+    meter that no score has, and for one that does not begin on a bar line.
+    """
+    bars, result = Bars(), []
+    for quarter, count, power in file.meters:
+        beat = bars.after_quarters(0.0, quarter)
+        try:
+            if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
+                raise TextError(f"no score has a meter {count}/2^{power}")
+            meter = Meter(count, 2**power, (count,))
+            bars.change(beat, meter)
+        except TextError as error:
+            message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
+            raise TakeError(message, path) from None
+        result.append((quarter, meter))
+    return tuple(result)
+
+
+def passed_over(
+    file: MidiSurvey, *, has_pedal: bool, has_tempo: bool, has_meter: bool
+) -> Iterator[str]:
+    """What is in a file beside notes and what is used of it, in words."""
+    if file.n_tempos and not has_tempo:
+        yield plural(file.n_tempos, ("tempo", "tempos"))
+    if file.n_meters and not has_meter:
+        yield plural(file.n_meters, ("meter", "meters"))
+    for kind, noun in NOUNS.items():
+        if file.others[kind]:
+            yield plural(file.others[kind], noun)
+    controllers = {n: c for n, c in file.controllers.items() if n != SUSTAIN or not has_pedal}
+    if controllers:
+        numbers = ", ".join(str(number) for number in sorted(controllers))
+        count = plural(sum(controllers.values()), ("controller value", "controller values"))
+        yield f"{count} ({numbers})"
+    if file.n_other_chunks:
+        yield plural(file.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
+
+
+def plural(count: int, noun: tuple[str, str]) -> str:
+    """A count of something, by its singular and plural."""
+    return f"{count:,} {noun[count != 1]}"

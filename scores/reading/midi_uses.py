@@ -1,0 +1,114 @@
+"""Which MIDI files a score uses and what for; what nothing uses is reported, once for each file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
+from ergon.scores.gesture.midi_file import channel_number
+from ergon.scores.gesture.midi_survey import MidiSurvey, passed_over, plural, survey
+from ergon.scores.gesture.take_file import TakeError
+
+_Times = TypeVar("_Times")
+
+
+@dataclass(slots=True)
+class _Use:
+    """A file: where a score names it first, and what it is used for."""
+
+    name: str
+    place: Place
+    channels: set[int | None] = field(default_factory=set)  # those that are played; None: all
+    has_lengths: bool = False  # the pedal counts
+    has_tempo: bool = False
+    has_meter: bool = False
+
+
+class MidiUses:
+    """The MIDI files of a score and of those that it includes."""
+
+    def __init__(self, files: Files) -> None:
+        """Start with none."""
+        self._files = files
+        self._uses: dict[Path, _Use] = {}
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Every file that is used."""
+        return tuple(self._uses)
+
+    def play(self, take: Values, *, has_lengths: bool) -> None:
+        """Note that strikes, or a hand (then notes have no lengths), play a take."""
+        path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
+        if path is None:
+            return
+        try:
+            channel = channel_number(path, take["channel"])
+        except TakeError:  # whoever reads the notes reports it
+            return
+        use = self._use(path, take["file"], take.place_of("file"))
+        use.channels.add(channel)
+        use.has_lengths |= has_lengths
+
+    def times(
+        self, values: Values, read: Callable[[MidiSurvey, Path], _Times], *, is_tempo: bool
+    ) -> _Times | None:
+        """The tempos or the meters of the file that `from` names, as `read` makes them; None if an
+        error was reported.
+        """
+        name = values["from"]
+        if name is None:
+            return None
+        who, folder = f"{values.context.of('from')}: ", values.nodes["from"].document.folder
+        path = self._files.locate(name, folder, values.place_of("from"), who, is_text=False)
+        if path is None:
+            return None
+        use = self._use(path, name, values.place_of("from"))
+        use.has_tempo |= is_tempo
+        use.has_meter |= not is_tempo
+        try:
+            return read(survey(path), path)
+        except TakeError as error:
+            values.error("E310", f"{who}{error.message}", "from")
+        return None
+
+    def _use(self, path: Path, name: str, place: Place) -> _Use:
+        return self._uses.setdefault(path, _Use(name, place))
+
+    def report(self, collector: Collector) -> None:
+        """Report what is passed over in each file (N404), and bytes after its tracks (W335)."""
+        for path, use in self._uses.items():
+            try:
+                file = survey(path)
+            except TakeError:  # whoever reads the file reports it
+                continue
+            if words := [*_passed_over(file, use)]:
+                *before, last = words
+                listed = f"{', '.join(before)} and {last}" if before else last
+                is_single = not before and last.startswith("1 ")
+                message = f"{use.name}: {listed} {'is' if is_single else 'are'} passed over"
+                collector.error("N404", message, use.place)
+            if extra := file.n_bytes_after + file.n_bytes_unread:
+                where = "its last track" if file.n_bytes_after else "the end of a track"
+                message = f"{use.name}: {plural(extra, ('byte', 'bytes'))} after {where} "
+                message += f"{'is' if extra == 1 else 'are'} not read"
+                collector.error("W335", message, use.place)
+
+
+def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
+    """What a score does not use of a file, in words."""
+    unplayed = {c: n for c, n in file.notes.items() if not use.channels & {None, c}}
+    if unplayed:
+        channels = [str(channel) for channel in sorted(unplayed)]
+        noun = "channel" if len(channels) == 1 else "channels"
+        count = plural(sum(unplayed.values()), ("note", "notes"))
+        yield f"{count} of {noun} {', '.join(channels)}"
+    yield from passed_over(
+        file, has_pedal=use.has_lengths, has_tempo=use.has_tempo, has_meter=use.has_meter
+    )
