@@ -9,6 +9,7 @@ from pathlib import Path
 from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
+from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.words import OPTIONS
 
 WHEN = (
@@ -32,6 +33,7 @@ PATTERNS = (
     ("shuffle knock lean tap", "all, in an order of its own in each round"),
     ("every 4th do mirror", "every fourth round is transformed"),
 )
+OF_RHYTHMS = tuple((form.example, form.line) for form in TABLE.values())
 KEYS = (
     ("F12", "panic"),
     ("Tab", "takes the line that was suggested, or completes the word"),
@@ -68,7 +70,8 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
         options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
         return (*options, *PATTERNS)
     if verb == "do":
-        return tuple((example, "") for example in EXAMPLES.values())
+        of_plays = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
+        return (*of_plays, *((example, f"of strikes: {line}") for example, line in OF_RHYTHMS))
     return NOTATION if verb == "=" else ()
 
 
@@ -86,6 +89,7 @@ def cheat_sheet() -> str:
     )
     lines += _table("further words of plays", ("write", "meaning"), options)
     lines += _table("patterns", ("write", "meaning"), PATTERNS)
+    lines += _table("transformations of rhythms", ("write", "meaning"), OF_RHYTHMS)
     lines += _table("keys", ("key", "effect"), KEYS)
     return "\n".join(lines).rstrip() + "\n"
 

@@ -16,8 +16,9 @@ from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.edits.transformed import NONE
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
+from ergon.scores.pattern.struck import name_of, notes_of
 from ergon.scores.pattern.words import parse_strikes
-from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of, name_of, notes_of
+from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of
 
 _OPTIONS = {
     "to": "bell",
@@ -133,9 +134,16 @@ def _offers_do(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _transform_offers(before: Sequence[str]) -> Iterator[Completion]:
-    """Transformations, at the beginning and behind a comma."""
+    """Transformations, at the beginning and behind a comma; values behind a transformation."""
+    form = TABLE.get(before[-1]) if before else None
     if not before or before[-1].endswith(","):
         yield from (Completion(name, form.line) for name, form in TABLE.items())
+    elif form is not None:
+        words = [
+            word for readers in form.arguments for reader in readers[:1] for word in reader.known
+        ]
+        for word in dict.fromkeys(words) or form.example.split()[1:2]:
+            yield Completion(word, f"as in {form.example}")
 
 
 RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)

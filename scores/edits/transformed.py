@@ -20,6 +20,13 @@ NONE = "none"  # ends all transformations
 _BY_PATTERN = ("every", "euclid", "notes", "chance", "swing")  # fields that a rhythm replaces
 _NO_RHYTHM = "melodies, phrases, sweeps and strikes by chance have no cycle to transform"
 
+# Ways of a pattern to take one of its items in each round, as brackets of a rhythm.
+_BY_CHANCE = {"choose": "[{}]", "walk": "<{}>"}
+_NOT_WRITTEN = (
+    "`{}` plays all of its items in each round, in a new order; a rhythm has one of them by chance "
+    "([c4 | e4]) or a walk (<c4 | e4>)"
+)
+
 Body = dict[str, edit.Tree]
 
 
@@ -137,10 +144,10 @@ def _text(order: Group, strikes: Strikes) -> tuple[str, int]:
         raise EditError("notes of a CEL without `notes` cannot be written as a rhythm")
     is_plain = not strikes.voices
     words = [_item(item, is_plain=is_plain) for item in order.items]
-    if order.way == "choose":
-        return f"[{'|'.join(words)}]", 1
+    if order.way in _BY_CHANCE:
+        return _BY_CHANCE[order.way].format("|".join(words)), 1
     if order.way != "in turn":
-        raise EditError(f"`{order.way}` cannot be written as a rhythm; use `|` in a rhythm")
+        raise EditError(_NOT_WRITTEN.format(order.way))
     return " ".join(words), order.steps
 
 
@@ -150,8 +157,8 @@ def _item(item: Leaf | Group, *, is_plain: bool) -> str:
         name = "~" if item.name is None else HERE if is_plain else item.name
         return f"{name}{weight}"
     inner = [_item(part, is_plain=is_plain) for part in item.items]
-    if item.way == "choose":
-        return f"[{'|'.join(inner)}]{weight}"
+    if item.way in _BY_CHANCE:
+        return _BY_CHANCE[item.way].format("|".join(inner)) + weight
     if item.way != "in turn":
-        raise EditError(f"`{item.way}` cannot be written as a rhythm; use `|` in a rhythm")
+        raise EditError(_NOT_WRITTEN.format(item.way))
     return f"[{' '.join(inner)}]{weight}"

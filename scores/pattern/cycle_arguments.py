@@ -11,15 +11,19 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.cycle_operations import having
 from ergon.scores.pattern.cycles import Cycles
+from ergon.scores.pattern.phrasing import ORDERS
 from ergon.scores.pattern.rhythm import MAX_STEPS
 from ergon.scores.pattern.rhythm_signs import MAX_DIGITS, MAX_NUMBER
 from ergon.scores.pattern.rhythm_text import parse
+from ergon.scores.pattern.struck import Repeats
 
 MAX_COPIES = 32  # of an echo
 MAX_SEMITONES = 127
 MAX_FACTOR = 100
+MAX_RATE = 100  # of a tremolo [Hz]
+MAX_LENGTH = 8  # of a stroke, in distances to the next
 
-Argument = int | float | Fraction
+Argument = int | float | str | Fraction | Repeats
 
 _RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
 _SEMITONES = re.compile(r"([+-]?[0-9]{1,4})st")
@@ -38,18 +42,21 @@ _BEATS: Mapping[str, bool] = {
 class Reader:
     """How an argument is read: `what` it is, for messages, and a function of its word.
 
-    The function returns None for a word that is no such argument.
+    The function returns None for a word that is no such argument. `known` are the words that
+    are suggested.
     """
 
     what: str
     read: Callable[[str], Argument | None]
+    known: tuple[str, ...] = ()
 
     def argument(self, word: str, offset: int, example: str) -> Argument:
         """Read a word at an offset. Raises TextError."""
         value = self.read(word)
         if value is None:
             message = f"{quote(word)} is not {self.what}; write for instance {example}"
-            raise TextError(message, offset=offset, length=max(1, len(word)))
+            near = nearest(word.strip("\"'"), self.known)
+            raise TextError(message, offset=offset, length=max(1, len(word)), suggestion=near)
         return value
 
 
@@ -93,6 +100,31 @@ def _amount(high: int) -> Callable[[str], float | None]:
     return lambda word: None if (value := read(word)) is None else float(value)
 
 
+def _count_or_rate(word: str) -> int | Repeats | None:
+    """`8`, or `12Hz`."""
+    if not word.endswith("Hz"):
+        return _count(1, MAX_NUMBER)(word)
+    value = _ratio(_SMALLEST, MAX_RATE)(word.removesuffix("Hz"))
+    return None if value is None else Repeats(float(value))
+
+
+def _seconds(word: str) -> float | None:
+    """`20ms` or `-0.02s`, up to a second either way, and not nothing."""
+    unit = 1000 if word.endswith("ms") else 1
+    value = ratio(word.removeprefix("-").removesuffix("s").removesuffix("m"))
+    if not word.endswith("s") or value is None or not 0 < value <= unit:
+        return None
+    return float(-value / unit if word[0] == "-" else value / unit)
+
+
+def _part(word: str) -> Fraction | None:
+    """A share from -1 to 1, and not nothing."""
+    value = ratio(word.removeprefix("-"))
+    if value is None or not 0 < value <= 1:
+        return None
+    return -value if word[0] == "-" else value
+
+
 _SMALLEST = Fraction(1, MAX_NUMBER)
 
 COUNT = Reader(f"a number from 1 to {MAX_NUMBER:,}", _count(1, MAX_NUMBER))
@@ -104,6 +136,21 @@ TIME = Reader("a share of a cycle", _ratio(Fraction(0), MAX_NUMBER))
 SHARE = Reader("a share of a slice from 0 to 1", _ratio(Fraction(0), 1))
 PROBABILITY = Reader("a probability from 0 to 1", _amount(1))
 FACTOR = Reader(f"a factor from 0 to {MAX_FACTOR}", _amount(MAX_FACTOR))
+LENGTH = Reader(
+    f"a share of the time until the next stroke, up to {MAX_LENGTH}", _ratio(_SMALLEST, MAX_LENGTH)
+)
+STEP = Reader("a share of a cycle from 1/1000 to 1", _ratio(_SMALLEST, 1))
+REPEATS = Reader(
+    f"a number of strokes from 1 to {MAX_NUMBER:,}, or a rate up to {MAX_RATE}Hz", _count_or_rate
+)
+SWELL = Reader(f"a factor from 1/{MAX_NUMBER} to {MAX_FACTOR}", _ratio(_SMALLEST, MAX_FACTOR))
+SECONDS = Reader("a time up to a second, such as 20ms or -20ms", _seconds)
+PART = Reader("a share of the length from -1 to 1 without 0", _part)
+ORDER = Reader(
+    f"an order of notes: {', '.join(ORDERS)}",
+    lambda word: word if word in ORDERS else None,
+    tuple(ORDERS),
+)
 SEMITONES = Reader(f"an interval in semitones, up to {MAX_SEMITONES}st", _semitones)
 
 

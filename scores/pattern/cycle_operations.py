@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 
 from ergon.scores.pattern.cycles import (
     Chance,
@@ -28,6 +30,7 @@ from ergon.scores.pattern.rhythm import Euclid
 Change = Callable[[Cycles[V]], Cycles[V]]
 
 HALF = Fraction(1, 2)
+_WALKS = 256  # of voices: their paths are remembered
 _COPIES = 1 << 40  # between the operators of one copy of a pattern and those of the next
 
 
@@ -50,9 +53,15 @@ def renumbered(shift: int, part: Cycles[V]) -> Cycles[V]:
         return part
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return part.query(begin, end, lambda number, instant: chance(number + shift, instant))
+        return part.query(begin, end, _renumbered(chance, shift))
 
     return node(query, (part,), part.cost)
+
+
+@lru_cache(_WALKS)
+def _renumbered(chance: Chance, shift: int) -> Chance:
+    """The draws of operators whose numbers are `shift` higher; the same function each time."""
+    return lambda number, instant: chance(number + shift, instant)
 
 
 def having(test: Callable[[V], bool], part: Cycles[V]) -> Cycles[V]:
@@ -102,10 +111,10 @@ def swing(amount: Fraction, slices: int, part: Cycles[V]) -> Cycles[V]:
     return stack([before, late(amount / slices, after)])
 
 
-def ply(count: int, part: Cycles[V]) -> Cycles[V]:
-    """Each event `count` times within its span."""
-    if count == 1:
-        return part
+def ply(
+    count: int, part: Cycles[V], change: Callable[[V, int], V] = lambda what, _: what
+) -> Cycles[V]:
+    """Each event `count` times within its span; `change` returns the value of a repetition."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         result: list[Fragment[V]] = []
@@ -116,8 +125,9 @@ def ply(count: int, part: Cycles[V]) -> Cycles[V]:
             low = first + turn * width
             while low < stop:
                 high = low + width
-                result.append(Fragment(low, high, max(low, start), min(high, stop), what))
-                low = high
+                value = change(what, int(turn))
+                result.append(Fragment(low, high, max(low, start), min(high, stop), value))
+                low, turn = high, turn + 1
         return result
 
     return node(query, (part,), part.cost * count)
@@ -174,6 +184,31 @@ def undegrade(number: int, amount: float, part: Cycles[V]) -> Cycles[V]:
 def sometimes(number: int, amount: float, change: Change[V], part: Cycles[V]) -> Cycles[V]:
     """A change of some events: of each with a probability."""
     return stack([degrade(number, amount, part), change(undegrade(number, amount, part))])
+
+
+def walk(number: int, parts: Sequence[Cycles[V]]) -> Cycles[V]:
+    """One of the patterns in each cycle: the first in the first, then the one before, the same or
+    the one behind, by chance; a step beyond an end is reflected.
+    """
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+        path = _path(chance, number, len(parts))
+        result: list[Fragment[V]] = []
+        for cycle, low, high in by_cycle(begin, end):
+            for turn in range(len(path), abs(cycle) + 1):
+                step = int(3 * chance(number, Fraction(turn))) - 1 if len(parts) > 1 else 0
+                place = path[-1] + step
+                path.append(place if 0 <= place < len(parts) else path[-1] - step)
+            result += parts[path[abs(cycle)]].query(low, high, chance)
+        return result
+
+    return node(query, parts, sum(part.cost for part in parts))
+
+
+@lru_cache(_WALKS)
+def _path(chance: Chance, number: int, count: int) -> array[int]:
+    """The part of a walk that has been drawn so far: each is drawn from its beginning."""
+    return array("H", [0])
 
 
 # --- copies -------------------------------------------------------------------------------------

@@ -2,76 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
-from ergon.notation.text.errors import TextError
 from ergon.scores.pattern import cycle_arguments as read
 from ergon.scores.pattern import cycle_operations as act
-from ergon.scores.pattern.cycle_arguments import Reader
-from ergon.scores.pattern.cycles import Cycles, early, fast, late, mapped, slow
+from ergon.scores.pattern.cycle_forms import CycleTransform, Form, Pattern
+from ergon.scores.pattern.cycles import early, fast, late, mapped, slow
+from ergon.scores.pattern.phrasing_table import PHRASING
 from ergon.scores.pattern.rhythm import Euclid
-from ergon.scores.pattern.rhythm_text import Struck
+from ergon.scores.pattern.struck import Struck
 
-HALF = 0.5  # of the events: what `sometimes` and `degrade` take without a number
 _THIRD = Fraction(1, 3)  # of a slice: what `swing 4` delays, as a triplet does
-
-Pattern = Cycles[Struck]
-
-
-@dataclass(frozen=True, slots=True)
-class CycleTransform:
-    """A transformation, the values of its arguments, and the `inner` ones that it takes.
-
-    `number` is that of its draws by chance; `offset` and `length` are its place in the text.
-    """
-
-    word: str
-    number: int
-    values: tuple[Any, ...]
-    inner: tuple[CycleTransform, ...]
-    offset: int
-    length: int
-
-    @property
-    def value(self) -> Any:
-        """The only argument, or a half where that may be left out."""
-        return self.values[0] if self.values else HALF
-
-    def change(self, part: Pattern) -> Pattern:
-        """What the inner transformations make of a pattern."""
-        return apply(part, self.inner)
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """How a transformation is written, and what it does.
-
-    `arguments` has a list for each number of arguments that may be written. One that
-    `takes_change` is followed by transformations, one that `takes_rhythm` by a rhythm. `check`
-    returns what is wrong with arguments together.
-    """
-
-    line: str
-    example: str
-    act: Callable[[CycleTransform, Pattern], Pattern]
-    arguments: tuple[tuple[Reader, ...], ...] = ((),)
-    takes_change: bool = False
-    takes_rhythm: bool = False
-    check: Callable[..., str | None] = lambda *_: None
-
-
-def apply(cycles: Pattern, transforms: Sequence[CycleTransform]) -> Pattern:
-    """Transform a pattern, from left to right. Raises TextError where it becomes too large."""
-    for transform in transforms:
-        cycles = TABLE[transform.word].act(transform, cycles)
-        excess = cycles.excess()
-        if excess is not None:
-            message = f"after this transformation {excess}; remove it, or make the rhythm simpler"
-            raise TextError(message, offset=transform.offset, length=transform.length)
-    return cycles
 
 
 # --- what each does -----------------------------------------------------------------------------
@@ -243,4 +186,5 @@ TABLE: Mapping[str, Form] = {
     ),
     "transpose": Form("higher by semitones", "transpose -5st", _transpose, ((read.SEMITONES,),)),
     "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
+    **PHRASING,
 }

@@ -12,10 +12,11 @@ from typing import Any
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern import cycle_arguments as read
-from ergon.scores.pattern.cycle_table import TABLE, CycleTransform, Form, apply
+from ergon.scores.pattern.cycle_forms import CycleTransform, Form, apply
+from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycles import Cycles
 
-__all__ = ["CycleTransform", "apply", "parse_transforms"]
+__all__ = ["apply", "parse_transforms"]
 
 MAX_TEXT = 4_000  # characters
 MAX_TRANSFORMS = 32
@@ -35,6 +36,13 @@ _SUGGESTED = {
     "up": "transpose",
     "almostAlways": "often",
     "almostNever": "rarely",
+    "staccato": "legato",
+    "clip": "legato",
+    "rolledBy": "rolled",
+    "arpeggiate": "arp",
+    "arpeggio": "arp",
+    "flam": "grace",
+    "tremolando": "tremolo",
 }
 _NO_SOUND_FILE = "a stroke makes its sound anew, and there is no recording to change"
 _REFUSED = {
@@ -113,7 +121,7 @@ class _Parser:
         wrong = form.check(*values)
         if wrong is not None:
             raise self.mistake(wrong, begin, length)
-        return CycleTransform(word, number, values, inner, self.start + begin, length)
+        return CycleTransform(word, form, number, values, inner, self.start + begin, length)
 
     def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
         """The values of the arguments of a transformation."""

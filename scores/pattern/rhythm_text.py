@@ -6,6 +6,7 @@
               | '_' | '!'                                  the step before: longer, once more
     brackets := '[' text ']'
               | '<' steps (',' steps)* '>'                 one step in each cycle
+              | '<' steps ('|' steps)+ '>'                 a random walk from cycle to cycle
               | '{' steps (',' steps)* '}' ['%' number]    so many steps in each cycle
     change   := ('*' | '/' | '@' | '!' | '?') number | '?'
               | '(' pulses ',' steps [',' turn] ')'
@@ -23,7 +24,7 @@ from fractions import Fraction
 from typing import Generic
 
 from ergon.notation.text.errors import TextError
-from ergon.scores.pattern.cycle_operations import degrade, euclid, renumbered
+from ergon.scores.pattern.cycle_operations import degrade, euclid, renumbered, walk
 from ergon.scores.pattern.cycles import (
     MAX_EVENTS,
     Cycles,
@@ -46,16 +47,6 @@ _CLOSING = {"[": "]", "<": ">", "{": "}"}
 _OPENING = {close: opened for opened, close in _CLOSING.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class Struck:
-    """A word of a rhythm text, where it is written, and what transformations add to it."""
-
-    word: str
-    offset: int
-    semitones: int = 0
-    factor: float = 1.0
-
-
 def parse(
     text: str, read: Callable[[str, int], V], start: int = 0, first_number: int = 0
 ) -> Cycles[V]:
@@ -72,6 +63,16 @@ def parse(
         message = "this rhythm has no steps; write for instance kick ~ snare ~"
         raise TextError(message, offset=start, length=max(1, len(text)))
     return _Parser(text, read, start, first_number).text_in("")
+
+
+def line_begins(text: str) -> list[int]:
+    """Where the lines of a rhythm text begin that commas outside all brackets divide."""
+    begins, depth = [0], 0
+    for place, sign in enumerate(text):
+        depth += (sign in "[<{(") - (sign in "]>})")
+        if sign == "," and depth == 0:
+            begins.append(place + 1)
+    return begins
 
 
 @dataclass(slots=True)
@@ -112,7 +113,7 @@ class _Parser(Scanner, Generic[V]):
         self.close()
         lengths = [sum((step.weight for step in line), Fraction(0)) for line in lines]
         parts = [_sequence(line) for line in lines]
-        if sign == "<":
+        if sign == "<" and separator != "|":
             parts = [slow(length, part) for length, part in zip(lengths, parts, strict=True)]
         elif sign == "{":
             steps = lengths[0]
@@ -123,7 +124,8 @@ class _Parser(Scanner, Generic[V]):
         if separator != "|":
             return self.checked(stack(parts), begin)
         self.number += 1
-        return self.checked(choose(self.number - 1, parts), begin)
+        draw = walk if sign == "<" else choose
+        return self.checked(draw(self.number - 1, parts), begin)
 
     def check_separator(self, before: str, sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
@@ -131,9 +133,9 @@ class _Parser(Scanner, Generic[V]):
         if before not in ("", separator):
             message = "',' (together) and '|' (one in each cycle) are divided by brackets: "
             raise self.mistake(message + "kick, [snare | hat]", self.place)
-        if separator == "|" and sign in ("<", "{"):
-            message = "'|' is written in square brackets: "
-            raise self.mistake(f"{message}{sign}[kick | snare] hat{_CLOSING[sign]}", self.place)
+        if separator == "|" and sign == "{":
+            message = "'|' is written in square brackets: {[kick | snare] hat}"
+            raise self.mistake(message, self.place)
 
     def close(self) -> None:
         """Read the end of the last bracket that is open, or of the text."""

@@ -326,7 +326,11 @@ class Strikes:
         tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
         before = before if stop is None else min(stop, before)
         at = tempo.resolve(self.at)
-        first = 0 if since == -inf else max(0, rhythm.count(tempo, at, since) - 1)
+        first = 0
+        if since != -inf:
+            cycles_late, seconds_late = rhythm.late()
+            early = tempo.after(since, Length(seconds=-seconds_late)) if seconds_late else since
+            first = max(0, rhythm.count(tempo, at, early) - 1 - cycles_late)
         cycles = range(first, self.cycles(tempo, before))
         levels = self.levels or Levels((MEZZO_FORTE,))
         for stroke in rhythm.strokes(tempo, at, levels, (piece.seed, self.who), cycles):

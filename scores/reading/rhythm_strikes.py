@@ -15,7 +15,7 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.cycle_transforms import parse_transforms
-from ergon.scores.pattern.rhythm_text import Struck
+from ergon.scores.pattern.struck import Struck, key_of, name_of, notes_of
 from ergon.scores.reading import build
 from ergon.scores.reading.melodies import transforms
 from ergon.scores.reading.melody import NoteTargets, Row
@@ -25,10 +25,7 @@ from ergon.scores.reading.rhythms import (
     Rhythm,
     Voice,
     compiled,
-    key_of,
     level_of,
-    name_of,
-    notes_of,
 )
 
 

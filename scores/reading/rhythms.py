@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from bisect import bisect
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf
+from math import ceil, inf
+from operator import itemgetter
 
 from ergon.instruments.model import Target
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import Text
-from ergon.notation.tables.strengths import LEVEL, Level, Levels, Reach
-from ergon.notation.text.errors import TextError, quote
-from ergon.notation.text.spelling import nearest
+from ergon.notation.tables.strengths import LEVEL, MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
 from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, chance_from
-from ergon.scores.pattern.rhythm_text import WORD, Struck, parse
+from ergon.scores.pattern.phrasing import swell
+from ergon.scores.pattern.rhythm_text import WORD, line_begins, parse
+from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_of
 
 HERE = "x"  # the word for what `to` names
 LONGEST_CYCLES = 8.0  # of a note: one that lasts longer is looked for no farther back
+_SAME_STROKE = 1e-9  # of a stroke: tolerance for rounding of a rate times a length
 MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
 _REMEMBERED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
 
-# Where in its cycle an event begins, how many cycles it lasts, and its word.
-_CycleEvent = tuple[float, float, Struck]
+# Where in its cycle an event begins, its span and how long it sounds in cycles, and its word.
+_CycleEvent = tuple[float, float, float, Struck]
 
 # What a word strikes, for each reach: a strength means another impulse on each instrument.
 Voice = tuple[tuple[tuple[Target, ...], Reach | None], ...]
@@ -88,28 +91,90 @@ class Rhythm:
             begin, end = (self.begin(tempo, at, n) for n in (turn, turn + 1))
             number = self.first + turn
             events = source(number)
-            for index, (share, lasting, struck) in enumerate(events):
-                loud = level_of(struck) or levels.step(index, len(events))
-                loud = loud.scaled(struck.factor) if struck.factor != 1.0 else loud
-                beat = begin + share * (end - begin)
-                long = lasting * (end - begin)
+            strokes: list[_Placed] = []
+            for event, loud in zip(events, _levels(events, levels), strict=True):
+                share, span, lasting, struck = event
+                beat, long = begin + share * (end - begin), lasting * (end - begin)
+                strokes += _placed(tempo, beat, span * (end - begin), long, struck, loud)
+                if len(strokes) > MAX_EVENTS:
+                    raise TextError(_TOO_MANY)
+            strokes.sort(key=_BEAT)
+            for index, (beat, long, struck, loud) in enumerate(strokes):
                 yield Stroke(beat, number * MAX_EVENTS + index, key_of(struck), loud, long)
 
-    def strokes_per_cycle(self, draws: tuple[int, str]) -> int:
-        """About how many MATs are struck in one cycle at most, from the first few cycles."""
-        source = _cycles_of(self.text, self.do, *draws)
-        return max(
-            sum(sum(len(to) for to, _ in self.voices[key_of(struck)]) for *_, struck in events)
-            for events in map(source, range(_TRIED))
-        )
+    def strokes_per_cycle(self, tempo: TempoMap, at: float, draws: tuple[int, str]) -> int:
+        """About how many MATs are struck in one cycle at most, from the first few cycles.
+
+        Raises TextError.
+        """
+        counts = [0] * _TRIED
+        for stroke in self.strokes(tempo, at, _PLAIN, draws, range(_TRIED)):
+            cycle = stroke.number // MAX_EVENTS - self.first
+            counts[cycle] += sum(len(to) for to, _ in self.voices[stroke.word])
+        return max(counts)
+
+    def late(self) -> tuple[int, float]:
+        """How much later than in its cycle a stroke may begin: in cycles and in seconds."""
+        return _late(self.text, self.do)
 
 
 _TRIED = 8  # cycles from which the number of strokes is estimated
+_PLAIN = Levels((MEZZO_FORTE,))
+_TOO_MANY = (
+    f"a cycle of the rhythm would have more than {MAX_EVENTS:,} strokes; repeat them less often"
+)
+# A stroke's beat, how long it sounds in beats, what it strikes and how strongly.
+_Placed = tuple[float, float, Struck, Level]
+_BEAT = itemgetter(0)
 
 
-def name_of(struck: Struck) -> str:
-    """The name or note of a word, without its level: `kick` of `kick:f`."""
-    return struck.word.partition(":")[0]
+def _levels(events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
+    """The level of each event: what its word says, else one of the levels in turn.
+
+    What is part of a stroke has the stroke's level: of the nearest with its word before or after.
+    """
+    mains = [number for number, (*_, struck) in enumerate(events) if struck.part_of is None]
+    turns = {number: turn for turn, number in enumerate(mains)}
+    by_word: dict[int, list[int]] = {}
+    for number in mains if len(mains) < len(events) else ():
+        by_word.setdefault(events[number][-1].offset, []).append(number)
+    for number, (*_, struck) in enumerate(events):
+        main = number
+        if struck.part_of is not None:
+            same = by_word.get(struck.offset) or mains or [number]
+            place = bisect(same, number) - (struck.part_of == "before")
+            main = same[min(max(0, place), len(same) - 1)]
+        loud = level_of(struck) or levels.step(turns.get(main, 0), len(mains))
+        yield loud.scaled(struck.factor) if struck.factor != 1.0 else loud
+
+
+def _placed(
+    tempo: TempoMap, beat: float, span: float, long: float, struck: Struck, level: Level
+) -> Iterator[_Placed]:
+    """A stroke at its beat, later by its delay; or the strokes that repeat it over its span."""
+    if struck.delay:
+        beat = tempo.after(beat, Length(seconds=struck.delay))
+    if struck.repeats is None:
+        yield beat, long, struck, level
+        return
+    rate, first, last = struck.repeats
+    begin, end = tempo.seconds(beat), tempo.seconds(beat + span)
+    count = max(1, ceil((end - begin) * rate - _SAME_STROKE))
+    if count > MAX_EVENTS:
+        raise TextError(_TOO_MANY)
+    for turn in range(count):
+        start = tempo.beats(begin + turn / rate) if turn else beat
+        stop = tempo.beats(begin + (turn + 1) / rate) if turn + 1 < count else beat + span
+        loud = level.scaled(swell(first, last, turn / (count - 1) if count > 1 else 1.0))
+        sounding = float(struck.length) * (stop - start)
+        yield start, sounding, struck, loud if first != 1.0 or last != 1.0 else level
+
+
+@lru_cache(256)
+def _late(text: str, do: str) -> tuple[int, float]:
+    leaves = compiled(text, do).leaves
+    cycles = int(LONGEST_CYCLES) if any(leaf.repeats for leaf in leaves) else 0
+    return cycles, max((leaf.delay for leaf in leaves), default=0.0)
 
 
 def level_of(struck: Struck) -> Level | None:
@@ -118,17 +183,17 @@ def level_of(struck: Struck) -> Level | None:
     return LEVEL.parse(text) if colon else None  # it remembers what it has read
 
 
-def key_of(struck: Struck) -> str:
-    """What a stroke strikes, as a text: its word, and by how many semitones it is moved."""
-    return f"{name_of(struck)}{struck.semitones:+d}" if struck.semitones else name_of(struck)
-
-
 @lru_cache(_REMEMBERED)
 def compiled(text: str, do: str) -> Cycles[Struck]:
     """The cycles of a text after its transformations. Raises TextError, with offsets into the
     text, or into the transformations once the text itself has been read.
     """
-    cycles = parse(text, Struck)
+    begins = line_begins(text)
+
+    def read(word: str, offset: int) -> Struck:
+        return Struck(word, offset, line=bisect(begins, offset) - 1)
+
+    cycles = parse(text, read)
     return apply(cycles, parse_transforms(do)) if do else cycles
 
 
@@ -144,6 +209,7 @@ def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[
                 (
                     float(event.begin - number),
                     min(float(event.end - event.begin), LONGEST_CYCLES),
+                    min(float((event.end - event.begin) * event.what.length), LONGEST_CYCLES),
                     event.what,
                 )
                 for event in cycles.onsets(number, chance)
@@ -176,30 +242,6 @@ def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
     text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
     voices = {changed(key): voice for key, voice in rhythm.voices.items()}
     return replace(rhythm, text=text, voices=voices)
-
-
-def note_of(word: str) -> str | None:
-    """The note that a word means, which may begin with a small letter: `c4`; None for a name."""
-    note = word[:1].upper() + word[1:]
-    return note if notes.number(note) is not None else None
-
-
-def notes_of(word: str) -> tuple[str, ...]:
-    """The notes that a word means: of `c4` one, of `c4.min7` those of a chord or a scale, all
-    together; none of a name. Raises TextError for a chord that has no name.
-    """
-    root, dot, chord = word.partition(".")
-    low = note_of(root)
-    if low is None:
-        return ()
-    if not dot:
-        return (low,)
-    if chord not in notes.SCALES:
-        message = f"{quote(chord)} is not the name of a chord or a scale"
-        near = nearest(chord, notes.SCALES)
-        raise TextError(message, offset=len(root) + 1, length=len(chord), suggestion=near)
-    number = notes.number(low) or 0
-    return tuple(notes.name(number + step) for step in notes.SCALES[chord])
 
 
 def check_text(text: str) -> str:

@@ -164,7 +164,13 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
             message = f"strikes {quote(strikes.name)}: the rhythm has no end; write `times`, `for` "
             collector.error("E103", message + "or `until`", strikes.place)
             return 0.0
-        per_cycle = strikes.rhythm.strokes_per_cycle((piece.seed, strikes.who))
+        try:
+            draws = piece.seed, strikes.who
+            per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start, draws)
+        except TextError as error:
+            message = f"strikes {quote(strikes.name)}: {error.message}"
+            collector.error("E305", message, strikes.place)
+            return 0.0
         return _left(strikes, float(strikes.cycles(tempo) * per_cycle), left, collector)
     if strikes.has_rounds:
         try:

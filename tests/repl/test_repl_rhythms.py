@@ -114,6 +114,42 @@ def test_do_makes_strikes_by_the_clock_a_rhythm(stepped: Stepped):
     same_again(stepped)
 
 
+def test_do_makes_a_walk_a_rhythm(stepped: Stepped):
+    stepped.ok("bar notes walk C4 E4 G4 every 1")
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.ok("bar do ply 2")
+    stepped.run(3.0)
+    assert steps(stepped, 3, 0, 8) == [0, 2, 4, 6, *range(8, 16)]
+    (line,) = [line for line in stepped.ok("voices").lines if line.startswith("bar")]
+    assert '"<C4|E4|G4>" do ply 2' in line
+    same_again(stepped)
+
+
+@pytest.mark.parametrize(
+    ("do", "expected"),
+    [
+        ("arp up", [0, 2, 4, 6]),
+        ("arp up 1/8", [*range(8)]),
+        ("tremolo 2Hz", [0, 2, 4, 6]),
+        ("tremolo 8", [*range(8)]),
+        ("strum 250ms, tremolo 1Hz", [0, 1, 4, 5]),
+        ("grace 1/8 12st", [0, 7]),
+        ("rolled 1", [0, 2, 4, 6]),
+    ],
+)
+def test_phrasing_sounds_on_its_steps(stepped: Stepped, do: str, expected: list[int]):
+    """In a bar of two seconds, after one that is played as it was."""
+    chord = "c4" if "grace" in do else "[c4,e4,g4,c5]" if "1Hz" not in do else "[c4,e4]"
+    stepped.ok(f'bar = "{chord}" mf')
+    stepped.ok("play")
+    stepped.run(0.7)
+    stepped.ok(f"bar do {do}")
+    stepped.run(5.3)
+    assert steps(stepped, 3, 8, 12) == expected
+    same_again(stepped)
+
+
 def test_notes_of_an_instrument_of_the_same_name(stepped: Stepped):
     stepped.ok('bar = "c4 <e4 g4>" mf')
     stepped.ok("play")
@@ -190,6 +226,29 @@ def test_voices_show_rhythms(stepped: Stepped):
     stepped.ok('d1 = "kick*2, ~ hat" p do every 2 rev')
     (line,) = [line for line in stepped.ok("voices").lines if line.startswith("d1")]
     assert line == 'd1 (strikes): "kick*2, ~ hat" do every 2 rev from 1|1'
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("d1 do ", {"legato", "arp", "strum", "none", "rev"}),
+        ("d1 do rev, tr", {"tremolo", "transpose"}),
+        ("d1 do arp ", {"up", "down", "updown", "thumbup"}),
+        ("d1 do legato ", {"0.3"}),
+        ('d1 = "kick" do gra', {"grace"}),
+    ],
+)
+def test_tab_offers_transformations_and_their_values(line: str, expected: set[str]):
+    scope = scope_of(piece_of(Texts("s.yaml", SCORE + "strikes: {d1: {to: kick, at: 0}}\n")))
+    offered = {offer.text for offer in complete(line, len(line), scope)}
+    assert expected <= offered
+    assert len(offered) < 45
+
+
+def test_misspelt_phrasing_is_corrected(stepped: Stepped):
+    stepped.ok('d1 = "kick*2"')
+    assert "legato" in stepped.type("d1 do legatto 0.3").text
+    assert "'upp' is not an order of notes" in stepped.type("d1 do arp upp").text
 
 
 def test_tab_offers_acts():

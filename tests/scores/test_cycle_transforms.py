@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from ergon.notation.text.errors import TextError
+from ergon.scores.pattern.cycle_forms import CycleTransform, apply
 from ergon.scores.pattern.cycle_table import TABLE
-from ergon.scores.pattern.cycle_transforms import CycleTransform, apply, parse_transforms
+from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.cycles import Cycles, chance_from
-from ergon.scores.pattern.rhythm_text import Struck, parse
+from ergon.scores.pattern.rhythm_text import parse
+from ergon.scores.pattern.struck import Struck
 
 PAGE = Path(__file__).parents[2] / "docs" / "rhythm.md"
 
@@ -153,8 +155,8 @@ def test_table_examples(word):
     assert transform.word == word
     assert form.line[0].islower()
     assert not form.line.endswith(".")
-    plain = [[(e.begin, e.what) for e in parse("a*8 b", Struck).onsets(c)] for c in range(16)]
-    changed = transformed("a*8 b", form.example)
+    plain = [[(e.begin, e.what) for e in parse("a*8 c4.maj", Struck).onsets(c)] for c in range(16)]
+    changed = transformed("a*8 c4.maj", form.example)
     assert [[(e.begin, e.what) for e in changed.onsets(c)] for c in range(16)] != plain
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycles import Cycles, chance_from
-from ergon.scores.pattern.rhythm_text import MAX_TEXT, Struck, parse
+from ergon.scores.pattern.rhythm_text import MAX_TEXT, parse
+from ergon.scores.pattern.struck import Struck
 
 
 def rhythm(text: str) -> Cycles[str]:
@@ -214,7 +215,7 @@ def test_choice_share():
         ("a | ", (2, 1), "no step here"),
         (", a", (0, 1), "no step here"),
         ("a, b | c", (5, 1), "divided by brackets"),
-        ("<a | b>", (3, 1), "'|' is written in square brackets"),
+        ("{a | b}", (3, 1), "'|' is written in square brackets"),
         (". a b", (0, 1), "a dot that groups"),
         ("a b .", (4, 1), "a dot that groups"),
         ("a. b", (1, 1), "a dot that groups"),

@@ -204,6 +204,14 @@ def test_kept_bars_written_out():
             'rhythm: "C4 ~ [E4 G4]", to: bar, cycle: 3.0, impulse: f p',
         ),
         ("to: bar, notes: choose C4 E4, every: 1", 'rhythm: "[C4|E4]", to: bar, cycle: 1.0'),
+        (
+            "to: bar, notes: walk C4 (E4 G4) F4, every: 1",
+            'rhythm: "<C4|[E4 G4]|F4>", to: bar, cycle: 1.0',
+        ),
+        (
+            "to: bar, notes: C4 (walk E4 G4)*2, every: 1",
+            'rhythm: C4 <E4|G4> <E4|G4>, to: bar, cycle: 3.0',
+        ),
     ],
 )
 def test_do_writes_strikes_as_rhythm(fields, rhythm):
@@ -217,7 +225,7 @@ def test_do_writes_strikes_as_rhythm(fields, rhythm):
         assert part in line
     score_piece = after.load().piece
     assert score_piece is not None, after.load().diagnostics
-    if "chance" in fields or "choose" in fields:  # other draws
+    if {"chance:", "choose", "walk", "(walk"} & set(fields.split()):  # other draws
         return
     ergons = [ergons_of(each, 12.0) for each in (before, score_piece)]
     assert ergons[0] == pytest.approx(ergons[1])

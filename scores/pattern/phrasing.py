@@ -1,0 +1,261 @@
+"""Phrasing: how long strokes last, how they are repeated and ornamented, how chords are spread.
+
+Chords are what begins and ends together, as in TidalCycles; their notes are taken from the lowest
+to the highest.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from itertools import chain
+from math import ceil
+from typing import Any
+
+from ergon import _core
+from ergon.scores.pattern.cycle_operations import ply
+from ergon.scores.pattern.cycles import Chance, Cycles, Fragment, mapped, node, stack
+from ergon.scores.pattern.struck import Repeats, Struck, by_pitch, single_notes
+
+Pattern = Cycles[Struck]
+
+FARTHEST = 8  # cycles in which the next stroke of a line is looked for
+_MANY = 100  # notes
+_INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is seen in less
+
+
+# --- length -------------------------------------------------------------------------------------
+
+
+def legato(factor: Fraction, part: Pattern) -> Pattern:
+    """Each stroke sounds for so much of the time until the next stroke of its line begins.
+
+    Of a note that is repeated at a rate each stroke does until the next one of the note.
+    """
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
+        lines: dict[int, Mapping[int, Sequence[Fraction]]] = {}  # by cycle
+        result = []
+        for fragment in part.query(begin, end, chance):
+            first, last, line = fragment.begin, fragment.end, fragment.what.line
+            following = first + FARTHEST
+            for cycle in range(first // 1, first // 1 + FARTHEST + 1):
+                if cycle not in lines:
+                    lines[cycle] = _onsets(part, cycle, chance)
+                instants = lines[cycle].get(line, ())
+                number = bisect_right(instants, first)
+                if number < len(instants):
+                    following = min(following, instants[number])
+                    break
+            length = factor * (following - first) / (last - first)
+            if fragment.what.repeats is not None:
+                length = factor
+            result.append(fragment._replace(what=replace(fragment.what, length=length)))
+        return result
+
+    return node(query, (part,), part.cost * (FARTHEST + 2))
+
+
+def _onsets(part: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
+    """The instants at which strokes begin in a cycle, in order, by line."""
+    lines: dict[int, list[Fraction]] = {}
+    for event in part.onsets(cycle, chance):
+        lines.setdefault(event.what.line, []).append(event.begin)
+    return lines
+
+
+# --- strokes that are repeated ------------------------------------------------------------------
+
+
+def tremolo(count: int, part: Pattern, first: float = 1.0, last: float = 1.0) -> Pattern:
+    """Each stroke so many times within its span, from one factor of its impulse to another.
+
+    Factors are geometric: even steps of strength.
+    """
+
+    def change(what: Struck, turn: int) -> Struck:
+        share = turn / (count - 1) if count > 1 else 1.0
+        factor = what.factor * swell(first, last, share)
+        return replace(what, factor=factor, part_of="before" if turn else what.part_of)
+
+    return ply(count, part, change)
+
+
+def repeated(repeats: Repeats, part: Pattern) -> Pattern:
+    """Each stroke again and again within its span, which is done where its seconds are known."""
+    return mapped(lambda what: replace(what, repeats=repeats), part)
+
+
+def swell(first: float, last: float, share: float) -> float:
+    """The factor at a share of the way from one factor to another, in geometric steps."""
+    return first if first == last else first * _core.pow(last / first, share)
+
+
+def grace(time: Fraction, semitones: int, factor: float, part: Pattern) -> Pattern:
+    """The pattern, with a short stroke before each stroke, which ends where that begins."""
+
+    def short(what: Struck) -> Struck:
+        semitone, scale = what.semitones + semitones, what.factor * factor
+        return replace(
+            what,
+            semitones=semitone,
+            factor=scale,
+            length=Fraction(1),
+            repeats=None,
+            part_of="after",
+        )
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
+        result = []
+        for fragment in part.query(begin, end + time, chance):
+            main = fragment.begin
+            if main > begin and fragment.start == main and fragment.what.part_of is None:
+                start, stop = max(main - time, begin), min(main, end)
+                result.append(Fragment(main - time, main, start, stop, short(fragment.what)))
+        return result
+
+    leaves = tuple(dict.fromkeys(map(short, part.leaves)))
+    return stack([part, Cycles(query, 2 * part.cost, 1 + part.depth, leaves)])
+
+
+# --- chords -------------------------------------------------------------------------------------
+
+Spread = Callable[
+    [Sequence[Struck], Fraction, Fraction, Fraction, Fraction],
+    Iterable[tuple[Fraction, Fraction, Struck]],
+]
+"""The strokes of a chord, each from one instant to another: its notes from the lowest, its begin
+and end, and the begin and end of what is seen of it."""
+
+
+def _chords(spread: Spread, part: Pattern, cost: int, leaves: Iterable[Struck]) -> Pattern:
+    """The pattern with each chord spread; a single note is a chord too."""
+
+    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
+        chords: dict[tuple[Fraction, Fraction], list[Fragment[Struck]]] = {}
+        for fragment in part.query(begin, end, chance):
+            chords.setdefault((fragment.begin, fragment.end), []).append(fragment)
+        result = []
+        for (first, last), parts in chords.items():
+            # Of a chord that another pattern cuts only this much is seen.
+            start, stop = min(f.start for f in parts), max(f.stop for f in parts)
+            if first < begin:
+                parts = part.query(first, min(last, first + _INSTANT), chance)
+            notes = [f.what for f in parts if f.start == f.begin == first and f.end == last]
+            for low, high, what in spread(by_pitch(notes), first, last, start, stop):
+                if low < stop and high > start:
+                    result.append(Fragment(low, high, max(low, start), min(high, stop), what))
+        return result
+
+    return Cycles(query, cost, 1 + part.depth, tuple(dict.fromkeys(leaves)))
+
+
+def _notes(part: Pattern) -> Iterator[Struck]:
+    return chain.from_iterable(map(single_notes, part.leaves))
+
+
+def _largest(part: Pattern) -> int:
+    """The number of notes of the largest chord that is one word."""
+    return max((len(single_notes(leaf)) for leaf in part.leaves), default=1)
+
+
+def arp(order: str, step: Fraction | None, part: Pattern) -> Pattern:
+    """The notes of each chord one after another, in an order, within its span.
+
+    They share it evenly, or last a `step` each and begin again until it ends.
+    """
+
+    def spread(
+        chord: Sequence[Struck], first: Fraction, last: Fraction, begin: Fraction, end: Fraction
+    ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
+        notes = ORDERS[order](chord) if len(chord) > 1 else chord
+        if not notes:
+            return
+        width = (last - first) / len(notes) if step is None else step
+        turn = max(0, (begin - first) // width)
+        low = first + turn * width
+        while low < end:
+            high = min(low + width, last)
+            yield low, high, notes[turn % len(notes)]
+            turn, low = turn + 1, low + width
+
+    times = ceil(len(ORDERS[order](range(_MANY))) / _MANY)  # for which an order has each note
+    many = times * _largest(part) if step is None else ceil(1 / step)
+    return _chords(spread, part, part.cost * (1 + many), _notes(part))
+
+
+def rolled(share: Fraction, part: Pattern) -> Pattern:
+    """The notes of each chord one after another in the first share of its span, all until its end.
+
+    A share below zero begins with the highest note.
+    """
+
+    def spread(
+        chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
+    ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
+        notes = chord if share > 0 else chord[::-1]
+        for turn, note in enumerate(notes):
+            low = first + turn * abs(share) * (last - first) / len(notes)
+            yield low, last, _joined(note, turn)
+
+    return _chords(spread, part, part.cost * (1 + _largest(part)), _notes(part))
+
+
+def strum(step: float, part: Pattern) -> Pattern:
+    """The notes of each chord a `step` [s] after one another; below zero from the highest."""
+
+    def spread(
+        chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
+    ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
+        for turn, note in enumerate(chord if step > 0 else chord[::-1]):
+            late = note.delay + turn * abs(step)
+            yield first, last, _joined(replace(note, delay=late), turn)
+
+    leaves = [*_notes(part)]
+    latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step) * (len(leaves) - 1)
+    delayed = [replace(leaf, delay=latest) for leaf in leaves]  # a bound of what chords will have
+    return _chords(spread, part, part.cost * (1 + _largest(part)), delayed)
+
+
+def _joined(note: Struck, turn: int) -> Struck:
+    return replace(note, part_of="before") if turn and note.part_of is None else note
+
+
+def _converge(notes: Sequence[Any]) -> list[Any]:
+    """The lowest, the highest, the second lowest, and so on to the middle."""
+    pairs = zip(notes, reversed(notes), strict=True)
+    return [note for pair in pairs for note in pair][: len(notes)]
+
+
+def _pinky(notes: Sequence[Any]) -> list[Any]:
+    """Each note but the highest, and the highest after it."""
+    return [each for note in notes[:-1] for each in (note, notes[-1])]
+
+
+def _thumb(notes: Sequence[Any]) -> list[Any]:
+    """The lowest before each other note."""
+    return [each for note in notes[1:] for each in (notes[0], note)]
+
+
+def _back(notes: Sequence[Any]) -> list[Any]:
+    """Notes forward and backward, without the last and the first again."""
+    return [*notes[:-1], *notes[:0:-1]]
+
+
+ORDERS: Mapping[str, Callable[[Sequence[Any]], Sequence[Any]]] = {
+    "up": lambda n: n,
+    "down": lambda n: n[::-1],
+    "updown": _back,
+    "downup": lambda n: _back(n[::-1]),
+    "up&down": lambda n: [*n, *n[::-1]],
+    "down&up": lambda n: [*n[::-1], *n],
+    "converge": _converge,
+    "diverge": lambda n: _converge(n)[::-1],
+    "disconverge": lambda n: [*_converge(n), *_converge(n)[-2::-1]],
+    "pinkyup": _pinky,
+    "pinkyupdown": lambda n: _back(_pinky(n)),
+    "thumbup": _thumb,
+    "thumbupdown": lambda n: _back(_thumb(n)),
+}

@@ -1,0 +1,105 @@
+"""What a word of a rhythm strikes, how strongly and how long."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+from ergon.notation.tables import notes
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+
+class Repeats(NamedTuple):
+    """Strokes that repeat a note over its span: so many a second [Hz], from one factor of the
+    impulse to another.
+    """
+
+    rate: float
+    first: float = 1.0
+    last: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Struck:
+    """A word of a rhythm text, where it is written, and what transformations add to it.
+
+    It sounds for `length` of its span, from `delay` [s] after the beginning. `line` counts the
+    lines of the text, which top-level commas divide. A stroke that is `part_of` the stroke of its
+    word before or after it takes no level of its own.
+    """
+
+    word: str
+    offset: int
+    semitones: int = 0
+    factor: float = 1.0
+    line: int = 0
+    length: Fraction = Fraction(1)
+    delay: float = 0.0
+    repeats: Repeats | None = None
+    part_of: Literal["before", "after"] | None = None
+
+
+def name_of(struck: Struck) -> str:
+    """The name or note of a word, without its level: `kick` of `kick:f`."""
+    return struck.word.partition(":")[0]
+
+
+def key_of(struck: Struck) -> str:
+    """What a stroke strikes, as a text: its word, and by how many semitones it is moved."""
+    return f"{name_of(struck)}{struck.semitones:+d}" if struck.semitones else name_of(struck)
+
+
+def note_of(word: str) -> str | None:
+    """The note that a word means, which may begin with a small letter: `c4`; None for a name."""
+    note = word[:1].upper() + word[1:]
+    return note if notes.number(note) is not None else None
+
+
+def notes_of(word: str) -> tuple[str, ...]:
+    """The notes that a word means: of `c4` one, of `c4.min7` those of a chord or a scale, all
+    together; none of a name. Raises TextError for a chord that has no name.
+    """
+    root, dot, chord = word.partition(".")
+    low = note_of(root)
+    if low is None:
+        return ()
+    if not dot:
+        return (low,)
+    if chord not in notes.SCALES:
+        message = f"{quote(chord)} is not the name of a chord or a scale"
+        near = nearest(chord, notes.SCALES)
+        raise TextError(message, offset=len(root) + 1, length=len(chord), suggestion=near)
+    number = notes.number(low) or 0
+    return tuple(notes.name(number + step) for step in notes.SCALES[chord])
+
+
+def single_notes(struck: Struck) -> tuple[Struck, ...]:
+    """The notes of a word one by one, each as a word with the same level; a name is one of them.
+
+    Raises TextError.
+    """
+    chord = notes_of(name_of(struck))
+    if len(chord) < 2:
+        return (struck,)
+    _, colon, level = struck.word.partition(":")
+    return tuple(replace(struck, word=f"{note}{colon}{level}") for note in chord)
+
+
+def by_pitch(chord: Sequence[Struck]) -> list[Struck]:
+    """The single notes of strokes, from the lowest to the highest, each once; in the order of
+    writing if any is no note.
+    """
+    single = list(dict.fromkeys(note for struck in chord for note in single_notes(struck)))
+    pitches = {struck: _pitch(struck) for struck in single}
+    if None in pitches.values():
+        return single
+    return sorted(single, key=lambda struck: pitches[struck] or 0)
+
+
+def _pitch(struck: Struck) -> int | None:
+    note = note_of(name_of(struck))
+    number = None if note is None else notes.number(note)
+    return None if number is None else number + struck.semitones
