@@ -137,7 +137,8 @@ _HIGHPASS = 20.0  # of an input [Hz]
 _GLIDE = 0.02  # from one value by OSC to the next [s]
 _GLIDE_MAX = 60.0  # [s]
 _OF_INPUTS = ("gain", "highpass", "clamp", "glide")
-_NOT_OF_INPUTS = ("velocity", "depth", "trim", "smooth", "rate", "unit")
+_OF_MIDI = ("velocity", "depth", "curve")
+_NOT_OF_INPUTS = (*_OF_MIDI, "trim", "smooth", "rate", "unit")
 
 
 def take(values: Values, files: Files) -> TakeFile | None:
@@ -160,9 +161,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     else:
         path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
     is_midi = path.suffix.lower() in midi_file.SUFFIXES
-    for name in v.written(
-        *(("trim", "smooth", "rate", "unit") if is_midi else ("velocity", "depth"))
-    ):
+    for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _OF_MIDI)):
         which = "a MIDI file" if is_midi else "a take that is no MIDI file"
         v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
     return TakeFile(

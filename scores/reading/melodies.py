@@ -17,7 +17,8 @@ from ergon.notation.tables import notes
 from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach, velocity
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
@@ -216,22 +217,22 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     if found is None:
         return None
     place, impulse, rows = take.place_of("file"), take["velocity"], []
+    curve = take["curve"] or EVEN
     for note in found.notes:
-        level = velocity(note.velocity)
+        strength = float(curve.share(note.velocity))
+        level = Level(strength, strength, is_strength=True)
         if impulse is not None:
-            level = Level(*(between(note.velocity, impulse),) * 2)
+            level = Level(*(between(note.velocity, impulse, curve),) * 2)
         what = (Name(notes.name(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
         rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
     return tuple(rows), Length(beats=found.length)
 
 
-def between(velocity: int, ends: tuple[float, float]) -> float:
-    """The value between two ends for a velocity from 1 to 127, linear, computed in exact
-    fractions.
-    """
+def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
+    """The value between two ends for a velocity from 1 to 127, computed in exact fractions."""
     low, high = (Fraction(repr(end)) for end in ends)
-    return float(low + (high - low) * (velocity - 1) / 126)
+    return float(low + (high - low) * curve.share(velocity, 1))
 
 
 def _with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.midi_file import MidiNote
@@ -27,7 +28,7 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
     found = midi_notes(take, files)
     if found is None:
         return None
-    points = _points(found.notes, take["depth"], found.length)
+    points = _points(found.notes, take["depth"], take["curve"] or EVEN, found.length)
     if len(points) > room:
         take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
         return None
@@ -36,7 +37,7 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
 
 
 def _points(
-    notes: Sequence[MidiNote], depth: tuple[float, float], length: float
+    notes: Sequence[MidiNote], depth: tuple[float, float], curve: Curve, length: float
 ) -> tuple[Point, ...]:
     """The key is at rest except within `_REACH` of each note; of simultaneous notes the hardest
     counts.
@@ -57,7 +58,7 @@ def _points(
             if not points:
                 add(0.0, 0.0, "smooth")
             add(at - min(_REACH, _ROOM * (at - before)), 0.0, "hold")
-        add(at, between(hardest[at], depth), "smooth")
+        add(at, between(hardest[at], depth, curve), "smooth")
         add(at + min(_REACH, _ROOM * (after - at)), 0.0, "smooth")
     if length > points[-1].at.beats:
         add(length, 0.0, "hold")

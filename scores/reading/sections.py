@@ -29,6 +29,7 @@ from ergon.notation.tables.shapes import (
     wrong_shape,
 )
 from ergon.notation.tables.strengths import LEVELS
+from ergon.notation.tables.velocities import VELOCITY_CURVE
 from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
@@ -160,6 +161,7 @@ TAKE = Record(
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
         Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
+        Field("curve", VELOCITY_CURVE, "how strong a MIDI note of a velocity is", shown="even"),
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
         Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
         Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),

@@ -210,7 +210,7 @@ def test_kept_bars_written_out():
         ),
         (
             "to: bar, notes: C4 (walk E4 G4)*2, every: 1",
-            'rhythm: C4 <E4|G4> <E4|G4>, to: bar, cycle: 3.0',
+            "rhythm: C4 <E4|G4> <E4|G4>, to: bar, cycle: 3.0",
         ),
     ],
 )

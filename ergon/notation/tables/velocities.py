@@ -1,0 +1,83 @@
+"""Curves by which the velocity of a MIDI note becomes a share of what an instrument can do."""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+HARDEST = 127
+MAX_POINTS = 127
+_POINT = re.compile(r"([01]?\.?[0-9]{1,8}|[01]\.)@([0-9]{1,3})")
+_WORD = re.compile(r"\S+")
+_LAWS: Mapping[str, Callable[[Fraction], Fraction]] = {
+    "even": lambda x: x,
+    "square": lambda x: x * x,
+    "root": lambda x: Fraction(math.sqrt(x)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A law by name, or straight lines between points: shares at rising velocities."""
+
+    law: str = "even"
+    velocities: tuple[int, ...] = ()
+    shares: tuple[Fraction, ...] = ()
+
+    def share(self, velocity: int, softest: int = 0) -> Fraction:
+        """The share from 0 to 1 of a velocity from 1 to 127; a law is 0 at the `softest`."""
+        if not self.velocities:
+            return _LAWS[self.law](Fraction(velocity - softest, HARDEST - softest))
+        number = bisect_right(self.velocities, velocity)
+        if number in (0, len(self.velocities)):
+            return self.shares[min(number, len(self.velocities) - 1)]
+        low, high = self.velocities[number - 1 : number + 1]
+        first, last = self.shares[number - 1 : number + 1]
+        return first + (last - first) * Fraction(velocity - low, high - low)
+
+
+EVEN = Curve()
+
+
+def parse_curve(text: str) -> Curve:
+    """Read `square`, or points such as `0.2@1 0.6@64 1@127`. Raises TextError."""
+    words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
+    if len(words) == 1 and words[0][0] in _LAWS:
+        return Curve(words[0][0])
+    if not words or len(words) > MAX_POINTS:
+        message = f"a curve is {', '.join(_LAWS)}, or 1 to {MAX_POINTS} points: 0.2@1 1@127"
+        raise TextError(message, length=max(1, len(text)))
+    velocities: list[int] = []
+    shares: list[Fraction] = []
+    for word, place in words:
+        match = _POINT.fullmatch(word)
+        share = Fraction(match[1]) if match else None
+        velocity = int(match[2]) if match else 0
+        if share is None or share > 1 or not 1 <= velocity <= HARDEST:
+            message = f"{quote(word)} is neither {', '.join(_LAWS)} nor a point: a strength from 0 "
+            message += "to 1 at a velocity from 1 to 127, such as 0.6@64"
+            near = nearest(word, _LAWS)
+            raise TextError(message, offset=place, length=len(word), suggestion=near)
+        if velocities and velocity <= velocities[-1]:
+            message = f"the velocity of {quote(word)} is not above {velocities[-1]}, that of the "
+            raise TextError(message + "point before it", offset=place, length=len(word))
+        velocities.append(velocity)
+        shares.append(share)
+    return Curve("", tuple(velocities), tuple(shares))
+
+
+VELOCITY_CURVE = Text(
+    lru_cache(parse_curve),
+    "even, square, root, or points: strengths at velocities, such as 0.2@1 0.6@64 1@127",
+    r"^(even|square|root|[01]?\.?[0-9]+@[0-9]+( +[01]?\.?[0-9]+@[0-9]+)*)$",
+    types=("string",),
+)
