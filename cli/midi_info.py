@@ -22,6 +22,7 @@ _LINE_MAX = 2_000  # characters
 
 def midi(console: Console, path: Path) -> None:
     """Say what a MIDI file holds, what of it a score can play, and what is passed over."""
+    from ergon.scores.gesture.midi_bytes import PITCH_BEND
     from ergon.scores.gesture.midi_survey import passed_over, survey
     from ergon.scores.gesture.take_file import TakeError
 
@@ -32,7 +33,8 @@ def midi(console: Console, path: Path) -> None:
     duration = file.seconds(file.length)
     tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
-    left_out = [*passed_over(file, has_pedal=True, has_tempo=True, has_meter=True)]
+    everything = {"has_pedal": True, "has_tempo": True, "has_meter": True}
+    left_out = [*passed_over(file, **everything, used=(PITCH_BEND,))]
     if extra := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(extra, "byte") + " after the end of tracks")
     played = [*_understood(file)]
@@ -92,12 +94,15 @@ def _notes(track: MidiTrack) -> str:
 
 def _understood(file: MidiSurvey) -> Iterator[str]:
     """What a score can play of a file, or take over."""
+    from ergon.scores.gesture.midi_bytes import PITCH_BEND
     from ergon.scores.gesture.midi_file import SUSTAIN
 
     if count := sum(file.notes.values()):
         yield plural(count, "note")
     if pedal := file.controllers[SUSTAIN]:
         yield plural(pedal, "pedal value")
+    if turns := file.others[PITCH_BEND]:
+        yield plural(turns, "pitch bend")
     if file.n_tempos:
         yield plural(file.n_tempos, "tempo")
     if file.n_meters:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -23,6 +23,7 @@ from ergon.scores.gesture.take_file import TakeError
 QUARTER = 500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
 _MINUTE = 60e6  # [us]
 _LARGEST_UNIT = 6  # a power of two: 1/64
+RANGE_CONTROLLERS = (6, 38, 100, 101)  # of the pitch wheel (RP-001, registered parameter 0)
 # What is counted, by the kind of event, in the order in which it is said: singular and plural.
 NOUNS = {
     m.PITCH_BEND: ("pitch bend", "pitch bends"),
@@ -196,17 +197,27 @@ def meters_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, Meter], ...]:
 
 
 def passed_over(
-    file: MidiSurvey, *, has_pedal: bool, has_tempo: bool, has_meter: bool
+    file: MidiSurvey,
+    *,
+    has_pedal: bool,
+    has_tempo: bool,
+    has_meter: bool,
+    used: Container[int] = (),
 ) -> Iterator[str]:
-    """What is in a file beside notes and what is used of it, in words."""
+    """What is in a file beside notes and what is used of it, in words; `used` are further kinds of
+    events. With the wheel the controllers of its range are used.
+    """
     if file.n_tempos and not has_tempo:
         yield plural(file.n_tempos, ("tempo", "tempos"))
     if file.n_meters and not has_meter:
         yield plural(file.n_meters, ("meter", "meters"))
     for kind, noun in NOUNS.items():
-        if file.others[kind]:
+        if file.others[kind] and kind not in used:
             yield plural(file.others[kind], noun)
-    controllers = {n: c for n, c in file.controllers.items() if n != SUSTAIN or not has_pedal}
+    of_notes = {SUSTAIN} if has_pedal else set()
+    of_wheel = set(RANGE_CONTROLLERS) if m.PITCH_BEND in used else set()
+    played = of_notes | of_wheel
+    controllers = {n: c for n, c in file.controllers.items() if n not in played}
     if controllers:
         numbers = ", ".join(str(number) for number in sorted(controllers))
         count = plural(sum(controllers.values()), ("controller value", "controller values"))

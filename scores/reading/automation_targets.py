@@ -14,6 +14,7 @@ from ergon.scores.reading import automatable, automation
 from ergon.scores.reading.automatable import Automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.matter import PartsReader
+from ergon.scores.reading.piece import Strikes
 
 Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
 
@@ -53,6 +54,20 @@ class AutomationTargets:
         if self.part_names.family(change.target.text) is not None:
             return None
         return change.modules
+
+    def check_glides(self, struck: Strikes) -> None:
+        """Report an instrument whose pitch a wheel cannot move."""
+        for glide in struck.glides:
+            part = glide.target.part
+            known = automatable.of_name(part, {}, self.matter.instruments)
+            why = "has no pitch of its own; write its `f`"
+            if known is not None:
+                why = automatable.refusal(known.module, "f", is_ca=known.is_ca) or ""
+            if why:
+                message = f"strikes {quote(struck.name)}: the pitch wheel cannot move {part}: it "
+                message += f"{why}; or remove `bend` of the take"
+                self.collector.error("E304", message, glide.target.place)
+                return
 
     def _played_notes(self, head: Name) -> list[Automatable]:
         """The notes of an instrument that the piece plays, or a module of each; reports an

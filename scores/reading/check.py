@@ -36,6 +36,7 @@ from ergon.scores.reading.routing import routed
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
+from ergon.scores.reading.wheels import with_wheels
 
 
 class Checker:
@@ -80,8 +81,10 @@ class Checker:
             for target in struck.to:
                 self.part_names.bring(target)
         self.matter.look_up()
-        plays = self._plays(times.known)
         automation_targets = AutomationTargets(self.matter, self.part_names)
+        for struck in strikes:
+            automation_targets.check_glides(struck)
+        plays = self._plays(times.known)
         changes = KnownEntries(memory, "automation", file).read(
             self.score["automation"] or (),
             automation_targets.read,
@@ -244,7 +247,12 @@ class Checker:
             found = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
             if found is not None and not self._has_quarters and isinstance(phrase, Values):
                 found = melodies.in_quarters(phrase, *found)
-            return None if found is None else build.melody(values, *found)
+            if found is None:
+                return None
+            melody = build.melody(values, *found)
+            if isinstance(phrase, Values) and melodies.is_midi(phrase):
+                return with_wheels(melody, values, phrase, self.uses.files)
+            return melody
         if kind == "rhythm":
             return rhythm_strikes.strikes_of_rhythm(values, self.part_names)
         who = f"strikes {quote(values.context.name)}"

@@ -140,6 +140,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
             voices={word: targets(own) for word, own in one.voices.items()},
             rhythm=one.rhythm and retargeted(one.rhythm, target),
             reaches={named(part): reach for part, reach in one.reaches.items()},
+            glides=tuple(replace(g, target=target(g.target)) for g in one.glides),
             hits=tuple(
                 replace(
                     hit,

@@ -11,6 +11,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.gesture import midi_bytes as m
 from ergon.scores.gesture.midi_file import channel_number
 from ergon.scores.gesture.midi_survey import MidiSurvey, passed_over, plural, survey
 from ergon.scores.gesture.take_file import TakeError
@@ -26,6 +27,7 @@ class _Use:
     place: Place
     channels: set[int | None] = field(default_factory=set)  # those that are played; None: all
     has_lengths: bool = False  # the pedal counts
+    has_wheel: bool = False
     has_tempo: bool = False
     has_meter: bool = False
 
@@ -55,6 +57,7 @@ class MidiUses:
         use = self._use(path, take["file"], take.place_of("file"))
         use.channels.add(channel)
         use.has_lengths |= has_lengths
+        use.has_wheel |= has_lengths and take["bend"] is not None
 
     def times(
         self, values: Values, read: Callable[[MidiSurvey, Path], _Times], *, is_tempo: bool
@@ -109,6 +112,7 @@ def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
         noun = "channel" if len(channels) == 1 else "channels"
         count = plural(sum(unplayed.values()), ("note", "notes"))
         yield f"{count} of {noun} {', '.join(channels)}"
+    used = {m.PITCH_BEND} if use.has_wheel else set()
     yield from passed_over(
-        file, has_pedal=use.has_lengths, has_tempo=use.has_tempo, has_meter=use.has_meter
+        file, has_pedal=use.has_lengths, has_tempo=use.has_tempo, has_meter=use.has_meter, used=used
     )

@@ -197,6 +197,16 @@ class TakeFile:
 
 
 @dataclass(frozen=True, slots=True)
+class NoteGlide:
+    """How a pitch wheel moves the pitch of an instrument: factors, each at a time after the
+    beginning of a phrase.
+    """
+
+    target: Target
+    points: tuple[tuple[Length, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Hit:
     """One strike of a melody: at a position, or at a time after the beginning of a phrase.
 
@@ -249,6 +259,12 @@ class Strikes:
     rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
     # The ratio by which a session scales the impulses, 0 where it mutes them; None: as written.
     session_gain: float | None = field(default=None, metadata=OMIT_EMPTY)
+    glides: tuple[NoteGlide, ...] = field(default=(), metadata=OMIT_EMPTY)
+
+    @property
+    def moves_pitches(self) -> bool:
+        """Whether what is struck changes its pitch: by a pattern of notes, or a pitch wheel."""
+        return bool(self.notes or self.glides)
 
     @property
     def parts(self) -> frozenset[str]:

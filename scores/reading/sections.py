@@ -160,6 +160,7 @@ TAKE = Record(
             shown="the only one; of MIDI all",
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
+        Field("bend", INTERVAL, "how far the pitch wheel of MIDI goes where its file says nothing"),
         Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
         Field("curve", VELOCITY_CURVE, "how strong a MIDI note of a velocity is", shown="even"),
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),

@@ -128,7 +128,7 @@ def _place(piece: Piece, part: str) -> Place:
     lines = (
         line.place for line in piece.automation if any(name == part for name, _ in line.modules)
     )
-    notes = (s.place for s in piece.strikes for one in s.to if s.notes and one.part == part)
+    notes = (s.place for s in piece.strikes for one in s.to if s.moves_pitches and one.part == part)
     return next(chain(lines, notes))
 
 

@@ -93,7 +93,9 @@ def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> t
         here = piece.tempo_map.beats(0.0)
         points = automation_points(piece, here, here, collector)
         return _continued(stage, stage.paths, points, piece, instant), float("inf")
-    parts = {target.part for strikes in piece.strikes if strikes.notes for target in strikes.to}
+    parts = {
+        target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
+    }
     if not parts or isinstance(piece.tempo_map, StoppedTempoMap):
         return stage.paths, stage.paths_until
     # The pitches of notes that are not struck any more.
@@ -126,7 +128,7 @@ def _struck_before(piece: Piece, beat: float) -> Iterator[Strikes]:
     tempo, end = piece.tempo_map, Position(plus=Length(beats=beat))
     for strikes in piece.strikes:
         begin, stop = tempo.resolve(strikes.at), None
-        if not strikes.notes or begin >= beat - SAME:
+        if not strikes.moves_pitches or begin >= beat - SAME:
             continue
         if strikes.span is not None:
             stop = tempo.after(begin, strikes.span)

@@ -15,10 +15,15 @@ from ergon.common.changed import Changed, changed_part
 from ergon.instruments.model import Instrument, Module
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.values import Time
+from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
-from ergon.scores.reading.piece import Key, Piece, Strikes
+from ergon.scores.reading.curves import CurvePoint
+from ergon.scores.reading.piece import Key, NoteGlide, Piece, Strikes
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import Led, Points, Where
+
+_WHEEL = 0.01  # [s] in which a value of a pitch wheel is reached, so that it does not click
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +75,7 @@ class KnownAutomation:
         if is_same_tempo and piece.automation is self._lines and piece.strikes is self._all_strikes:
             return self._tracks
         self._all_strikes = piece.strikes
-        strikes = tuple([line for line in piece.strikes if line.notes and line.pattern is not None])
+        strikes = tuple([line for line in piece.strikes if line.moves_pitches])
         touched: set[Where] = set()
         if not is_same_tempo:
             self._lines, self._strikes, self._notes = (), (), {}
@@ -80,7 +85,7 @@ class KnownAutomation:
         struck = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
         gone_notes = [self._notes.pop(id(line)) for line in struck.before]
-        new_notes = [(line, [*_notes(piece.tempo_map, line)]) for line in struck.now]
+        new_notes = [(line, [*_of_strikes(piece.tempo_map, line)]) for line in struck.now]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
         changed = chain(lines.before, lines.now, *notes)
@@ -203,6 +208,45 @@ def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
         tempo.resolve(line.at),
         math.inf if line.until is None else tempo.resolve(line.until),
     )
+
+
+def _of_strikes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
+    """Automation of the pitches of what is struck."""
+    if line.pattern is not None:
+        yield from _notes(tempo, line)
+    for beat in line.rounds(tempo) if line.glides else ():
+        for glide in line.glides:
+            yield from _of_wheel(tempo, line, glide, beat)
+
+
+def _of_wheel(
+    tempo: TempoMap, line: Strikes, glide: NoteGlide, start: float
+) -> Iterator[Automation]:
+    """Automation by a pitch wheel in a phrase that begins on beat `start`: a glide for each value,
+    which ends where the file has it.
+    """
+    last = tempo.seconds(start)
+    for length, factor in glide.points:
+        instant = tempo.seconds(tempo.after(start, length))
+        since = max(last, instant - _WHEEL)
+        over = Length(seconds=instant - since) if instant > since else None
+        yield Automation(
+            glide.target,
+            "f",
+            Position(plus=Length(beats=tempo.beats(since))),
+            until=None,
+            every=None,
+            times=None,
+            pattern=None,
+            amounts={},
+            swing=None,
+            place=glide.target.place,
+            at_place=glide.target.place,
+            struck=line.who,
+            points=(CurvePoint(Time(), Amount(factor, is_factor=True), "line"),),
+            over=over,
+        )
+        last = instant
 
 
 def _notes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:

@@ -157,7 +157,7 @@ def _automate(
     on.
     """
     tempo = piece.tempo_map
-    if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
+    if not piece.automation and not any(strikes.moves_pitches for strikes in piece.strikes):
         return Automated({}), math.inf
     if spans is None:
         end = tempo.beats(n_frames / piece.rate)

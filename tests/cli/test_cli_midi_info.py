@@ -47,8 +47,8 @@ def test_info_lists_tracks_times_and_what_is_passed_over(folder):
         "  track 2 Bells?[31m: channel 1: 2 notes, C4 to G4; channel 10: 1 note, D3",
         "  tempo: 120 bpm at 0, 60 bpm at 2 (in quarter notes)",
         "  meter: 6/8",
-        "  understood: 3 notes, 2 tempos, 1 meter",
-        "  passed over: 12 pitch bends, 1 program change, 3 bytes after the end of tracks",
+        "  understood: 3 notes, 12 pitch bends, 2 tempos, 1 meter",
+        "  passed over: 1 program change, 3 bytes after the end of tracks",
     ]
 
 

@@ -1,0 +1,139 @@
+"""How far the pitch wheel of a MIDI file moves each note.
+
+Standard MIDI Files 1.0 (RP-001); registered parameters 0 (range of the wheel) and 6 (zones of MIDI
+Polyphonic Expression, M1-100-UM 2018, sections 2.1 and 2.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import chain
+from pathlib import Path
+
+from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent
+from ergon.scores.gesture.midi_file import FileState, channel_number, read_bytes, state_of
+from ergon.scores.gesture.take_file import TakeError
+
+MAX_POINTS = 100_000  # movements of notes
+_CENTRE = 8192  # of the wheel, which has 14 bits
+_DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101  # controllers
+_RANGE, _ZONE = 0, 6  # registered parameters
+_MASTERS = {1: range(2, 17), 16: range(15, 0, -1)}  # of the zones, with the channels that they take
+_OF_MEMBERS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
+_OF_MASTERS = 200.0  # [cents]
+# Of the events at one tick the wheel and controllers come first: a note begins at its pitch.
+_ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
+
+# By the number of a note: quarter notes from the beginning, and cents from then on.
+NoteCurves = Mapping[int, tuple[tuple[float, float], ...]]
+
+
+def read_wheels(path: Path, channel: str | None, cents: float) -> NoteCurves:
+    """How the notes of a channel, or of all, glide; `cents` is the range of a wheel of which the
+    file does not say it. Raises TakeError.
+    """
+    try:
+        return _read(path, channel, cents, state_of(path))
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+
+
+@lru_cache(8)
+def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCurves:
+    wanted = channel_number(path, channel)
+    file = read_bytes(path)
+    header = file.header()
+    events = [*chain.from_iterable(map(file.track, header.tracks))]
+    events = [event for event in events if event.kind in _ORDER]
+    events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
+    wheels, points = _Wheels(cents), dict[int, dict[float, float]]()
+    count = 0
+    for event in events:
+        for number, sounding_channel in wheels.moved(event):
+            if wanted in (None, sounding_channel):
+                count += 1
+                if count > MAX_POINTS:
+                    raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
+                quarter = event.tick / header.ticks
+                points.setdefault(number, {})[quarter] = wheels.cents(sounding_channel)
+    return {
+        number: tuple(by_time.items())
+        for number, by_time in sorted(points.items())
+        if any(by_time.values())
+    }
+
+
+@dataclass(slots=True)
+class _Wheel:
+    """The wheel of a channel, from -1 to 1; its range [cents]; the registered parameter that is
+    chosen.
+    """
+
+    range: float
+    value: float = 0.0
+    parameter: list[int] = field(default_factory=lambda: [127, 127])  # none
+
+
+class _Wheels:
+    """The wheels of all channels, and the channel on which each note was played last."""
+
+    def __init__(self, cents: float) -> None:
+        self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
+        self._masters: dict[int, int] = {}  # of channels in zones
+        self._channels: dict[int, int] = {}  # by the number of a note
+
+    def cents(self, channel: int) -> float:
+        """How far the notes of a channel are from their pitch."""
+        master = self._masters.get(channel)
+        both = (channel,) if master is None else (channel, master)
+        return sum(self._wheels[c].value * self._wheels[c].range for c in both)
+
+    def moved(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
+        """Follow an event; yields the notes whose pitch it may have moved, with their channels."""
+        channel, content = event.channel, event.content
+        if event.kind == NOTE_ON:
+            if not content[1]:
+                return
+            if channel in self._masters:  # a channel of a zone has one note at a time
+                self._channels = {n: c for n, c in self._channels.items() if c != channel}
+            self._channels[content[0]] = channel
+            yield content[0], channel
+            return
+        if event.kind == PITCH_BEND:
+            self._wheels[channel].value = (content[0] + 128 * content[1] - _CENTRE) / _CENTRE
+        elif not self._controlled(channel, *content):
+            return
+        for number, sounding_channel in self._channels.items():
+            if channel in (sounding_channel, self._masters.get(sounding_channel)):
+                yield number, sounding_channel
+
+    def _controlled(self, channel: int, number: int, value: int) -> bool:
+        """Follow a controller; whether it has set the range of a wheel."""
+        wheel = self._wheels[channel]
+        if number in (_RPN, _RPN_FINE):
+            wheel.parameter[number == _RPN_FINE] = value
+            return False
+        if wheel.parameter == [0, _ZONE] and number == _DATA and channel in _MASTERS:
+            self._set_zone(channel, value)
+            return False
+        if wheel.parameter != [0, _RANGE] or number not in (_DATA, _DATA_FINE):
+            return False
+        semitones, hundredths = divmod(wheel.range, 100.0)
+        wheel.range = value * 100.0 + hundredths if number == _DATA else semitones * 100.0 + value
+        if channel in self._masters:  # the range of one channel of a zone is that of all
+            for other, master in self._masters.items():
+                if master == self._masters[channel]:
+                    self._wheels[other].range = wheel.range
+        return True
+
+    def _set_zone(self, master: int, n_channels: int) -> None:
+        """Give a master so many channels, from its own on; 0 ends the zone."""
+        self._masters = {c: m for c, m in self._masters.items() if m != master}
+        channels = list(_MASTERS[master])[: min(n_channels, 15)]
+        self._masters |= dict.fromkeys(channels, master)
+        if channels:
+            self._wheels[master].range = _OF_MASTERS
+        for channel in channels:
+            self._wheels[channel].range = _OF_MEMBERS

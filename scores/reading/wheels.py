@@ -1,0 +1,56 @@
+"""Strikes that play a MIDI file with its pitch wheel: how each note glides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from ergon.instruments.model import Target
+from ergon.instruments.transpose import of_cents
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables import notes
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.errors import quote
+from ergon.notation.text.files import Files
+from ergon.scores.gesture.midi_wheels import NoteCurves, read_wheels
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.reading.piece import NoteGlide, Strikes
+
+_DEFAULT_CENTS = 200.0
+
+
+def with_wheels(struck: Strikes, values: Values, take: Values, files: Files) -> Strikes:
+    """Strikes with the glides of the file that they play, if its take says `bend`."""
+    if take["bend"] is None:
+        return struck
+    if values.written("do"):
+        message = f"{values.context.of('do')}: a file with `bend` is played as it is; "
+        values.error("E111", f"{message}remove `do`, or `bend` of take {take.context.name}", "do")
+        return struck
+    path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
+    if path is None:  # reported where its notes are read
+        return struck
+    cents = take["bend"].cents
+    try:
+        curves = read_wheels(path, take["channel"], _DEFAULT_CENTS if cents is None else cents)
+    except TakeError as error:
+        take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
+        return struck
+    interval = values["transpose"]
+    steps = 0 if interval is None or interval.cents is None else round(interval.cents / 100.0)
+    return replace(struck, glides=tuple(_glides(struck, curves, steps)))
+
+
+def _glides(struck: Strikes, curves: NoteCurves, steps: int) -> Iterator[NoteGlide]:
+    """The glides of each instrument that is struck; its notes are `steps` above the file's."""
+    targets: dict[int, tuple[Target, ...]] = {}
+    for hit in struck.hits:
+        if (number := notes.number(hit.what)) is not None:
+            targets[number] = hit.to
+    for number, points in curves.items():
+        moved = tuple(
+            (Length(quarters=quarter), of_cents(cents).ratio) for quarter, cents in points
+        )
+        places = {target.part: target.place for target in targets.get(number + steps, ())}
+        for part, place in places.items():
+            yield NoteGlide(Target(part, "", 0, 1, part, place), moved)
