@@ -274,13 +274,17 @@ class Checker:
             for target in targets if passing.passing and passing.passing.is_by_pitch else ():
                 self._is_of_cells(target, who)
             return self._with_reaches(passing, values)
+        n_reports = self.collector.told
         made = self._with_reaches(build.strikes(values, targets), values)
         if made is None:
             return None
         if made.notes and names and all(self.part_names.family(name) for name in names):
-            return melodies.strikes_of_pattern(
-                made, values, NoteTargets(self.part_names, names), who
-            )
+            voices = NoteTargets(self.part_names, names)
+            made = melodies.strikes_of_pattern(made, values, voices, who)
+        if values.written("do") and self.collector.told == n_reports:
+            return rhythm_strikes.transformed_strikes(made, values, self.part_names)
+        if made.voices:
+            return made
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made

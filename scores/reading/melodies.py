@@ -38,8 +38,8 @@ _OWN = {
 _NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm", "at")}
 _NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
 MELODIES = ("entries", "play")
-# Fields that only strikes of one kind have; `do` also those of a rhythm.
-_ONLY = {"transpose": "play", "do": "play", "width": "path", "cycle": "rhythm"}
+# Fields that only strikes of one kind have.
+_ONLY = {"transpose": "play", "width": "path", "cycle": "rhythm"}
 
 
 def kind_of(values: Values) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from ergon.instruments.model import Target
@@ -17,6 +17,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.struck import Struck, key_of, name_of, notes_of
 from ergon.scores.reading import build
+from ergon.scores.reading.clocked import clocked
 from ergon.scores.reading.melodies import transforms
 from ergon.scores.reading.melody import NoteTargets, Row
 from ergon.scores.reading.piece import Strikes
@@ -31,13 +32,55 @@ from ergon.scores.reading.rhythms import (
 
 def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
     """Strikes whose words and notes are those of a rhythm text; None if an error was reported."""
-    node, who = values.nodes["rhythm"], f"strikes {quote(values.context.name)}"
+    node = values.nodes["rhythm"]
     assert isinstance(node, Scalar)
+
+    def place(leaf: Struck) -> Place:
+        return node.place_at(leaf.offset, len(name_of(leaf)))
+
+    cycle, first = values["cycle"] or Length(bars=1.0), values["skip"] or 0
+    strikes = build.rhythm_strikes(values, ())
+    rhythm = Rhythm(values["rhythm"], "", cycle, {}, first)
+    return _with_words(replace(strikes, rhythm=rhythm), values, part_names, place)
+
+
+def transformed_strikes(strikes: Strikes, values: Values, part_names: PartNames) -> Strikes | None:
+    """Strikes by the clock, or in a pattern of notes, after `do`: as a rhythm of the same strokes.
+
+    None if an error was reported.
+    """
+    try:
+        rhythm = clocked(strikes)
+    except TextError as error:
+        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        return None
+    place = values.place_of("notes" if values.written("notes") else "to")
+    is_bounded = values.written("times", "for", "until")
+    as_rhythm = replace(
+        strikes,
+        rhythm=rhythm,
+        pattern=None,
+        voices={},
+        every=None,
+        times=strikes.times if is_bounded else 1,
+        reaches={},
+    )
+    return _with_words(as_rhythm, values, part_names, lambda _: place)
+
+
+def _with_words(
+    strikes: Strikes, values: Values, part_names: PartNames, place: Callable[[Struck], Place]
+) -> Strikes | None:
+    """Strikes with what each word of their rhythm strikes, after transformations; `place` returns
+    where a word is written. None if an error was reported.
+    """
+    who, rhythm = f"strikes {quote(values.context.name)}", strikes.rhythm
+    assert rhythm is not None
     if transforms(values, parse_transforms) is None:
         return None
-    text, do = values["rhythm"], ", ".join(each.text for each in values["do"] or ())
+    do = ", ".join(each.text for each in values["do"] or ())
     try:
-        leaves = compiled(text, do).leaves
+        leaves = compiled(rhythm.text, do).leaves
     except TextError as error:  # the transformations make it too large
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
@@ -45,16 +88,14 @@ def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
     names = NoteTargets(part_names, values["to"] or ())
     voices: dict[str, Voice] = {}
     for leaf in leaves:
-        place = node.place_at(leaf.offset, len(name_of(leaf)))
         is_strength = (level_of(leaf) or levels.steps[0]).is_strength or levels.has_strengths
-        voice = _voice(leaf, place, names, who, is_strength=is_strength)
+        voice = _voice(leaf, place(leaf), names, who, is_strength=is_strength)
         if voice is None:
             return None
         voices[key_of(leaf)] = voice
     to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
-    cycle, first = values["cycle"] or Length(bars=1.0), values["skip"] or 0
-    rhythm = Rhythm(text, do, cycle, voices, first)
-    return replace(build.rhythm_strikes(values, tuple(to)), levels=levels, rhythm=rhythm)
+    rhythm = replace(rhythm, do=do, voices=voices)
+    return replace(strikes, to=tuple(to), levels=levels, rhythm=rhythm)
 
 
 def _voice(

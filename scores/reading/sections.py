@@ -217,7 +217,11 @@ STRIKES = Record(
         Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
         Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
-        Field("do", StrikesDo(), "transformations of a phrase or a rhythm, left to right"),
+        Field(
+            "do",
+            StrikesDo(),
+            "transformations of a phrase, a rhythm, or strikes by the clock, left to right",
+        ),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),

@@ -1,5 +1,7 @@
 """Words of phrasing in a score: strokes in seconds, their levels, their lengths at a damper."""
 
+from itertools import pairwise
+
 import pytest
 from checked import check
 from damped_bar import SCORE as DAMPED_BAR
@@ -167,6 +169,79 @@ def test_notes_end_at_the_damper(fields, expected):
 )
 def test_mistakes(fields, code, part):
     loaded = check(f"{PLAYED}strikes: {{s: {{{fields}, at: 0, times: 1}}}}\n")
+    (error,) = [each for each in loaded.diagnostics if each.severity == "error"]
+    assert part in error.message
+    assert error.code == code
+
+
+# --- strikes by the clock -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ("to: kick, every: 1, times: 2, do: ply 2", "0 x 0.5, 0.5 x 0.5, 1 x 0.5, 1.5 x 0.5"),
+        ("to: kick, every: 1/2, for: 2, do: every 2 degrade 1", "0.5 x 0.5, 1.5 x 0.5"),
+        ("to: kick, euclid: 3 8, every: 1/2, do: rev", "0.5 x 0.5, 2 x 0.5, 3.5 x 0.5"),
+        ("to: bar, notes: C4 ~ E4, every: 1, do: legato 1", "0 C4 2, 2 E4 1"),
+        ("to: bar, notes: C4 ~ E4, every: 1, times: 2, do: legato 1/2",
+         "0 C4 1, 2 E4 0.5, 3 C4 1, 5 E4 0.5"),
+        ("to: bar, notes: C4 (E4 G4), every: 1, do: 'transpose 12st, rev'",
+         "0 G4+12 0.5, 0.5 E4+12 0.5, 1 C4+12 1"),
+        ("to: bar, notes: C4.minor-pentatonic, every: 1/2, do: fast 1",
+         "0 C4 0.5, 0.5 D#4 0.5, 1 F4 0.5, 1.5 G4 0.5, 2 A#4 0.5"),
+    ],
+)  # fmt: skip
+def test_do_of_strikes_by_the_clock(fields, expected):
+    assert falls(f"{fields}, at: 0") == expected.split(", ")
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        "to: [kick, bar.C4], every: 1/3, times: 7, impulse: f p",
+        "to: kick, every: 1/3, times: 8, impulse: f 2mNs 0.3",
+        "to: bar, notes: C4 (E4 G4) ~ C5, every: 1/2, times: 3, impulse: f!",
+        "to: kick, euclid: 5 8 rotate 2, times: 3",
+        "to: bar, notes: D4, euclid: 3 8, every: 1/2, until: 7|2.5",
+    ],
+)
+def test_do_that_changes_nothing_strikes_the_same(fields):
+    ergons = []
+    for do in ("", ", do: fast 1"):
+        staged = stage(piece(f"{fields}, at: 1|2{do}"))
+        each = (staged.timeline.strikes_on(mat) for mat in range(staged.network.n_mat))
+        ergons.append([sorted((e.at, e.impulse) for e in strikes) for strikes in each])
+    assert len([ergon for strikes in ergons[0] for ergon in strikes]) > 6
+    for before, after in zip(*ergons, strict=True):
+        assert [time for ergon in after for time in ergon] == pytest.approx(
+            [time for ergon in before for time in ergon]
+        )
+
+
+def test_walk_under_do_visits_neighbours():
+    fields = "to: bar, notes: walk C4 E4 G4, every: 1, times: 400, at: 0, do: fast 1"
+    places = [["C4", "E4", "G4"].index(hit.what) for _, hit in hits(fields)]
+    assert places[0] == 0
+    assert {b - a for a, b in pairwise(places)} == {-1, 0, 1}
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "part"),
+    [
+        ("to: kick, do: rev", "E306", "no cycle to transform"),
+        ("to: kick, rate: 3Hz, for: 4, do: rev", "E306", "no cycle to transform"),
+        ("to: kick, every: 1, times: 3, do: revv", "E204", "unknown transformation 'revv'"),
+        ("to: bar, notes: shuffle C4 E4, every: 1, do: rev", "E306", "in a new order"),
+        ("to: bar, notes: walk C4 E4, euclid: 3 8, do: rev", "E306", "at each pulse"),
+        ("to: bar, notes: C4 E4, every: 1, swing: 0.6, do: rev", "E306", "use do swing"),
+        ("to: bar, notes: C4 C9, every: 1, do: rev", "E301", "has no note 'C9'"),
+        ("to: bar, notes: C4, every: 1, times: 2, do: transpose 40st", "E301", "has no note"),
+        ("to: kick, every: 1, times: 4, impulse: p -> f, do: rev", "E306", "a line of levels"),
+    ],
+)
+def test_mistakes_of_strikes_by_the_clock(fields, code, part):
+    loaded = check(f"{PLAYED}strikes: {{s: {{{fields}, at: 0}}}}\n")
     (error,) = [each for each in loaded.diagnostics if each.severity == "error"]
     assert part in error.message
     assert error.code == code

@@ -1,0 +1,109 @@
+"""Strikes by the clock, or in a pattern of notes, as a rhythm text."""
+
+from __future__ import annotations
+
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables import notes
+from ergon.notation.text.errors import TextError
+from ergon.scores.pattern.order import Group, Leaf
+from ergon.scores.pattern.rhythm import EVEN
+from ergon.scores.pattern.rhythm_text import WORD
+from ergon.scores.reading.piece import Strikes
+from ergon.scores.reading.rhythms import HERE, Rhythm
+
+NO_CYCLES = "melodies, phrases, sweeps and strikes by chance have no cycle to transform"
+# Ways of a pattern to take one of its items in each round, as brackets of a rhythm.
+_BY_CHANCE = {"choose": "[{}]", "walk": "<{}>"}
+_NOT_WRITTEN = (
+    "`{}` plays all of its items in each round, in a new order; a rhythm has one of them by chance "
+    "([c4 | e4]) or a walk (<c4 | e4>)"
+)
+
+
+def clocked(strikes: Strikes) -> Rhythm:
+    """Strikes `every` so often, or of a pattern, as a rhythm whose words strike nothing yet.
+
+    A cycle is a round of the pattern, or the time of one strike. Raises TextError if there is none.
+    """
+    pattern, every = strikes.pattern, strikes.every
+    if (
+        strikes.is_melody
+        or strikes.passing is not None
+        or strikes.rate is not None
+        or (pattern is None and every is None)
+    ):
+        raise TextError(f'{NO_CYCLES}; write {strikes.name} = "…" for a rhythm')
+    fields = {"mass": strikes.mass, "along": strikes.along, "skip": pattern and pattern.skip}
+    for field, value in fields.items():
+        if value:
+            raise TextError(f"strikes with `{field}` cannot be written as a rhythm")
+    if pattern is None:
+        text, steps = _each(strikes), 1
+    else:
+        text, steps = _text(pattern.order, strikes)
+        if pattern.euclid is not None:
+            if steps > 1:
+                raise TextError(
+                    "notes on the pulses of `euclid` cannot be written as a rhythm; write one, "
+                    f'such as {strikes.name} = "c4(3,8)"'
+                )
+            if pattern.order.way == "walk":
+                raise TextError("`walk` goes on at each pulse of `euclid`, a rhythm at each cycle")
+            euclid = pattern.euclid
+            turn = f",{euclid.rotate}" if euclid.rotate else ""
+            text, steps = f"{text}({euclid.pulses},{euclid.steps}{turn})", euclid.steps
+        if pattern.chance is not None:
+            text = f"[{text}]?{1.0 - pattern.chance:.6g}" if steps == 1 else text
+            if steps > 1:
+                raise TextError("`chance` of a pattern cannot be written as a rhythm; use degrade")
+        if pattern.swing != EVEN:
+            raise TextError("`swing` of a pattern cannot be written as a rhythm; use do swing")
+    return Rhythm(text, "", Length(bars=1.0) if every is None else every.times(steps), {})
+
+
+def _each(strikes: Strikes) -> str:
+    """The text of one strike in each cycle, with its level if levels come in turn."""
+    levels = strikes.levels
+    if levels is None or len(levels.steps) == 1:
+        return HERE
+    words = [f"{HERE}:{level.written}" for level in levels.steps]
+    if levels.is_line or not all(map(WORD.fullmatch, words)):
+        message = (
+            "a line of levels, or one that chance draws in turn, cannot be written as a rhythm"
+        )
+        raise TextError(f"{message} of one stroke; write one level, or levels such as f p")
+    return f"<{' '.join(words)}>"
+
+
+def _text(order: Group, strikes: Strikes) -> tuple[str, int]:
+    """A pattern as a rhythm text, and how many steps it takes."""
+    if not strikes.voices and any(leaf.name in strikes.notes for leaf in order.leaves()):
+        raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
+    words = [_item(item, strikes) for item in order.items]
+    if order.way in _BY_CHANCE:
+        return _BY_CHANCE[order.way].format("|".join(words)), 1
+    if order.way != "in turn":
+        raise TextError(_NOT_WRITTEN.format(order.way))
+    return " ".join(words), order.steps
+
+
+def _item(item: Leaf | Group, strikes: Strikes) -> str:
+    weight = f"@{item.span}" if item.span != 1 else ""
+    if isinstance(item, Leaf):
+        name = HERE if strikes.voices == {} else _note(item.name or "")
+        return f"{'~' if item.name is None else name}{weight}"
+    inner = [_item(part, strikes) for part in item.items]
+    if item.way in _BY_CHANCE:
+        return _BY_CHANCE[item.way].format("|".join(inner)) + weight
+    if item.way != "in turn":
+        raise TextError(_NOT_WRITTEN.format(item.way))
+    return f"[{' '.join(inner)}]{weight}"
+
+
+def _note(word: str) -> str:
+    """A note of a pattern; `A3.minor.7`, a step of a scale in semitones above its root, by name."""
+    root, _, step = word.partition(".")
+    number = notes.number(root)
+    return (
+        notes.name(number + int(step.rpartition(".")[2])) if step and number is not None else word
+    )
