@@ -62,7 +62,7 @@ def verb_help(verb: str) -> tuple[str, ...]:
         lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
         lines.append(f"  in short: {SHORTEST[verb]}")
-    return (*lines, *(f"  {word:<26}{means}" for word, means in _verb_words(verb)))
+    return (*lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
 
 
 def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:

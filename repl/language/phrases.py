@@ -12,11 +12,12 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
+from ergon.repl.language.rhythms import transform_offers
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
+from ergon.scores.reading.phrase_do import split_do
 from ergon.scores.reading.sections import STRIKES
 
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
@@ -110,7 +111,7 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
             message = "'do' needs a transformation: do scale 0.5, from 2"
             raise TextError(message, offset=do.start(), length=max(1, len(text) - do.start()))
         try:
-            parse_chain(text[do.end() :])
+            split_do(text[do.end() :])
         except TextError as error:
             error.offset += do.end()
             raise
@@ -126,6 +127,7 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
         return
     elif "do" in context.before:
         yield from v.transform_completions(context)
+        yield from transform_offers(context.before[context.before.index("do") + 1 :])
     elif last in _OPTIONS:
         yield Completion(_OPTIONS[last], STRIKES.by_name[last].doc)
     else:

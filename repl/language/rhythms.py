@@ -113,7 +113,7 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
     if not context.before[0].startswith('"'):
         return
     if "do" in context.before:
-        yield from _transform_offers(context.before[context.before.index("do") + 1 :])
+        yield from transform_offers(context.before[context.before.index("do") + 1 :])
     elif context.before[-1] in _OPTIONS:
         yield Completion(_OPTIONS[context.before[-1]], "")
     else:
@@ -130,10 +130,10 @@ def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
 def _offers_do(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield Completion(NONE, "ends all transformations")
-    yield from _transform_offers(context.before)
+    yield from transform_offers(context.before)
 
 
-def _transform_offers(before: Sequence[str]) -> Iterator[Completion]:
+def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
     form = TABLE.get(before[-1]) if before else None
     if not before or before[-1].endswith(","):

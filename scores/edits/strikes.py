@@ -33,7 +33,7 @@ def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str
         to = fields["to"].split()
         rest = {field: text for field, text in said.items() if field not in ("to", "at")}
         said = {"to": to[0] if len(to) == 1 else [*to], "at": said["at"], **rest}
-    if "do" in fields and "rhythm" not in fields:
+    if "do" in fields and "rhythm" not in fields and "(" not in fields["do"]:
         said["do"] = [one.strip() for one in fields["do"].split(",")]
     bounds = {"times", "until"} if said.keys() & {"sweep", "path"} else {"times", "for", "until"}
     if said.keys() & {"rate", "every", "euclid", "rhythm"} and not said.keys() & bounds:

@@ -16,7 +16,8 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import Rhythm
 
 NONE = "none"  # ends all transformations
-_BY_PATTERN = ("every", "euclid", "notes", "chance", "swing")  # fields that a rhythm replaces
+# Fields that a rhythm replaces.
+_REPLACED = ("every", "euclid", "notes", "chance", "swing", "play", "transpose", "do")
 
 _BAR = Length(bars=1.0)
 
@@ -38,18 +39,19 @@ def transform(texts: Texts, piece: Piece, name: str, at: float, do: str) -> Text
         assert isinstance(section, dict)
         body = section[strikes.name]
         assert isinstance(body, dict)
-        rhythm, body = _as_rhythm(strikes, body)
+        rhythm, body = _as_rhythm(texts, strikes, body)
+        times = strikes.times if strikes.times is not None or "times" not in body else 1
         begin = tempo.resolve(strikes.at)
         passed = rhythm.count(tempo, begin, at) if at > begin else 0
-        if strikes.times is not None and passed >= strikes.times:
+        if times is not None and passed >= times:
             continue
         where = rhythm.begin(tempo, begin, passed)
         texts = edits.end(texts, piece, strikes, where)
         body = {**body, "at": written(piece, where), **_transforms(body, do)}
         if first := rhythm.first + passed:
             body["skip"] = str(first)
-        if strikes.times is not None:
-            body["times"] = str(strikes.times - passed)
+        if times is not None:
+            body["times"] = str(times - passed)
         if strikes.span is not None and stop is not None:
             body = {**body, "for": "", "until": written(piece, stop)}
         for field in [field for field, value in body.items() if value == ""]:
@@ -82,7 +84,7 @@ def _in_order(body: Body) -> Body:
 # --- strikes by the clock as a rhythm ------------------------------------------------------------
 
 
-def _as_rhythm(strikes: Strikes, body: Body) -> tuple[Rhythm, Body]:
+def _as_rhythm(texts: Texts, strikes: Strikes, body: Body) -> tuple[Rhythm, Body]:
     """The rhythm of strikes, and their fields with it. Raises EditError if they have none."""
     if "rhythm" in body and strikes.rhythm is not None:
         return strikes.rhythm, body
@@ -92,8 +94,10 @@ def _as_rhythm(strikes: Strikes, body: Body) -> tuple[Rhythm, Body]:
             rhythm = clocked(strikes)
         except TextError as error:
             raise EditError(error.message) from error
-    fields = {name: value for name, value in body.items() if name not in _BY_PATTERN}
-    fields["rhythm"] = rhythm.text
+    fields = {name: value for name, value in body.items() if name not in _REPLACED}
+    fields |= {"rhythm": rhythm.text, "do": rhythm.do}
+    if "play" in body:  # the words of the rhythm say levels
+        fields = {**_notes_of(texts, body), **fields, "impulse": ""}
     if strikes.every is not None or rhythm.cycle != _BAR:
         fields["cycle"] = _length(rhythm.cycle)
     if not fields.keys() & {"times", "for", "until"}:
@@ -101,7 +105,19 @@ def _as_rhythm(strikes: Strikes, body: Body) -> tuple[Rhythm, Body]:
     return rhythm, fields
 
 
+def _notes_of(texts: Texts, body: Body) -> Body:
+    """The instruments whose notes a phrase names, as a field of what plays it."""
+    phrases = edit.tree(texts.section("phrases"))
+    phrase = phrases.get(str(body["play"])) if isinstance(phrases, dict) else None
+    return {"to": phrase["to"]} if isinstance(phrase, dict) and "to" in phrase else {}
+
+
 def _length(length: Length) -> str:
+    if length.quarters:
+        raise EditError(
+            "a MIDI file whose quarter notes are no beats of the meter is not written as a rhythm; "
+            "write its transformations in the score, in `do`"
+        )
     parts = [(length.bars, "bar"), (length.beats, ""), (length.seconds, "s")]
     (written_length,) = [f"{value!r}{unit}" for value, unit in parts if value] or ["0"]
     return written_length

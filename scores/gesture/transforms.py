@@ -85,6 +85,9 @@ def parse_do(text: str, start: int = 0) -> Transform:
         raise TextError(f"a transformation is one of {', '.join(_VERBS)}", offset=start)
     (word, offset), arguments = words[0], words[1:]
     verb = _VERBS.get(word)
+    if word in _OF_RHYTHMS:
+        message = f"'{word}' is of rhythms and phrases; a hand moves: {_OF_RHYTHMS[word]}"
+        raise TextError(message, offset=offset, length=len(word))
     if verb is None:
         raise TextError(
             f"unknown transformation '{word[:40]}'; known are {', '.join(_VERBS)}",
@@ -337,6 +340,23 @@ _VERBS = {
     "jitter": _Verb("jitter 4ms 0.2mm", (("time", _span), ("x", _reach)), _jitter),
     "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
     "quantise": _Verb("quantise 1/8", (("amount", _positive),), _quantise),
+}
+_ONE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
+# Words that rhythms and phrases have, and what a gesture or a take has for them.
+_OF_RHYTHMS = {
+    "rev": "write reverse",
+    "palindrome": "write every 2nd do reverse",
+    "fast": "write stretch 1/2 for fast 2",
+    "slow": "write stretch 2 for slow 2",
+    "late": "write shift 1/8, in beats",
+    "early": "write shift -1/8, in beats",
+    "degrade": "write chance 0.5 beside `every`",
+    "every": "write every 4th do mirror",
+    "transpose": "it has no pitch; transpose the instrument",
+    "off": _ONE_HAND,
+    "superimpose": _ONE_HAND,
+    "echo": _ONE_HAND,
+    "ply": _ONE_HAND,
 }
 ARITY = {word: len(verb.arguments) for word, verb in _VERBS.items()}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}

@@ -17,7 +17,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading import build, melodies, rhythm_strikes
+from ergon.scores.reading import build, melodies, phrase_do, rhythm_strikes
 from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
@@ -249,8 +249,8 @@ class Checker:
                 found = melodies.in_quarters(phrase, *found)
             if found is None:
                 return None
-            melody = build.melody(values, *found)
-            if isinstance(phrase, Values) and melodies.is_midi(phrase):
+            melody = self._melody(build.melody(values, *found), values)
+            if melody is not None and isinstance(phrase, Values) and melodies.is_midi(phrase):
                 return with_wheels(melody, values, phrase, self.uses.files)
             return melody
         if kind == "rhythm":
@@ -282,12 +282,27 @@ class Checker:
             voices = NoteTargets(self.part_names, names)
             made = melodies.strikes_of_pattern(made, values, voices, who)
         if values.written("do") and self.collector.told == n_reports:
-            return rhythm_strikes.transformed_strikes(made, values, self.part_names)
+            do = phrase_do.rhythm_do(values)
+            if do is None:
+                return None
+            return rhythm_strikes.transformed_strikes(made, do, values, self.part_names, names)
         if made.voices:
             return made
         for target in made.to if made.notes else ():
             self._has_pitch(target, who)
         return made
+
+    def _melody(self, strikes: Strikes, values: Values) -> Strikes | None:
+        """A melody, or a phrase as a rhythm where it has transformations of rhythms; None if an
+        error was reported.
+        """
+        if melodies.kind_of(values) != "play":
+            return strikes
+        do = phrase_do.phrase_do(values)
+        if do is None or not do[1]:
+            return strikes
+        names = melodies.notes_in(self._phrases()[values["play"]], values)
+        return rhythm_strikes.transformed_strikes(strikes, do[1], values, self.part_names, names)
 
     def _with_reaches(self, strikes: Strikes, values: Values) -> Strikes | None:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error

@@ -1,4 +1,4 @@
-"""Strikes by the clock, or in a pattern of notes, as a rhythm text."""
+"""Strikes by the clock, in a pattern of notes, or of a phrase, as a rhythm text."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN
 from ergon.scores.pattern.rhythm_text import WORD
+from ergon.scores.reading.phrased import phrased
 from ergon.scores.reading.piece import Strikes
 from ergon.scores.reading.rhythms import HERE, Rhythm
 
-NO_CYCLES = "melodies, phrases, sweeps and strikes by chance have no cycle to transform"
+NO_CYCLES = "melodies, sweeps and strikes by chance have no cycle to transform"
 # Ways of a pattern to take one of its items in each round, as brackets of a rhythm.
 _BY_CHANCE = {"choose": "[{}]", "walk": "<{}>"}
 _NOT_WRITTEN = (
@@ -21,11 +22,14 @@ _NOT_WRITTEN = (
 
 
 def clocked(strikes: Strikes) -> Rhythm:
-    """Strikes `every` so often, or of a pattern, as a rhythm whose words strike nothing yet.
+    """Strikes by the clock, of a pattern or a phrase, as a rhythm whose words strike nothing yet.
 
-    A cycle is a round of the pattern, or the time of one strike. Raises TextError if there is none.
+    A cycle is a round of the pattern or the phrase, or the time of one strike. Raises TextError if
+    there is none.
     """
     pattern, every = strikes.pattern, strikes.every
+    if strikes.hits and strikes.length is not None:
+        return phrased(strikes)
     if (
         strikes.is_melody
         or strikes.passing is not None

@@ -4,17 +4,16 @@ reach.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import PurePath
-from typing import Any, TypeVar
+from typing import Any
 
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes
-from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
@@ -23,8 +22,9 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
 from ergon.scores.gesture.take_file import TakeError
-from ergon.scores.gesture.transforms import parse_chain
+from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import NoteTargets, Row, length_of, transformed
+from ergon.scores.reading.phrase_do import phrase_do
 from ergon.scores.reading.piece import Hit, Strikes
 
 _PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
@@ -84,11 +84,18 @@ def hits_of(
             names = tuple(phrases)
             values.error("E301", message, "play", word=str(values["play"]), names=names)
         return None
-    to = values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
-    found = played(phrase, values, NoteTargets(part_names, to), files)
+    do = phrase_do(values)
+    if do is None:
+        return None
+    found = played(phrase, values, do[0], NoteTargets(part_names, notes_in(phrase, values)), files)
     if not (values.written("to", "transpose", "do") or is_midi(phrase)):
         who = phrase.context.of("")  # a name that is unknown is the phrase's
     return None if found is None else (_hits(found[0], found[1], who), found[2])
+
+
+def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
+    """The instruments whose notes a phrase names."""
+    return values["to"] or (() if is_midi(phrase) else phrase["to"] or ())
 
 
 def in_quarters(
@@ -112,10 +119,14 @@ def in_quarters(
 
 
 def played(
-    phrase: Values, values: Values, voices: NoteTargets, files: Files
+    phrase: Values,
+    values: Values,
+    chain: Iterable[Transform],
+    voices: NoteTargets,
+    files: Files,
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
-    """The rows of a phrase as strikes play them, with the notes they may name and the phrase's
-    length; None if an error was reported.
+    """The rows of a phrase as strikes play them after the transformations of a `chain`, with the
+    notes they may name and the phrase's length; None if an error was reported.
     """
     length: Length | None
     if is_midi(phrase):
@@ -145,31 +156,11 @@ def played(
         values.error("E306", f"{values.context.of('transpose')}: {error.message}", "transpose")
         return None
     try:
-        chain = transforms(values, parse_chain)
-        if chain is None:
-            return None
         rows, length = transformed(rows, length, chain, voices.mirrored)
     except TextError as error:
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
     return rows, voices, length
-
-
-_Transform = TypeVar("_Transform")
-
-
-def transforms(
-    values: Values, parse: Callable[[str], Iterable[_Transform]]
-) -> list[_Transform] | None:
-    """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
-    result: list[_Transform] = []
-    for node in values["do"] or ():
-        try:
-            result += parse_with_names(node, parse)
-        except TextError as error:
-            values.context.text_error(error, node, "do")
-            return None
-    return result
 
 
 def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:

@@ -14,12 +14,11 @@ from ergon.notation.tables.strengths import MEZZO_FORTE, Levels, Reach
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
-from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.struck import Struck, key_of, name_of, notes_of
 from ergon.scores.reading import build
 from ergon.scores.reading.clocked import clocked
-from ergon.scores.reading.melodies import transforms
 from ergon.scores.reading.melody import NoteTargets, Row
+from ergon.scores.reading.phrase_do import rhythm_do
 from ergon.scores.reading.piece import Strikes
 from ergon.scores.reading.rhythms import (
     HERE,
@@ -41,11 +40,19 @@ def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
     cycle, first = values["cycle"] or Length(bars=1.0), values["skip"] or 0
     strikes = build.rhythm_strikes(values, ())
     rhythm = Rhythm(values["rhythm"], "", cycle, {}, first)
-    return _with_words(replace(strikes, rhythm=rhythm), values, part_names, place)
+    do = rhythm_do(values)
+    if do is None:
+        return None
+    strikes = replace(strikes, rhythm=rhythm)
+    names = NoteTargets(part_names, values["to"] or ())
+    return _with_words(strikes, do, values, names, place)
 
 
-def transformed_strikes(strikes: Strikes, values: Values, part_names: PartNames) -> Strikes | None:
-    """Strikes by the clock, or in a pattern of notes, after `do`: as a rhythm of the same strokes.
+def transformed_strikes(
+    strikes: Strikes, do: str, values: Values, part_names: PartNames, to: tuple[Name, ...]
+) -> Strikes | None:
+    """Strikes by the clock, of a pattern or a phrase, after the transformations `do` of rhythms: as
+    a rhythm of the same strokes. `to` are the instruments whose notes they name.
 
     None if an error was reported.
     """
@@ -54,7 +61,7 @@ def transformed_strikes(strikes: Strikes, values: Values, part_names: PartNames)
     except TextError as error:
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
-    place = values.place_of("notes" if values.written("notes") else "to")
+    place = values.place_of(next(iter(values.written("play", "notes", "to"))))
     is_bounded = values.written("times", "for", "until")
     as_rhythm = replace(
         strikes,
@@ -64,28 +71,30 @@ def transformed_strikes(strikes: Strikes, values: Values, part_names: PartNames)
         every=None,
         times=strikes.times if is_bounded else 1,
         reaches={},
+        hits=(),
+        length=None,
     )
-    return _with_words(as_rhythm, values, part_names, lambda _: place)
+    return _with_words(as_rhythm, do, values, NoteTargets(part_names, to), lambda _: place)
 
 
 def _with_words(
-    strikes: Strikes, values: Values, part_names: PartNames, place: Callable[[Struck], Place]
+    strikes: Strikes,
+    do: str,
+    values: Values,
+    names: NoteTargets,
+    place: Callable[[Struck], Place],
 ) -> Strikes | None:
     """Strikes with what each word of their rhythm strikes, after transformations; `place` returns
     where a word is written. None if an error was reported.
     """
     who, rhythm = f"strikes {quote(values.context.name)}", strikes.rhythm
     assert rhythm is not None
-    if transforms(values, parse_transforms) is None:
-        return None
-    do = ", ".join(each.text for each in values["do"] or ())
     try:
         leaves = compiled(rhythm.text, do).leaves
     except TextError as error:  # the transformations make it too large
         values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
         return None
     levels = values["impulse"] or Levels((MEZZO_FORTE,))
-    names = NoteTargets(part_names, values["to"] or ())
     voices: dict[str, Voice] = {}
     for leaf in leaves:
         is_strength = (level_of(leaf) or levels.steps[0]).is_strength or levels.has_strengths

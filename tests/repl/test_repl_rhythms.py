@@ -126,6 +126,24 @@ def test_do_makes_a_walk_a_rhythm(stepped: Stepped):
     same_again(stepped)
 
 
+def test_phrase_takes_the_words_of_rhythms(stepped: Stepped):
+    """Rounds of four beats, first backwards, then as written, then twice as fast."""
+    stepped.ok("phrase tune 0 C4 1mNs, 1 E4, 3 G4 to bar length 4")
+    stepped.ok("hook strikes tune every 4 do every 2 rev")
+    stepped.ok("play")
+    stepped.run(3.0)
+    stepped.ok("hook do fast 2")
+    stepped.run(5.0)
+    # G4 lasts a beat, E4 two and C4 one: backwards they begin at 0, 1 and 3 beats.
+    assert steps(stepped, 3, 0, 8) == [0, 2, 6, 8, 10, 14]
+    # Twice as fast, a step of half a beat each; cycles go on to count.
+    assert steps(stepped, 3, 8, 12) == [0, 1, 3, 4, 5, 7]
+    stepped.ok("hook do none")
+    stepped.run(2.0)
+    assert not stepped.type("ada do ply 2").taken
+    same_again(stepped)
+
+
 @pytest.mark.parametrize(
     ("do", "expected"),
     [

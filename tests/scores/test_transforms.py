@@ -214,6 +214,10 @@ def test_a_take_has_no_points_to_move(do):
     ("do", "marked", "words", "suggestion"),
     [
         ("scale 0.5, miror", "miror", "unknown transformation", "mirror"),
+        ("mirror, rev", "rev", "a hand moves: write reverse", None),
+        ("fast 2", "fast", "write stretch 1/2", None),
+        ("every 4 rev", "every", "write every 4th do mirror", None),
+        ("ply 2", "ply", "it is in one place at a time", None),
         ("quantize 1/8", "quantize", "unknown transformation", "quantise"),
         ("scale", "scale", "write for instance scale 0.5", None),
         ("mirror 2", "2", "write for instance mirror", None),

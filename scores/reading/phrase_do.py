@@ -1,0 +1,78 @@
+"""Transformations of a phrase: of its entries first, then those of rhythms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from ergon.notation.tables.expressions import parse_with_names
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
+from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_transforms import parse_transforms
+
+
+def split_do(text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...], str]:
+    """The transformations of entries in `stretch 2, every 4 rev`, and those of rhythms as a text.
+
+    From the first that only rhythms have on (`is_rhythm`: from the beginning) all are of rhythms.
+    Raises TextError.
+    """
+    chain: list[Transform] = []
+    start = 0
+    while start <= len(text):
+        stop = text.find(",", start)
+        part = text[start : stop if stop >= 0 else len(text)]
+        word = next(iter(part.split()), "")
+        if is_rhythm or (word in TABLE and word not in ARITY):
+            parse_transforms(text[start:], start)
+            return tuple(chain), text[start:].strip()
+        chain.append(parse_do(part, start))
+        start += len(part) + 1
+    return tuple(chain), ""
+
+
+def phrase_do(values: Values) -> tuple[tuple[Transform, ...], str] | None:
+    """The transformations of strikes that play a phrase, as `split_do` returns them; None if an
+    error was reported.
+    """
+    rhythms: list[str] = []
+
+    def parse(text: str) -> tuple[Transform, ...]:
+        chain, rhythm = split_do(text, is_rhythm=bool(rhythms))
+        rhythms.extend([rhythm] if rhythm else [])
+        return chain
+
+    chain = transforms(values, parse)
+    return None if chain is None else (tuple(chain), ", ".join(rhythms))
+
+
+def rhythm_do(values: Values) -> str | None:
+    """The transformations of a rhythm as one text, without names of values; None if an error was
+    reported.
+    """
+
+    def parse(text: str) -> tuple[str]:
+        parse_transforms(text)
+        return (text,)
+
+    texts = transforms(values, parse)
+    return None if texts is None else ", ".join(texts)
+
+
+_Transform = TypeVar("_Transform")
+
+
+def transforms(
+    values: Values, parse: Callable[[str], Iterable[_Transform]]
+) -> list[_Transform] | None:
+    """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
+    result: list[_Transform] = []
+    for node in values["do"] or ():
+        try:
+            result += parse_with_names(node, parse)
+        except TextError as error:
+            values.context.text_error(error, node, "do")
+            return None
+    return result
