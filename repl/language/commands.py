@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position
+from ergon.notation.tables.strengths import Level
 from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
@@ -117,6 +118,23 @@ class StrikeModules(BlockCommand):
     def struck(self) -> tuple[str, ...]:
         """The paths of what may be struck: those after `to`, and the words of a rhythm."""
         return (*self.fields.get("to", "").split(), *words_of(self.fields.get("rhythm", "")))
+
+
+@dataclass(frozen=True, slots=True)
+class Hear(Command):
+    """`hear kick`, `hear vib C4 E4 f`, `hear bell.m 2mNs`: strike once, at the next tick.
+
+    `notes` are MIDI numbers; none: the note in the middle, if the instrument has notes.
+    """
+
+    target: str
+    notes: tuple[int, ...]
+    level: Level
+
+    @property
+    def name(self) -> str:
+        """The name of what was struck, among the maps of a version."""
+        return " ".join(("hear", self.target, *map(str, self.notes)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import automating, blocks, forms, library, mixing, phrases, rhythms
+from ergon.repl.language import (
+    automating,
+    blocks,
+    forms,
+    hearing,
+    library,
+    mixing,
+    phrases,
+    rhythms,
+)
 from ergon.repl.language import commands as c
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
@@ -67,6 +76,10 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("name", "NAME", NAMED),
               Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
                    phrases.PLAYED, many=True), subject=True),
+        _form("hear", "hea", "strikes once, now: an instrument, an act or a module",
+              "hear gong f", hearing.hear,
+              Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", hearing.STROKE, many=True),
+              timed=False),
         _form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
               "phrase tune 0 C4, 1/2 E4 to bell", phrases.define_phrase,
               Slot("name", "NAME", phrases.NEW_PHRASE),

@@ -22,6 +22,7 @@ from ergon.repl.session.entry import Entry
 from ergon.repl.session.fast_values import FastValues
 from ergon.repl.session.gains import fader_ratios
 from ergon.repl.session.guidance import Guidance, check_guide
+from ergon.repl.session.hearing import Hearing
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import effect_fields, text_fields
@@ -118,6 +119,7 @@ class SessionCore:
         self.block_runs = BlockRuns(self.schedule, self.log, self.queue, self.drop)
         self.acts = Acts(self.log.write)
         self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops)
+        self.hearing = Hearing(self.schedule, self.acts, self.stops, self.queue)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
@@ -278,6 +280,7 @@ class SessionCore:
                 return
             self._take_events()
             schedule.hand_over()
+            self.hearing.strike_due()
             self.log.take_reports()
             self._take_sound_file()
             if self.journal is not None and (trouble := self.journal.pop_failure()):

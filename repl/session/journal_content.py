@@ -31,8 +31,9 @@ from ergon.repl.session.journal import (
 )
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
-from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
+from ergon.repl.session.midi_maps import Map, maps_field, read_maps
 from ergon.repl.session.strike_levels import StrikeLevels, levels_fields, read_levels
+from ergon.repl.session.struck_places import Place
 from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames

@@ -6,12 +6,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ergon.live.midi_messages import Control, Note, NoteEnd, parse_message
-from ergon.repl.session.midi_maps import (
+from ergon.repl.session.midi_maps import controller_line, run_lines
+from ergon.repl.session.struck_places import (
     Place,
-    controller_line,
     place_number,
     released_places,
-    run_lines,
     struck_places,
 )
 

@@ -30,10 +30,10 @@ from ergon.repl.session.journal_content import (
 )
 from ergon.repl.session.journal_hands import RecordedHands, recorded_hands
 from ergon.repl.session.line_kinds import LineKind
-from ergon.repl.session.midi_maps import place_number
 from ergon.repl.session.past_versions import PastVersionStore
 from ergon.repl.session.replayed_schedule import ReplayedSchedule
 from ergon.repl.session.running import RunningVersion, stage_first
+from ergon.repl.session.struck_places import place_number
 from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
 from ergon.repl.session.waiting_lines import REFUSALS, VersionEdit, WaitingLine, reparse
 from ergon.scores.staging.drives import input_number

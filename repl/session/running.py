@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.session.frozen_parts import LoadedPart, place_samples
-from ergon.repl.session.midi_maps import strike_points
 from ergon.repl.session.rehearsing import keys_for
+from ergon.repl.session.struck_places import strike_points
 from ergon.scores.reading.piece import NO_OPTIONS, Play
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage

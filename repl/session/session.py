@@ -19,7 +19,7 @@ from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
-from ergon.repl.session import session_commands, version_edits
+from ergon.repl.session import session_commands
 from ergon.repl.session.core import Closable, SessionCore
 from ergon.repl.session.version import NotTakenError
 from ergon.repl.session_protocol import Reply, State
@@ -110,14 +110,11 @@ class Session(SessionCore):
         for command in commands:
             if type(command) in barred:
                 raise NotTakenError(barred[type(command)])
-        music = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
-        others = [
-            command for command in commands if type(command) not in version_edits.VERSION_EDITS
-        ]
+        known = session_commands.SESSION_COMMANDS
+        music = [command for command in commands if type(command) not in known]
+        others = [command for command in commands if type(command) in known]
         replies = [self.make_version(text, music)] if music else []
-        replies += [
-            session_commands.SESSION_COMMANDS[type(command)](self, command) for command in others
-        ]
+        replies += [known[type(command)](self, command) for command in others]
         said = [reply.text for reply in replies if reply.text]
         lines = tuple(line for reply in replies for line in reply.lines)
         taken = all(reply.taken for reply in replies)

@@ -15,7 +15,15 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import overview, verb_help
-from ergon.repl.session import bars, computing, files, inspection, listings, version_edits
+from ergon.repl.session import (
+    bars,
+    computing,
+    files,
+    inspection,
+    listings,
+    midi_maps,
+    version_edits,
+)
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.scene_edits import scene_of
@@ -76,6 +84,13 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
     )
     where, _ = session.queue(entry)
     return Reply(True, f"ok from {where}")
+
+
+@_executes(c.Hear)
+def _hear(session: SessionCore, command: c.Hear) -> Reply:
+    if session.stops.panicked:
+        raise NotTakenError("a panic is active: type `release`, then `hear` again")
+    return Reply(True, f"ok {session.hearing.hear(command)}")
 
 
 @_executes(c.Stop)
@@ -313,7 +328,7 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
 
 @_executes(c.Maps)
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
-    maps = session.schedule.head.maps.values()
+    maps = midi_maps.of_player(session.schedule.head.maps).values()
     lines = tuple(own.line.removeprefix("map ") for own in maps)
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
 

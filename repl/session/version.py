@@ -13,7 +13,7 @@ from ergon.repl.session.strike_levels import StrikeLevels
 from ergon.scores.reading.sounding import SoundingNames
 
 if TYPE_CHECKING:
-    from ergon.repl.language.commands import MapControl, MapNotes
+    from ergon.repl.language.commands import Hear, MapControl, MapNotes
     from ergon.repl.session.block_rules import Rule
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
@@ -92,7 +92,7 @@ class Version:
     glide: float = GLIDE
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     enter_beat: float | None = None
-    maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
+    maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()
@@ -155,7 +155,7 @@ class PastVersion:
     guides: Mapping[str, HandGuide]
     where: str = ""
     base: Texts | None = None
-    maps: Mapping[str, MapControl | MapNotes] = field(default_factory=dict)
+    maps: Mapping[str, MapControl | MapNotes | Hear] = field(default_factory=dict)
     rules: Mapping[str, Rule] = field(default_factory=dict)
     sounds_as: SoundingNames = field(default_factory=SoundingNames)
     renames: Sequence[tuple[str, str]] = ()

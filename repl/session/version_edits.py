@@ -235,15 +235,18 @@ def _guide(command: c.Guide) -> VersionEdit:
     return edit
 
 
+@makes_edit(c.Hear)
 @makes_edit(c.MapControl)
 @makes_edit(c.MapNotes)
 def _map(command: midi_maps.Map) -> VersionEdit:
-    """Map a MIDI controller or notes."""
+    """Map a MIDI controller or notes, or let what `hear` strikes be ready."""
 
     def edit(version: Version, beat: float) -> Version:
-        struck = [command.target] if isinstance(command, c.MapNotes) else []
+        struck = [] if isinstance(command, c.MapControl) else [command.target]
         texts = families.played(version.texts, version.piece, struck)
-        if isinstance(command, c.MapNotes) and command.impulse is None:
+        if isinstance(command, c.Hear) or (
+            isinstance(command, c.MapNotes) and command.impulse is None
+        ):
             texts = families.ready(texts, command.target)
         after = version if texts is version.texts else with_texts(version, texts)
         return replace(after, maps=midi_maps.with_map(after, command))

@@ -26,6 +26,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "knock = 0@0 smooth 7@1/8 smooth 0@1/4": lambda s: s.define(
         "knock", "0@0 smooth 7@1/8 smooth 0@1/4"
     ),
+    "hear gong f": lambda s: s.hear("gong f"),
     "rest ada": lambda s: s.rest("ada"),
     "hush": lambda s: s.hush(),
     "damp 3s": lambda s: s.damp("3s"),

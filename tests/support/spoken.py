@@ -7,6 +7,7 @@ import pytest
 
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position, parse_position
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
@@ -159,6 +160,9 @@ OTHERS = [
             when=parse_position("B"),
         ),
     ),
+    ("hear gong", c.Hear("gong", (), MEZZO_FORTE)),
+    ("hear gong.strike C4 eb4 v127", c.Hear("gong.strike", (60, 63), Level(1.0, 1.0, True))),
+    ("hear bell.m 2mNs", c.Hear("bell.m", (), Level(0.002, 0.002))),
     ("map note D2 fill", c.MapNotes(38, 38, "fill", None)),
     ("map cc 1 tempo 60..180 now", c.MapControl(1, None, (60.0, 180.0), "bpm", when=c.NOW)),
     ("map note C4 gong.strike", c.MapNotes(60, 60, "gong.strike", None)),

@@ -1,0 +1,103 @@
+"""The words after `hear`: what is struck once, at which notes, and how strongly."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from ergon.notation.tables.strengths import DYNAMICS, MEZZO_FORTE, Level, is_level, level
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import commands as c
+from ergon.repl.language import values as v
+from ergon.repl.language.forms import Words
+from ergon.repl.language.notes import note_number
+from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.values import Completion, CompletionContext, Value
+from ergon.scores.pattern.words import Word
+
+
+class Stroke(NamedTuple):
+    """What is struck, at which notes (MIDI numbers), and how strongly."""
+
+    target: str
+    notes: tuple[int, ...]
+    level: Level
+
+
+def hear(stroke: Stroke, *, when: c.When, words: Words) -> c.Hear:
+    """Strike once."""
+    return c.Hear(*stroke, when=when, words=words)
+
+
+def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
+    words = (Word(match.group(), match.start()) for match in re.finditer(r"\S+", text))
+    first, *rest = words
+    if rest and rest[-1].text == "now":  # it acts at once anyway
+        rest.pop()
+    target = _target(first.text, scope)
+    notes: list[int] = []
+    strength = None
+    for word in rest:
+        try:
+            if word.text in ("at", "in", "now"):
+                message = f"'hear' acts at once: leave out '{word.text}'"
+                raise TextError(message, length=len(word.text))
+            if strength is not None:
+                message = "a stroke has one level, behind its notes"
+                raise TextError(f"{message}: hear {target} f", length=len(word.text))
+            if is_level(word.text):
+                strength = level(word.text)
+                _check_level(strength, word.text, target, scope)
+            else:
+                notes.append(note_number(word.text[:1].upper() + word.text[1:]))
+        except TextError as error:
+            error.offset += word.offset
+            raise
+    if strength is None:
+        strength = MEZZO_FORTE
+        _check_level(strength, "", target, scope)
+    return Stroke(target, tuple(notes), strength)
+
+
+def _target(text: str, scope: Scope) -> str:
+    """The path of what is struck, as a line may play it. Raises TextError."""
+    family, slash, path = text.rpartition("/")
+    name = path.partition(".")[0]
+    if name in playable(scope) and (not slash or name in scope.families.get(family, ())):
+        return path
+    families = [family] if slash else [*scope.families]
+    known = [one for one in families if name in scope.families.get(one, ())]
+    if known:
+        message = f"{quote(name)} is an instrument of {known[0]}, which is not in use: type "
+        raise TextError(f"{message}`use {known[0]}`, then `hear {path}`", length=len(text))
+    if family in scope.families:
+        raise v.unknown_name(name, f"an instrument of {family}", scope.families[family])
+    if slash:
+        raise v.unknown_name(family, "a family of instruments", scope.families)
+    raise v.unknown_name(text, "an instrument", playable(scope))
+
+
+def _check_level(strength: Level, text: str, target: str, scope: Scope) -> None:
+    """Refuse a range, and a strength of what does not say how it is played."""
+    if strength.low != strength.high:
+        message = f"one stroke has one level, and {quote(text)} is a range: write one of its ends"
+        raise TextError(message, length=len(text))
+    part, _, rest = target.partition(".")
+    acts = scope.acts.get(part, ())
+    if not strength.is_strength or (acts and (not rest or rest in acts)):
+        return
+    why = f"{quote(part)} does not say how it is played"
+    if acts:
+        why = f"{quote(rest)} is not a way to play {part}, which are {', '.join(acts)}"
+    raise TextError(f"the impulse is missing: {why}; write hear {target} 2mNs", length=len(text))
+
+
+def _offers(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before:
+        yield from v.struck_completions(context)
+    elif not is_level(context.before[-1]):
+        yield from (Completion(word, "how strongly") for word in DYNAMICS)
+
+
+STROKE = Value("what is struck, such as kick, vib C4 f or bell.m 2mNs", _read, _offers)

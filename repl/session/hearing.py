@@ -1,0 +1,89 @@
+"""`hear`: one stroke at the next tick, on what may have to be got ready for it first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon.repl.language import commands as c
+from ergon.repl.session import version_edits
+from ergon.repl.session.entry import Entry
+from ergon.repl.session.line_kinds import LineKind
+from ergon.repl.session.struck_places import Place, dampers, place_number, strokes
+
+if TYPE_CHECKING:
+    from ergon.repl.session.acts import Acts
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
+    from ergon.repl.session.stops import Stops
+
+_DAMPER_UP = 1.0  # [s] from a stroke to the end of its note
+
+
+class _Awaited(NamedTuple):
+    """Strokes that wait for a line by its number, or for a frame; `after` come when their note
+    ends.
+    """
+
+    strokes: Sequence[tuple[Place, float]]
+    after: Sequence[tuple[Place, float]] = ()
+    number: int | None = None
+    frame: int = 0
+
+
+class Hearing:
+    """Strokes of `hear`. What was never struck from outside needs a version in which it can be."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        acts: Acts,
+        stops: Stops,
+        queue: Callable[[Entry], tuple[str, RunningVersion]],
+    ) -> None:
+        """Begin without strokes; `queue` lets a line wait for its frame."""
+        self._schedule, self._acts, self._stops, self._queue = schedule, acts, stops, queue
+        self._awaited: list[_Awaited] = []
+
+    def hear(self, command: c.Hear) -> str:
+        """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
+        schedule = self._schedule
+        playing = schedule.changes.playing_at(schedule.engine.frame).version
+        number = None
+        if command.name not in playing.maps:
+            edit, head = version_edits.combined([command]), schedule.head
+            brings = edit(head, 0.0).texts is not head.texts
+            kind = LineKind.STRUCTURE if brings else LineKind.VALUES
+            # What brings an instrument in is a line like any other, so that `undo` takes it away.
+            line = f"hear {command.words['stroke'].text}"
+            _, made = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
+            playing, number = made.version, made.version.number
+        struck = [*strokes(playing, command)]
+        down = [*dampers(playing, command)]
+        up = [(place, -impulse) for place, impulse in down]
+        with schedule.lock:
+            self._awaited.append(_Awaited([*up, *struck], down, number))
+            self.strike_due()
+        impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for _, impulse in struck))
+        return f"{command.words['stroke'].text}: {impulses}"
+
+    def strike_due(self) -> None:
+        """Strike what can be struck now; the schedule's lock is held."""
+        awaited, self._awaited = self._awaited, []
+        now, n_up = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
+        for one in awaited:
+            is_ready = one.number is None or self._schedule.line(one.number) is None
+            if not is_ready or one.frame > now:
+                self._awaited.append(one)
+            elif not self._stops.panicked:
+                for place, impulse in one.strokes:
+                    self._strike(place, impulse)
+                if one.after:
+                    self._awaited.append(_Awaited(one.after, frame=now + n_up))
+
+    def _strike(self, place: Place, impulse: float) -> None:
+        part, module, member = place
+        strike = partial(self._schedule.engine.strike, place_number(place), impulse)
+        event = {"part": part, "module": module, "member": member, "impulse": impulse}
+        self._acts.begin(strike, "strike", **event)

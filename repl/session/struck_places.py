@@ -1,0 +1,251 @@
+"""The places that strokes from outside the score strike: by MIDI notes, and by `hear`."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ergon.instruments.names import Part, PartNames
+from ergon.notation.tables.notes import number
+from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import velocity as strength_of_velocity
+from ergon.notation.text.errors import Collector
+from ergon.repl.language.commands import Hear, MapNotes
+from ergon.repl.session.version import NotTakenError
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Act, Target
+    from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import StrikePoints
+
+_MAX_STRUCK = 128  # as many as there are notes
+_MIDI_MAX = 127
+
+Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
+Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
+
+# The engine's numbers of struck places: each place keeps its number as long as this process runs,
+# so that a strike finds it in every version.
+_numbers: dict[Place, int] = {}
+_next_number = itertools.count(1)
+
+
+def place_number(place: Place) -> int:
+    """The engine's number of a struck place."""
+    if place not in _numbers:
+        _numbers.setdefault(place, next(_next_number))  # another thread may number it now
+    return _numbers[place]
+
+
+def strike_points(version: Version) -> StrikePoints:
+    """The engine's numbers of all places that are struck from outside.
+
+    A map is left out while the score does not have its target.
+    """
+    found: dict[Place, None] = {}
+    for own in version.maps.values():
+        with contextlib.suppress(NotTakenError):
+            if isinstance(own, MapNotes):
+                for note in range(own.low, own.high + 1):
+                    found.update(dict.fromkeys(place for place, _ in _sounding(version, own, note)))
+                    found.update(dict.fromkeys(p for p, _ in _released(version, own, note)))
+            elif isinstance(own, Hear):
+                found.update(dict.fromkeys(place for place, _ in strokes(version, own)))
+                found.update(dict.fromkeys(place for place, _ in dampers(version, own)))
+    return [
+        (part, module, member, place_number((part, module, member)))
+        for part, module, member in found
+    ]
+
+
+# --- what `hear` strikes -------------------------------------------------------------------------
+
+
+def strokes(version: Version, hear: Hear) -> Iterator[tuple[Place, float]]:
+    """The places that `hear` strikes, each with its impulse [N·s]. Raises NotTakenError."""
+    for act in _acts_of(version.piece, hear):
+        for target in act.targets:
+            for place in _members(target, hear.target):
+                yield _as_sounding(version, place), hear.level.impulse(act.reach, max)
+    if not _is_act(version.piece, hear.target):
+        if hear.notes:
+            raise NotTakenError(f"{hear.target} is a module, and has no notes")
+        for place in _members(_check_target(version.piece, hear.target), hear.target):
+            yield _as_sounding(version, place), hear.level.impulse(None, max)
+
+
+def dampers(version: Version, hear: Hear) -> Iterator[tuple[Place, float]]:
+    """The places that the end of the stroke strikes, each with its impulse [N·s]; its beginning
+    strikes them by the opposite. Raises NotTakenError.
+    """
+    for act in _acts_of(version.piece, hear):
+        yield from _damped(version, act, hear.target)
+
+
+def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
+    """The acts of the notes that are heard, one for each. Raises NotTakenError."""
+    if not _is_act(piece, hear.target):
+        return []
+    name = hear.target.partition(".")[0]
+    members = piece.families.get(name)
+    if members is None:
+        if hear.notes:
+            raise NotTakenError(f"{name} has no notes; write `hear {hear.target}`")
+        return _acts(piece, hear.target, 0)
+    middle = number(_note_of(members[len(members) // 2]))
+    notes = hear.notes or (() if middle is None else (middle,))
+    found = [(note, _acts(piece, hear.target, note)) for note in notes]
+    for note, acts in found:
+        if not acts:
+            ends = f"{_note_of(members[0])} to {_note_of(members[-1])}"
+            raise NotTakenError(f"{name} has no note {note}; its notes are {ends}")
+    return [act for _, acts in found for act in acts]
+
+
+def _is_act(piece: Piece, path: str) -> bool:
+    """Whether a path names an instrument that says how it is played, or one of its acts."""
+    name, _, act_name = path.partition(".")
+    instrument = piece.playable(name)
+    acts = () if instrument is None else instrument.acts
+    return bool(acts) and (not act_name or any(act.name == act_name for act in acts))
+
+
+def _note_of(member: str) -> str:
+    """The note in the name of a member: `C4` of `vib.C4`."""
+    return member.rpartition(".")[2]
+
+
+# --- what notes strike ---------------------------------------------------------------------------
+
+
+def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
+    """What a note of a range strikes. Raises NotTakenError.
+
+    An instrument that is played by its strengths is struck by its usual act, one with notes at
+    its note. Of other targets the lowest note strikes the first MAT and the next note the second;
+    a single MAT is struck by every note.
+    """
+    if notes.impulse is None and notes.target in piece.blocks:
+        return []
+    if notes.impulse is None:
+        return [
+            (place, act.reach)
+            for act in _acts(piece, notes.target, note)
+            for target in act.targets
+            for place in _members(target, notes.target)
+        ]
+    members = _members(_check_target(piece, notes.target), notes.target)
+    member = note - notes.low if len(members) > 1 else 0
+    return [(members[member], None)] if member < len(members) else []
+
+
+def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
+    """The maps whose range has a note."""
+    for new in version.maps.values():
+        if isinstance(new, MapNotes) and new.low <= note <= new.high:
+            yield new
+
+
+def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
+    """The places that a note strikes, each with its impulse [N·s]."""
+    for notes in maps_of(version, note):
+        with contextlib.suppress(NotTakenError):
+            for place, reach in _sounding(version, notes, note):
+                if notes.impulse is None:
+                    yield place, strength_of_velocity(velocity).impulse(reach, max)
+                else:
+                    weak, strong = notes.impulse
+                    yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
+
+
+def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:
+    """The places that the end of a note strikes, each with its impulse [N·s]; its beginning strikes
+    them by the opposite.
+    """
+    for notes in maps_of(version, note):
+        with contextlib.suppress(NotTakenError):
+            yield from _released(version, notes, note)
+
+
+def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Place, float]]:
+    if notes.impulse is not None or notes.target in version.piece.blocks:
+        return
+    for act in _acts(version.piece, notes.target, note):
+        yield from _damped(version, act, notes.target)
+
+
+def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
+    """What a note strikes, as the engine knows it. Raises NotTakenError."""
+    struck = struck_by(version.piece, notes, note)
+    return [(_as_sounding(version, place), reach) for place, reach in struck]
+
+
+# --- both ----------------------------------------------------------------------------------------
+
+
+def _as_sounding(version: Version, place: Place) -> Place:
+    part, module, member = place
+    return version.sounds_as.of(part), module, member
+
+
+def _damped(version: Version, act: Act, path: str) -> Iterator[tuple[Place, float]]:
+    """What the end of a note of an act strikes, as the engine knows it. Raises NotTakenError."""
+    if act.release is None:
+        return
+    for target in act.release.targets:
+        for place in _members(target, path):
+            yield _as_sounding(version, place), act.release.impulse
+
+
+def _acts(piece: Piece, target: str, note: int) -> list[Act]:
+    """The act by which an instrument is played at a note; none if it does not have the note.
+    Raises NotTakenError.
+    """
+    name, _, act_name = target.partition(".")
+    part = name
+    if name in piece.families:
+        numbered = {number(_note_of(member)): member for member in piece.families[name]}
+        if note not in numbered:
+            return []
+        part = numbered[note]
+    instrument = piece.instruments.get(part)
+    acts = {} if instrument is None else {act.name: act for act in instrument.acts}
+    if act_name and act_name not in acts:
+        known = ", ".join(acts) or "there is none"
+        raise NotTakenError(f"{name} has no act {act_name}; the acts: {known}")
+    if not acts:
+        raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
+    act = acts[act_name] if act_name else next(iter(acts.values()))
+    known_modules = {module.name for module in instrument.modules} if instrument else set()
+    if not {module.name for module in act.modules} <= known_modules:
+        raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
+    return [act]
+
+
+def _members(target: Target, text: str) -> list[Place]:
+    """The MATs of a target, in their order. Raises NotTakenError."""
+    if target.first == "centre":
+        return [(target.part, target.module, -1)]
+    if target.count > _MAX_STRUCK:
+        raise NotTakenError(
+            f"{text} has {target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
+            "name some of them"
+        )
+    first = target.first
+    return [(target.part, target.module, first + i) for i in range(target.count)]
+
+
+def _check_target(piece: Piece, text: str) -> Target:
+    collector = Collector()
+    parts = {
+        name: Part(name, {module.name: module for module in own.modules})
+        for name, own in piece.instruments.items()
+    }
+    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
+    if found is None:
+        raise NotTakenError(collector.finish()[0].message)
+    return found

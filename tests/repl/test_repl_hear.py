@@ -1,0 +1,179 @@
+"""`hear`: one stroke from the prompt, at once, before and while the piece plays."""
+
+import json
+from contextlib import closing
+
+import damped_bar
+import numpy as np
+import pytest
+from sessions import Stepped
+
+SCORE = """\
+ergon: 1
+rates: {audio: 8kHz}
+instruments:
+  bar:
+    CEL: {M: 1g, f: A4, t60: 50ms}
+    notes: C4..C5
+    play: {strike: {impulse: 1mNs..4mNs}}
+    out: {SOX: bar}
+  drum:
+    modules:
+      skin: {CEL: {M: 5g, f: 90Hz, t60: 50ms}}
+      rim: {CEL: {M: 1g, f: 900Hz, t60: 50ms}}
+    play:
+      strike: {at: skin, impulse: 1mNs..16mNs}
+      click: {at: [rim, skin], impulse: 0.1mNs..1mNs}
+    out: {SOX: [skin, rim]}
+  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 50ms}}}, out: {SOX: m}}
+mix: {channels: 2, route: [{from: bar, to: 1}, {from: drum, to: 2}, {from: bell, to: 1}]}
+"""
+DAMPED = damped_bar.SCORE + "mix: {route: [{from: bar, to: 1}]}\n"
+
+
+@pytest.fixture
+def session(tmp_path):
+    with closing(Stepped(SCORE, tmp_path)) as session:
+        yield session
+
+
+def _strikes(session):
+    rows = [json.loads(line) for line in session.journal.read_text().splitlines()]
+    strikes = [row for row in rows if row["event"] == "strike"]
+    return [(row["part"], row["module"], row["impulse"]) for row in strikes]
+
+
+def _peak(session, seconds, channel):
+    session.run(seconds)
+    return np.abs(session.sound[-int(seconds * session.rate) :, channel]).max()
+
+
+@pytest.mark.parametrize(
+    ("line", "struck"),
+    [
+        ("hear drum", [("drum", "skin", 16 ** (4 / 7))]),
+        ("hear drum.click fff", [("drum", "rim", 1.0), ("drum", "skin", 1.0)]),
+        ("hear drum.skin 3mNs", [("drum", "skin", 3.0)]),
+        ("hear bell.m 2mNs", [("bell", "m", 2.0)]),
+        ("hear bar ppp", [("bar.F#4", "", 1.0)]),
+        ("hear bar C4 bb4 v127", [("bar.C4", "", 4.0), ("bar.A#4", "", 4.0)]),
+    ],
+)
+def test_hear_strikes_once_before_and_while_the_piece_plays(session, line, struck):
+    expected = [(part, module, pytest.approx(1e-3 * mns)) for part, module, mns in struck]
+    channel = 1 if struck[0][0] == "drum" else 0
+    session.ok(line)
+    assert _peak(session, 0.2, channel) > 1e-8
+    assert _strikes(session) == expected
+    session.ok("play")
+    session.run(0.3)
+    session.ok(line)
+    assert _peak(session, 0.1, channel) > 1e-8  # the next bar is two seconds away
+    assert _strikes(session) == [*expected, *expected]
+    assert len(session.ok("history").lines) == 1
+    assert session.ok("maps").lines == ()
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+
+
+def test_hear_lifts_the_damper_for_a_second(tmp_path):
+    with closing(Stepped(DAMPED, tmp_path)) as session:
+        session.ok("hear bar C4 f")
+        rings = _peak(session, 0.8, 0)
+        assert _peak(session, 0.1, 0) > 0.3 * rings
+        session.run(0.6)
+        assert _peak(session, 0.1, 0) < 1e-3 * rings
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+
+
+def test_hear_brings_an_instrument_of_a_family_in_use_in(tmp_path):
+    with closing(Stepped(SCORE.replace("8kHz", "44.1kHz"), tmp_path)) as session:
+        refused = session.type("hear skins/kick")
+        assert not refused.taken
+        assert "type `use skins`, then `hear kick`" in refused.text
+        assert "use skins" in session.type("hear kick").text
+        session.ok("use skins")
+        session.ok("hear skins/kick p")
+        session.run(0.3)
+        assert [(part, module) for part, module, _ in _strikes(session)] == [("kick", "hammer")]
+        assert np.abs(session.sound).max() > 0.1
+        assert session.ok("history").lines[-1].endswith("hear skins/kick p")
+        assert "kick" in session.session.schedule.head.piece.instruments
+        session.ok("undo")
+        assert "kick" not in session.session.schedule.head.piece.instruments
+        session.run(0.2)
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+
+
+def test_hear_after_undo_and_resume(session):
+    session.ok("set bell.m.M 3g")
+    session.ok("hear drum")
+    session.run(0.2)
+    session.ok("undo")  # to a version that was before it
+    session.run(0.2)
+    session.ok("hear drum")
+    session.run(0.2)
+    session.close()
+    assert len(_strikes(session)) == 2
+    assert np.array_equal(session.again(), session.sound)
+    with closing(Stepped.resumed(session.journal)) as further:
+        further.ok("hear drum f")
+        further.ok("hear bar")
+        further.run(0.2)
+        further.close()
+        assert len(_strikes(further)) == 2
+        assert np.array_equal(further.again(), further.sound)
+
+
+def test_many_places_can_be_heard_one_after_the_other(session):
+    for note in ("C4", "C#4", "D4", "D#4", "E4", "F4", "F#4", "G4", "G#4", "A4", "A#4", "B4"):
+        session.ok(f"hear bar {note}")
+        session.ok(f"hear bar {note} C5")
+        session.run(0.0513)  # no whole number of ticks: lines and strikes have frames of their own
+    assert len(_strikes(session)) == 12 * 3
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+
+
+def test_hear_in_a_panic_is_refused(session):
+    session.session.panic()
+    assert "type `release`" in session.type("hear drum").text
+    session.ok("release")
+    session.ok("hear drum")
+    session.run(0.1)
+    assert len(_strikes(session)) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("hear bar C9", "bar has no note 120; its notes are C4 to C5"),
+        ("hear drum C4", "drum has no notes"),
+        ("hear drum.skin C4 2mNs", "drum.skin is a module, and has no notes"),
+        ("hear drum p..f", "'p..f' is a range"),
+        ("hear drum f f", "one level"),
+        ("hear drum.rim f", "'rim' is not a way to play drum, which are strike, click"),
+        ("hear bell", "'bell' does not say how it is played; write hear bell 2mNs"),
+        ("hear drum.x 2mNs", "nothing is called 'drum.x'"),
+        ("hear nobody", "'nobody' is not an instrument"),
+        ("hear skins/nothing", "is not an instrument of skins"),
+        ("hear nowhere/kick", "'nowhere' is not a family"),
+        ("hear drum f at 9|1", "leave out 'at'"),
+        ("hear", "is missing"),
+    ],
+)
+def test_what_cannot_be_heard_is_refused(session, line, why):
+    reply = session.type(line)
+    assert not reply.taken
+    assert why in reply.text
+
+
+def test_words_of_hear_are_completed(session):
+    def offers(line):
+        return {one.text for one in session.session.complete(line, len(line))}
+
+    assert {"drum", "bar", "bell"} <= offers("hear ")
+    assert {"drum.click", "drum.rim"} <= offers("hear drum.")
+    assert {"mf", "fff"} <= offers("hear drum ")
