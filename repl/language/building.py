@@ -49,6 +49,9 @@ def _words_in_order(
         for name in (slot.lead.rstrip("="), slot.field):
             if name in rest and number not in bound:
                 bound[number] = rest.pop(name)
+        for name in slot.value.heads if slot.value is not None else ():
+            if name in rest and number not in bound:
+                bound[number] = _options({name: rest.pop(name)})[0]
     open_ = [number for number in range(len(form.slots)) if number not in bound]
     # If there are more values than required places, they fill optional places from the left.
     spare = len(given) - sum(not form.slots[number].optional for number in open_)
@@ -75,7 +78,7 @@ def _words_in_order(
 def _slot_text(slot: Slot, value: object) -> str | None:
     text = _text(value)
     if slot.value is None:  # a word that stands alone
-        return text if text == slot.lead else None
+        return slot.lead if value is True or text == slot.lead else None
     if slot.value is NEW_BLOCK:
         return f"{text}:"
     if slot.value in (v.FILE, FAMILY) and " " in text:

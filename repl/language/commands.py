@@ -402,18 +402,19 @@ class RecordAudio(Command):
 
 
 BPM_UNIT = "bpm"  # the unit of a controller that sets the tempo
+LEARN = "learn"  # the source of a map that takes the next controller that moves
 
 
 @dataclass(frozen=True, slots=True)
 class MapControl(Command):
     """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
 
-    `range` has the values at the controller's positions 0 and 127. They are in the SI `unit` of
-    the parameter `target`; without a target, in dB for the level of `sounding` (None: of
-    everything).
+    `source` is `cc 21`, `cc 1/33` (14 bits), `bend`, `pressure`, `pressure 60` (of a key) or
+    `learn`. `range` has the values at its two ends. They are in the SI `unit` of the parameter
+    `target`; without a target, in dB for the level of `sounding` (None: of everything).
     """
 
-    number: int
+    source: str
     target: str | None
     range: tuple[float, float]
     unit: str = ""
@@ -422,7 +423,7 @@ class MapControl(Command):
     @property
     def name(self) -> str:
         """The name of the map."""
-        return f"cc {self.number}"
+        return self.source
 
     @property
     def line(self) -> str:
@@ -436,18 +437,25 @@ class MapControl(Command):
         return f"map {self.name} {what} {low}..{high}"
 
 
+EVEN = "even"  # the curve of a map whose strengths follow the velocity as it is
+
+
 @dataclass(frozen=True, slots=True)
 class MapNotes(Command):
     """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules; `map note C3..C5 vib`: or
-    the notes of an instrument, by its strengths.
+    the notes of an instrument, by its strengths; `map note D2 fill`: or run a block; `map note D2
+    ada knock`: or let a player play a gesture.
 
     `impulse` [N·s] has the impulses at the velocities 1 and 127; None: those of what is struck.
+    `curve` says how strengths follow the velocity.
     """
 
     low: int
     high: int
     target: str
     impulse: tuple[float, float] | None
+    gesture: str | None = None
+    curve: str = EVEN
 
     @property
     def name(self) -> str:
@@ -457,10 +465,28 @@ class MapNotes(Command):
     @property
     def line(self) -> str:
         """The line that makes the map."""
-        if self.impulse is None:
-            return f"map {self.name} {self.target}"
-        weak, strong = self.impulse
-        return f"map {self.name} {self.target} {weak!r}Ns..{strong!r}Ns"
+        impulse = None
+        if self.impulse is not None:
+            weak, strong = self.impulse
+            impulse = f"{weak!r}Ns..{strong!r}Ns"
+        curve = None if self.curve == EVEN else f"curve {self.curve}"
+        return " ".join(filter(None, ("map", self.name, self.target, self.gesture, impulse, curve)))
+
+
+@dataclass(frozen=True, slots=True)
+class Learn(Command):
+    """`map learn bell.m.K 1kN/m..9kN/m`: the next controller, or note, that comes is mapped; None:
+    none is.
+    """
+
+    map: MapControl | MapNotes | None
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor(Command):
+    """Print MIDI messages as they come, or end that."""
+
+    is_on: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,62 +92,6 @@ def record_audio(file: str | None = None, *, when: c.When, words: Words) -> c.Re
     return c.RecordAudio(file, when=when, words=words)
 
 
-def map_control(
-    number: int, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
-) -> c.MapControl:
-    """Map a controller to a parameter."""
-    low, high, unit = range
-    return c.MapControl(number, target, (low, high), unit, when=when, words=words)
-
-
-def map_tempo(
-    number: int, range: tuple[float, float], *, when: c.When, words: Words
-) -> c.MapControl:
-    """Map a controller to the tempo."""
-    return c.MapControl(number, None, range, c.BPM_UNIT, when=when, words=words)
-
-
-def map_gain(
-    number: int,
-    range: tuple[float, float],
-    sounding: str | None = None,
-    *,
-    when: c.When,
-    words: Words,
-) -> c.MapControl:
-    """Map a controller to a level."""
-    return c.MapControl(number, None, range, "dB", sounding, when=when, words=words)
-
-
-def map_notes(
-    notes: tuple[int, int],
-    target: str,
-    impulse: tuple[float, float] | None,
-    *,
-    when: c.When,
-    words: Words,
-) -> c.MapNotes:
-    """Map notes to strikes."""
-    return c.MapNotes(*notes, target, impulse, when=when, words=words)
-
-
-def map_played_notes(
-    notes: tuple[int, int], target: str, *, when: c.When, words: Words
-) -> c.MapNotes:
-    """Map notes to an instrument that says how it is played."""
-    return c.MapNotes(*notes, target, None, when=when, words=words)
-
-
-def unmap_control(number: int, *, when: c.When, words: Words) -> c.Unmap:
-    """End the map of a controller."""
-    return c.Unmap(c.MapControl(number, None, (0.0, 0.0)).name, when=when, words=words)
-
-
-def unmap_notes(notes: tuple[int, int], *, when: c.When, words: Words) -> c.Unmap:
-    """End the map of a range of notes."""
-    return c.Unmap(c.MapNotes(*notes, "", (0.0, 0.0)).name, when=when, words=words)
-
-
 def tempo(
     bpm: tuple[float, float | None], over: Length | None, *, when: c.When, words: Words
 ) -> c.Tempo:

@@ -252,11 +252,21 @@ class _FormReader:
             return True
         if slot.many:
             return self._read_many(slot, options)
-        if not self.words:
-            self._offer(slot.value)
+        texts = [word.text for word in self.words]
+        count = slot.value.count(texts)
+        if len(texts) < count:
+            self._offer(slot.value, tuple(texts))
+            self.words = []
             return slot.optional or self._refuse_missing(slot)
-        self._store(slot, self.words.pop(0))
+        words, self.words = self.words[:count], self.words[count:]
+        self._store(slot, self._joined(words))
         return True
+
+    def _joined(self, words: list[Word]) -> Word:
+        """Successive words as one."""
+        start, end = words[0].start, words[-1].end
+        text = self.line.text[start - self.line.start : end - self.line.start]
+        return Word(text, start, end)
 
     def _read_many(self, slot: Slot, options: list[Slot]) -> bool:
         """Read all words up to the next lead as one value."""
@@ -267,9 +277,7 @@ class _FormReader:
             self._offer(slot.value, tuple(word.text for word in words))
         if not words:
             return self._refuse_missing(slot)
-        start, end = words[0].start, words[-1].end
-        text = self.line.text[start - self.line.start : end - self.line.start]
-        self._store(slot, Word(text, start, end))
+        self._store(slot, self._joined(words))
         self.has_when |= any(word.text in _TIME_LEADS for word in words)
         return True
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ergon.repl.language.midi import SOURCES
 from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
@@ -66,6 +67,8 @@ def verb_help(verb: str) -> tuple[str, ...]:
 
 
 def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
+    if verb == "map":
+        return tuple(SOURCES.items())
     if verb == "plays":
         options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
         return (*options, *PATTERNS)
@@ -88,6 +91,7 @@ def cheat_sheet() -> str:
         (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
     )
     lines += _table("further words of plays", ("write", "meaning"), options)
+    lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
     lines += _table("patterns", ("write", "meaning"), PATTERNS)
     lines += _table("transformations of rhythms", ("write", "meaning"), OF_RHYTHMS)
     lines += _table("keys", ("key", "effect"), KEYS)

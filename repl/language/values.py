@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ergon.instruments.transpose import TRANSPOSITION
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
-from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
-from ergon.repl.language.notes import note_number
 from ergon.repl.language.scope import Scope, playable, scores_in
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
@@ -62,6 +60,9 @@ class Value:
     what: str
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
     completions: Callable[[CompletionContext], Iterable[Completion]]
+    # How many of the words that follow it takes; the first words of one that may take several.
+    count: Callable[[Sequence[str]], int] = lambda _: 1
+    heads: tuple[str, ...] = ()
 
 
 # --- names ---------------------------------------------------------------------------------------
@@ -191,9 +192,10 @@ NEW_NAME = Value("a new name", _read_free_name, _no_completions)
 # --- quantities ----------------------------------------------------------------------------------
 
 
-def _unit_completions(
+def unit_completions(
     example: str, units: Iterable[str], what: str
 ) -> Callable[[CompletionContext], Iterator[Completion]]:
+    """Completions of a quantity: an example, or what is typed with each unit."""
     words = [unit for unit in units if unit.isascii()]
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
@@ -209,10 +211,10 @@ def _unit_completions(
 def quantity_value(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
     """A value that is read as a score reads it."""
     what = what or shape.what
-    return Value(what, lambda text, *_: shape.parse(text), _unit_completions(example, units, what))
+    return Value(what, lambda text, *_: shape.parse(text), unit_completions(example, units, what))
 
 
-_DIMENSIONS = {
+DIMENSIONS = {
     k.MASS: q.MASS,
     k.STIFFNESS: q.STIFFNESS,
     k.DAMPING: q.DAMPING,
@@ -229,7 +231,7 @@ _DIMENSIONS = {
 
 def dimension_value(shape: Text) -> Value:
     """A quantity with the units of its dimension."""
-    dimension = _DIMENSIONS.get(shape, q.NUMBER)
+    dimension = DIMENSIONS.get(shape, q.NUMBER)
     return quantity_value(shape, dimension.example, dimension.units)
 
 
@@ -242,14 +244,14 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
 
 def _read_gain(text: str, scope: Scope, given: Mapping[str, Any]) -> float:
     ratio: float = _read_level(text, scope, given)
-    if ratio > _GAIN_MAX:
+    if ratio > GAIN_MAX:
         message = f"{text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
         raise TextError(message, length=len(text))
     return ratio
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
-_GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
+GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
 
 
 def _read_length(text: str, *_: Any) -> Length:
@@ -302,12 +304,12 @@ def position_completions(context: CompletionContext) -> Iterator[Completion]:
 LENGTH = Value(
     "a length, such as 2bar, 1/2 (beats) or 250ms",
     _read_length,
-    _unit_completions("2bar", _LENGTH_UNITS, "a length"),
+    unit_completions("2bar", _LENGTH_UNITS, "a length"),
 )
 SHIFT = Value(
     "a time, such as 10ms or -10ms",
     _read_signed_length,
-    _unit_completions("10ms", _LENGTH_UNITS, "time"),
+    unit_completions("10ms", _LENGTH_UNITS, "time"),
 )
 POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
 GRID = Value(
@@ -324,7 +326,7 @@ BPM = Value(
 STIFFNESS = dimension_value(k.STIFFNESS)
 DAMPING = dimension_value(k.DAMPING)
 DURATION = quantity_value(k.DURATION, "3s", q.DURATION.units)
-_LEVEL_OFFERS = _unit_completions("-6dB", ("dB",), "a level")
+_LEVEL_OFFERS = unit_completions("-6dB", ("dB",), "a level")
 LEVEL = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
 GAIN = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
 METER = quantity_value(k.METER, "3/4", ())
@@ -393,69 +395,7 @@ NAME_OR_PARAMETER = Value(
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _read_change, _change_completions)
 
 
-# --- MIDI ----------------------------------------------------------------------------------------
-
-
-def _range_ends(text: str, example: str) -> tuple[str, str]:
-    """Both ends of a range; a single value is both."""
-    low, dots, high = text.partition("..")
-    if dots and not (low and high):
-        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
-    return low, high or low
-
-
-def _read_range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, float, str]:
-    shape = scope.targets[given["target"]]
-    dimension = _DIMENSIONS.get(shape, q.NUMBER)
-    low, high = (float(shape.parse(end)) for end in _range_ends(text, f"{dimension.example}..…"))
-    # A constant of a law is in SI units, whatever its dimension.
-    return low, high, "" if shape is k.CONSTANT else dimension.si
-
-
-def _range_completions(context: CompletionContext) -> Iterator[Completion]:
-    yield from dimension_value(context.scope.targets[context.given["target"]]).completions(context)
-
-
-def _read_levels(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (k.LEVEL.parse(end) for end in _range_ends(text, "-40dB..0dB"))
-    return low, high
-
-
-def _read_notes(text: str, *_: Any) -> tuple[int, int]:
-    low, high = (note_number(end) for end in _range_ends(text, "C3..C5"))
-    if low > high:
-        raise TextError(f"the range {quote(text)} goes down: write the lower note first")
-    return low, high
-
-
-def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (q.quantity(end, q.IMPULSE) for end in _range_ends(text, "1mNs..20mNs"))
-    return low, high
-
-
-def _read_struck(text: str, *_: Any) -> str:
-    if not re.fullmatch(r"[\w.-]{1,200}", text):
-        raise TextError(f"{quote(text)} is not a module, such as bell.m", length=len(text))
-    return text
-
-
-def _read_tempos(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (parse_bpm(end) for end in _range_ends(text, "60..180"))
-    if low[1] is not None or high[1] is not None:
-        raise TextError("a range of tempos is two numbers, such as 60..180", length=len(text))
-    return low[0], high[0]
-
-
-def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    part = text.split(".")[0]
-    if text in scope.blocks:
-        return text
-    if part not in playable(scope):
-        raise unknown_name(text, "an instrument or a block", (*playable(scope), *scope.blocks))
-    if part not in scope.acts:
-        message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
-        raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))
-    return text
+# --- what is struck -------------------------------------------------------------------------------
 
 
 def module_names(scope: Scope) -> dict[str, str]:
@@ -491,42 +431,6 @@ def struck_completions(context: CompletionContext) -> Iterator[Completion]:
         yield from up_to_dot(context.typed, module_names(context.scope))
     else:
         yield from name_completions(playable(context.scope))
-
-
-def _module_completions(context: CompletionContext) -> Iterator[Completion]:
-    return up_to_dot(context.typed, module_names(context.scope))
-
-
-CONTROLLER = quantity_value(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")
-RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions)
-LEVELS = Value(
-    "two levels, such as -40dB..0dB",
-    _read_levels,
-    _unit_completions("-40dB..0dB", ("dB",), "levels"),
-)
-NOTES = Value(
-    "a note or a range, such as 60, C4 or C3..C5",
-    _read_notes,
-    lambda _: (Completion("C3..C5", "notes"),),
-)
-STRUCK = Value("a module, such as bell.m", _read_struck, _module_completions)
-PLAYED_BY_NOTES = Value(
-    "an instrument that says how it is played, or a block",
-    _read_played_instrument,
-    lambda context: name_completions(
-        {**dict.fromkeys(context.scope.acts, "instrument"), **context.scope.blocks}
-    ),
-)
-TEMPOS = Value(
-    "two tempos, such as 60..180",
-    _read_tempos,
-    lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
-)
-IMPULSES = Value(
-    "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
-    _read_impulses,
-    _unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
-)
 
 
 # --- what is played ------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ class SessionCore:
         )
         self.block_runs = BlockRuns(self.schedule, self.log, self.queue, self.drop)
         self.acts = Acts(self.log.write)
-        self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops)
+        self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops, self.say)
         self.hearing = Hearing(self.schedule, self.acts, self.stops, self.queue)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
@@ -283,6 +283,8 @@ class SessionCore:
             self.hearing.strike_due()
             self.log.take_reports()
             self._take_sound_file()
+            for line in self.midi.monitor.lines_due(schedule.engine.frame / schedule.rate):
+                self.log.say(line)
             if self.journal is not None and (trouble := self.journal.pop_failure()):
                 self.log.say(trouble)
             self.log.note_troubles(schedule.engine.status().troubles, schedule.engine.frame)

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ergon.live.midi_messages import Control, Note, NoteEnd, parse_message
-from ergon.repl.session.midi_maps import controller_line, run_lines
+from ergon.live.midi_messages import (
+    Control,
+    Note,
+    NoteEnd,
+    Played,
+    Program,
+    SongPosition,
+    Transport,
+    parse_message,
+)
+from ergon.repl.language.commands import MapControl, MapNotes
+from ergon.repl.session.midi_controllers import Controllers, Moved
+from ergon.repl.session.midi_maps import controller_line, note_lines
+from ergon.repl.session.midi_monitor import MidiMonitor, source_of
 from ergon.repl.session.struck_places import (
     Place,
+    maps_of,
     place_number,
     released_places,
     struck_places,
 )
+from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
     from ergon.repl.session.acts import Acts
@@ -29,36 +45,98 @@ class MidiInput:
     """Notes and controllers of a session. Any thread may call `receive`."""
 
     def __init__(
-        self, schedule: Schedule, acts: Acts, fast_values: FastValues, stops: Stops
+        self,
+        schedule: Schedule,
+        acts: Acts,
+        fast_values: FastValues,
+        stops: Stops,
+        say: Callable[[str], None],
     ) -> None:
-        """Act on what plays (`acts`), and on values of lines."""
+        """Act on what plays (`acts`), and on values of lines; `say` adds a message."""
         self._schedule, self._acts = schedule, acts
         self._fast_values, self._stops = fast_values, stops
         self._sounding: set[int] = set()  # notes whose end does something
         self._on_pedal: set[int] = set()  # those whose key is up
         self._is_pedal_down = False
-        self._n_runs = 0  # blocks that notes have run
+        self._n_lines = 0  # typed by notes
+        self._controllers = Controllers()
+        self._wanted: MapControl | MapNotes | None = None  # the map that is to be learnt
+        self._say = say
+        self.monitor = MidiMonitor()
         self.lost = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, at: float) -> None:
         """Act on a message; malformed and unknown ones do nothing."""
-        found = parse_message(data)
-        if isinstance(found, Note):
-            self._begin(found)
-            self._run(found)
-        elif isinstance(found, NoteEnd):
-            self._end(found.number)
-        elif isinstance(found, Control):
-            if found.number == _SUSTAIN:
-                self._move_pedal(is_down=found.value >= _PEDAL_DOWN)
-            self._fast_values.set_soon(f"cc {found.number}", partial(controller_line, found))
+        message = parse_message(data)
+        if message is None or isinstance(message, SongPosition | Transport):
+            return
+        is_mapped = self._do(message)
+        self.monitor.note(message, (data[0] & 0x0F) + 1, is_mapped=is_mapped)
 
-    def _run(self, note: Note) -> None:
-        """Run the blocks to which a note is mapped, each by a line of its own."""
-        for line in run_lines(self._schedule.running.version, note.number):
-            self._n_runs += 1
+    def _do(self, message: Played) -> bool:
+        """Act on a message; whether anything is mapped to it."""
+        if isinstance(message, NoteEnd):
+            self._end(message.number)
+        elif isinstance(message, Note):
+            if self._learn(message):
+                return True
+            self._begin(message)
+            self._type(message)
+            return any(maps_of(self._schedule.head, message.number))
+        elif not isinstance(message, Program):
+            return self._move(message)
+        return False
+
+    def learn(self, wanted: MapControl | MapNotes | None) -> str:
+        """Map the next controller or note that comes; returns a sentence that says so."""
+        had, self._wanted = self._wanted, wanted
+        if wanted is None:
+            if had is None:
+                raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
+            return "nothing is learnt any more"
+        what = "strike a note" if isinstance(wanted, MapNotes) else "move a controller"
+        return f"{what}: it will be mapped; `unmap learn` lets it be"
+
+    def _learn(self, message: Played) -> bool:
+        """Take a message as that to which the wanted map is; False if none is wanted of its kind.
+
+        A pair of controllers is learnt as the one of its upper bits.
+        """
+        wanted = self._wanted
+        is_note = isinstance(message, Note)
+        if wanted is None or is_note is not isinstance(wanted, MapNotes):
+            return False
+        self._wanted = None
+        if isinstance(wanted, MapNotes):
+            assert isinstance(message, Note)
+            wanted = replace(wanted, low=message.number, high=message.number)
+        else:
+            wanted = replace(wanted, source=source_of(message))
+        self._n_lines += 1
+        line = f"{wanted.line} now"
+        self._fast_values.set_soon(f"learn {self._n_lines}", partial(_line, line))
+        self._say(f"{wanted.name} is learnt: {wanted.line}")
+        return True
+
+    def _move(self, message: Moved) -> bool:
+        """Set what a controller leads to; whether it leads to anything."""
+        if self._learn(message):
+            return True
+        is_pedal = isinstance(message, Control) and message.number == _SUSTAIN
+        if is_pedal:
+            self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
+        maps = self._schedule.head.maps
+        mapped = [one for one in self._controllers.shares(message, maps) if one[0] in maps]
+        for source, share in mapped:
+            self._fast_values.set_soon(source, partial(controller_line, source, share))
+        return bool(mapped) or is_pedal
+
+    def _type(self, note: Note) -> None:
+        """Run the blocks and play the gestures to which a note is mapped, each by its own line."""
+        for line in note_lines(self._schedule.running.version, note.number):
+            self._n_lines += 1
             self._fast_values.set_soon(
-                f"note {note.number}, run {self._n_runs}", partial(_line, line)
+                f"note {note.number}, line {self._n_lines}", partial(_line, line)
             )
 
     def _begin(self, note: Note) -> None:

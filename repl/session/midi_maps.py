@@ -9,12 +9,12 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ergon.notation.tables.strengths import MEZZO_FORTE
-from ergon.repl.language.commands import BPM_UNIT, Hear, MapControl, MapNotes
+from ergon.repl.language.commands import BPM_UNIT, EVEN, Hear, MapControl, MapNotes
+from ergon.repl.language.midi import CURVES, is_source
 from ergon.repl.session.struck_places import maps_of, struck_by
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
-    from ergon.live.midi_messages import Control
     from ergon.repl.session.journal import JournalEvent
     from ergon.repl.session.version import Version
 
@@ -31,7 +31,7 @@ def with_map(version: Version, new: Map) -> Mapping[str, Map]:
     """The maps of a version with a new one, which replaces one of the same name. Raises
     NotTakenError.
     """
-    if isinstance(new, MapNotes):
+    if isinstance(new, MapNotes) and new.gesture is None:
         for note in range(new.low, new.high + 1):
             struck_by(version.piece, new, note)
     maps = dict(version.maps)
@@ -58,35 +58,44 @@ def without_map(version: Version, name: str) -> Mapping[str, Map]:
 
 
 def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
-    """Maps in which a renamed key or instrument has its new name."""
+    """Maps in which what is renamed has its new name."""
 
     def called(text: str | None) -> str | None:
         head, dot, rest = (text or "").partition(".")
-        return f"{new}{dot}{rest}" if head == old else text
+        return f"{new}{dot}{rest}" if head == old and text else text
 
     renamed: list[Map] = []
     for own in maps.values():
         if isinstance(own, MapControl):
             renamed.append(replace(own, target=called(own.target), sounding=called(own.sounding)))
-        else:
-            renamed.append(replace(own, target=called(own.target) or own.target))
+            continue
+        own = replace(own, target=called(own.target) or own.target)
+        if isinstance(own, MapNotes):
+            own = replace(own, gesture=called(own.gesture))
+        renamed.append(own)
     return {own.name: own for own in renamed}
 
 
-def run_lines(version: Version, note: int) -> Iterator[str]:
-    """The lines that run the blocks to which a note is mapped."""
+def note_lines(version: Version, note: int) -> Iterator[str]:
+    """The lines that a note types: those that run a block, or let a player play a gesture."""
+    piece = version.piece
     for notes in maps_of(version, note):
-        if notes.impulse is None and notes.target in version.piece.blocks:
+        if notes.gesture is not None:
+            if notes.target in piece.players:
+                yield f"{notes.target} plays {notes.gesture} now"
+        elif notes.impulse is None and notes.target in piece.blocks:
             yield f"run {notes.target} now"
 
 
-def controller_line(moved: Control, version: Version) -> str | None:
-    """The line that sets the value of a moved controller; None if it has no map."""
-    own = version.maps.get(f"cc {moved.number}")
+def controller_line(source: str, share: float, version: Version) -> str | None:
+    """The line that sets what a controller leads to, which stands at a share (0 to 1) of its way;
+    None if it has no map.
+    """
+    own = version.maps.get(source)
     if not isinstance(own, MapControl):
         return None
     low, high = own.range
-    x = low + (high - low) * moved.value / _MIDI_MAX
+    x = low + (high - low) * share
     if own.unit == BPM_UNIT:
         return f"tempo {x:.6g} now"
     if own.target is not None:
@@ -104,8 +113,9 @@ def _row(own: Map) -> list[object]:
     if isinstance(own, Hear):
         return ["hear", own.target, *own.notes]
     if isinstance(own, MapNotes):
-        return ["note", own.low, own.high, own.target, *(own.impulse or ())]
-    return ["cc", own.number, own.target, own.sounding, own.unit, *own.range]
+        impulse = None if own.impulse is None else [*own.impulse]
+        return ["notes", own.low, own.high, own.target, impulse, own.gesture, own.curve]
+    return ["control", own.source, own.target, own.sounding, own.unit, *own.range]
 
 
 def read_maps(event: JournalEvent) -> Mapping[str, Map]:
@@ -119,32 +129,47 @@ def read_maps(event: JournalEvent) -> Mapping[str, Map]:
 
 def _read_row(event: JournalEvent, row: object) -> Map:
     match row:
-        case ["hear", str(target), *notes] if _WORD.fullmatch(target) and all(
-            type(note) is int and 0 <= note <= _MIDI_MAX for note in notes
-        ):
-            return Hear(target, tuple(notes), MEZZO_FORTE)
-        case ["note", int(low), int(high), str(target), float(weak), float(strong)] if (
-            0 <= low <= high <= _MIDI_MAX and _WORD.fullmatch(target) and isfinite(weak + strong)
-        ):
-            return MapNotes(low, high, target, (weak, strong))
-        case ["note", int(low), int(high), str(target)] if (
-            0 <= low <= high <= _MIDI_MAX and _WORD.fullmatch(target)
-        ):
-            return MapNotes(low, high, target, None)
+        case ["hear", str(target), *notes] if _WORD.fullmatch(target):
+            numbers = tuple(note for note in notes if isinstance(note, int))
+            if len(numbers) == len(notes) and all(0 <= note <= _MIDI_MAX for note in numbers):
+                return Hear(target, numbers, MEZZO_FORTE)
+        case ["note", low, high, target]:  # as journals had it before maps had curves
+            return _read_row(event, ["notes", low, high, target, None, None, EVEN])
+        case ["note", low, high, target, weak, strong]:
+            return _read_row(event, ["notes", low, high, target, [weak, strong], None, EVEN])
+        case ["cc", int(number), *rest]:
+            return _read_row(event, ["control", f"cc {number}", *rest])
         case [
-            "cc",
-            int(number),
+            "notes",
+            int(low),
+            int(high),
+            str(target),
+            [float(), float()] | None as impulse,
+            str() | None as gesture,
+            str(curve),
+        ] if (
+            0 <= low <= high <= _MIDI_MAX
+            and _WORD.fullmatch(target)
+            and _WORD.fullmatch(gesture or "none")
+            and isfinite(sum(impulse or ()))
+            and curve in CURVES
+        ):
+            ends = None if impulse is None else (impulse[0], impulse[1])
+            return MapNotes(low, high, target, ends, gesture, curve)
+        case [
+            "control",
+            str(source),
             str() | None as target,
             str() | None as sounding,
             str(unit),
             float(low),
             float(high),
         ] if (
-            0 <= number <= _MIDI_MAX
+            is_source(source)
             and _WORD.fullmatch(target or "all")
             and _WORD.fullmatch(sounding or "all")
             and _UNIT.fullmatch(unit)
             and isfinite(low + high)
         ):
-            return MapControl(number, target, (low, high), unit, sounding)
+            return MapControl(source, target, (low, high), unit, sounding)
     event.refuse("the field 'maps' has the wrong type or value")

@@ -330,7 +330,21 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
     maps = midi_maps.of_player(session.schedule.head.maps).values()
     lines = tuple(own.line.removeprefix("map ") for own in maps)
+    if (unmapped := session.midi.monitor.unmapped_line()) is not None:
+        lines = (*lines, unmapped)
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+
+
+@_executes(c.Learn)
+def _learn(session: SessionCore, command: c.Learn) -> Reply:
+    return Reply(True, f"ok {session.midi.learn(command.map)}")
+
+
+@_executes(c.Monitor)
+def _monitor(session: SessionCore, command: c.Monitor) -> Reply:
+    session.midi.monitor.is_on = command.is_on
+    more = "MIDI is printed as it comes; `monitor off` ends it" if command.is_on else ""
+    return Reply(True, f"ok {more}".rstrip())
 
 
 @_executes(c.Save)

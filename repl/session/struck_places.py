@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Reach
-from ergon.notation.tables.strengths import velocity as strength_of_velocity
+from ergon.notation.tables.strengths import Level, Reach
 from ergon.notation.text.errors import Collector
 from ergon.repl.language.commands import Hear, MapNotes
+from ergon.repl.language.midi import CURVES
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
     its note. Of other targets the lowest note strikes the first MAT and the next note the second;
     a single MAT is struck by every note.
     """
-    if notes.impulse is None and notes.target in piece.blocks:
+    if _types_lines(piece, notes):
         return []
     if notes.impulse is None:
         return [
@@ -143,6 +143,11 @@ def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
     return [(members[member], None)] if member < len(members) else []
 
 
+def _types_lines(piece: Piece, notes: MapNotes) -> bool:
+    """Whether notes run a block or let a player play, instead of striking."""
+    return notes.gesture is not None or (notes.impulse is None and notes.target in piece.blocks)
+
+
 def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
     """The maps whose range has a note."""
     for new in version.maps.values():
@@ -153,13 +158,16 @@ def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
 def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
     """The places that a note strikes, each with its impulse [N·s]."""
     for notes in maps_of(version, note):
+        curve = CURVES[notes.curve]
         with contextlib.suppress(NotTakenError):
             for place, reach in _sounding(version, notes, note):
                 if notes.impulse is None:
-                    yield place, strength_of_velocity(velocity).impulse(reach, max)
+                    strength = curve(velocity / _MIDI_MAX)
+                    yield place, Level(strength, strength, True).impulse(reach, max)
                 else:
                     weak, strong = notes.impulse
-                    yield place, weak + (strong - weak) * (velocity - 1) / (_MIDI_MAX - 1)
+                    share = curve((velocity - 1) / (_MIDI_MAX - 1))
+                    yield place, weak + (strong - weak) * share
 
 
 def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:
@@ -172,7 +180,7 @@ def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]
 
 
 def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Place, float]]:
-    if notes.impulse is not None or notes.target in version.piece.blocks:
+    if notes.impulse is not None or _types_lines(version.piece, notes):
         return
     for act in _acts(version.piece, notes.target, note):
         yield from _damped(version, act, notes.target)

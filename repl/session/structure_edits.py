@@ -108,7 +108,8 @@ def _rename(command: c.Rename) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         piece = version.piece
         made = with_texts(version, renaming.rename(version.texts, piece, old, new))
-        made = replace(made, renames=(*version.renames, (old, new)))
+        maps = midi_maps.rename_in_maps(version.maps, old, new)
+        made = replace(made, renames=(*version.renames, (old, new)), maps=maps)
         if old in piece.blocks:
             return replace(
                 made, rules={new if n == old else n: rule for n, rule in version.rules.items()}
@@ -118,7 +119,6 @@ def _rename(command: c.Rename) -> VersionEdit:
         return replace(
             made,
             faders=_renamed(version.faders, piece, old, new),
-            maps=midi_maps.rename_in_maps(version.maps, old, new),
             sounds_as=version.sounds_as.renamed(old, new),
         )
 

@@ -99,7 +99,11 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "map cc 7 gain bell -40dB..0dB": lambda s: s.map("-40dB..0dB", cc=7, gain="bell"),
     "map cc 8 gain -40dB..0dB": lambda s: s.map("gain", "-40dB..0dB", cc=8),
     "map note C3..C5 bell.m 1mNs..20mNs": lambda s: s.map("bell.m", "1mNs..20mNs", note="C3..C5"),
-    "map note C3..C5 gong": lambda s: s.map("gong", note="C3..C5"),
+    "map note C3..C5 gong curve square": lambda s: s.map("gong", note="C3..C5", curve="square"),
+    "map note D2 ada knock": lambda s: s.map("ada", "knock", note="D2"),
+    "map learn note gong": lambda s: s.map(learn=True, note="gong"),
+    "monitor on": lambda s: s.monitor("on"),
+    "monitor off": lambda s: s.monitor("off"),
     "map cc 1 tempo 60..180": lambda s: s.map(cc=1, tempo="60..180"),
     "maps": lambda s: s.maps(),
     "record audio evening.wav": lambda s: s.record("audio", file="evening.wav"),
@@ -119,6 +123,9 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "lfo bell.m.K off": lambda s: s.lfo("bell.m.K", "off"),
 }
 MORE: dict[str, Callable[[SessionProxy], Reply]] = {
+    "map bend tempo 60..180": lambda s: s.map(bend=True, tempo="60..180"),
+    "map pressure C4 gain 0dB": lambda s: s.map("gain", "0dB", pressure="C4"),
+    "map note C3..C5 gong": lambda s: s.map("gong", note="C3..C5"),
     "ada plays knock every 1/2 touch free do scale 0.8, mirror now": lambda s: s.plays(
         "ada", "knock", do=("scale 0.8", "mirror"), every="1/2", touch="free", now=True
     ),

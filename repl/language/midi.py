@@ -1,0 +1,299 @@
+"""MIDI at the prompt: what moves, what notes strike or play, and what they are mapped to."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from ergon.notation.clock.tempo import parse_bpm
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import commands as c
+from ergon.repl.language import values as v
+from ergon.repl.language.forms import Words
+from ergon.repl.language.notes import note_number
+from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.values import Completion, CompletionContext, Value
+
+# What a map of a controller may begin with, and what that is.
+SOURCES = {
+    "cc 21": "controller 21, in 128 steps",
+    "cc 1/33": "controllers 1 and 33 together, in 16,384 steps",
+    "bend": "the pitch wheel, in 16,384 steps; its middle is the middle of the range",
+    "pressure": "the pressure on the keys (channel pressure)",
+    "pressure C4": "the pressure on one key (polyphonic pressure)",
+    c.LEARN: "the next of these that moves",
+}
+# How strengths follow the velocity, both from 0 to 1.
+CURVES: Mapping[str, Callable[[float], float]] = {
+    c.EVEN: lambda x: x,
+    "square": lambda x: x * x,  # the keyboard plays softer
+    "root": math.sqrt,  # the keyboard plays stronger
+}
+_CONTROLLERS = 128
+_PAIR = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
+
+
+# --- what moves ----------------------------------------------------------------------------------
+
+
+def _read_source(text: str, *_: Any) -> str:
+    head, _space, rest = text.partition(" ")
+    rest = rest.strip()
+    if head == "cc":
+        return f"cc {_controllers(rest, len(text) - len(rest))}"
+    if head == "pressure" and rest:
+        return f"pressure {note_number(rest)}"
+    if text in SOURCES:
+        return text
+    heads = [source for source in SOURCES if " " not in source]
+    raise v.unknown_name(text, "what moves", ("cc 21", *heads))
+
+
+def is_source(text: str) -> bool:
+    """Whether a text names what moves, as a map has it."""
+    try:
+        return text != c.LEARN and _read_source(text) == text
+    except TextError:
+        return False
+
+
+def _controllers(text: str, offset: int) -> str:
+    """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
+    match = _PAIR.fullmatch(text)
+    numbers = [int(number) for number in match.groups() if number is not None] if match else []
+    if not numbers or max(numbers) >= _CONTROLLERS:
+        message = f"{quote(text)} is not a controller: write a number from 0 to 127, or two such "
+        message += "as 1/33"
+        raise TextError(message, offset=offset, length=max(1, len(text)))
+    if len(numbers) > 1 and numbers[0] == numbers[1]:
+        message = f"{quote(text)} names one controller twice: its lower bits come by another, such"
+        raise TextError(f"{message} as 1/33", offset=offset, length=len(text))
+    return "/".join(map(str, numbers))
+
+
+def _source_words(words: Sequence[str]) -> int:
+    """How many of these words say what moves."""
+    if words[:1] == ["cc"]:
+        return 2
+    if words[:1] == ["pressure"] and len(words) > 1:
+        try:
+            note_number(words[1])
+        except TextError:
+            return 1
+        return 2
+    return 1
+
+
+def _source_offers(context: CompletionContext) -> Iterator[Completion]:
+    if context.before[-1:] == ("cc",):
+        yield Completion("21", "a controller, 0 to 127")
+        return
+    for source, hint in SOURCES.items():
+        yield Completion(source.partition(" ")[0], hint)
+
+
+SOURCE = Value(
+    "what moves (cc 21, bend, pressure or learn)",
+    _read_source,
+    _source_offers,
+    count=_source_words,
+    heads=("cc", "bend", "pressure", c.LEARN),
+)
+
+
+# --- what it leads to ----------------------------------------------------------------------------
+
+
+def _range_ends(text: str, example: str) -> tuple[str, str]:
+    """Both ends of a range; a single value is both."""
+    low, dots, high = text.partition("..")
+    if dots and not (low and high):
+        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
+    return low, high or low
+
+
+def _read_range(text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[float, float, str]:
+    shape = scope.targets[slots["target"]]
+    dimension = v.DIMENSIONS.get(shape, q.NUMBER)
+    low, high = (float(shape.parse(end)) for end in _range_ends(text, f"{dimension.example}..…"))
+    # A constant of a law is in SI units, whatever its dimension.
+    return low, high, "" if shape is k.CONSTANT else dimension.si
+
+
+def _range_completions(context: CompletionContext) -> Iterator[Completion]:
+    shape = context.scope.targets[context.given["target"]]
+    yield from v.dimension_value(shape).completions(context)
+
+
+def _read_levels(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (k.LEVEL.parse(end) for end in _range_ends(text, "-40dB..0dB"))
+    if max(low, high) > q.LOUDEST_DB:
+        message = f"{quote(text)} goes above the highest level, {q.LOUDEST_DB:g}dB"
+        within = "..".join(f"{min(end, q.LOUDEST_DB):g}dB" for end in (low, high))
+        raise TextError(message, length=len(text), suggestion=within)
+    return low, high
+
+
+def _read_tempos(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (parse_bpm(end) for end in _range_ends(text, "60..180"))
+    if low[1] is not None or high[1] is not None:
+        raise TextError("a range of tempos is two numbers, such as 60..180", length=len(text))
+    return low[0], high[0]
+
+
+RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions)
+LEVELS = Value(
+    "two levels, such as -40dB..0dB",
+    _read_levels,
+    v.unit_completions("-40dB..0dB", ("dB",), "levels"),
+)
+TEMPOS = Value(
+    "two tempos, such as 60..180",
+    _read_tempos,
+    lambda context: () if context.typed else (Completion("60..180", "two tempos"),),
+)
+
+
+def map_control(
+    source: str, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
+) -> c.MapControl | c.Learn:
+    """Map a controller to a parameter."""
+    low, high, unit = range
+    return _learnt(c.MapControl(source, target, (low, high), unit, when=when, words=words))
+
+
+def map_tempo(
+    source: str, range: tuple[float, float], *, when: c.When, words: Words
+) -> c.MapControl | c.Learn:
+    """Map a controller to the tempo."""
+    return _learnt(c.MapControl(source, None, range, c.BPM_UNIT, when=when, words=words))
+
+
+def map_gain(
+    source: str,
+    range: tuple[float, float],
+    sounding: str | None = None,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.MapControl | c.Learn:
+    """Map a controller to a level."""
+    return _learnt(c.MapControl(source, None, range, "dB", sounding, when=when, words=words))
+
+
+def unmap_control(source: str, *, when: c.When, words: Words) -> c.Unmap | c.Learn:
+    """End the map of a controller."""
+    if source == c.LEARN:
+        return c.Learn(None, when=when, words=words)
+    return c.Unmap(source, when=when, words=words)
+
+
+def _learnt(made: c.MapControl) -> c.MapControl | c.Learn:
+    return c.Learn(made, when=made.when, words=made.words) if made.source == c.LEARN else made
+
+
+# --- notes ---------------------------------------------------------------------------------------
+
+
+def _read_notes(text: str, *_: Any) -> tuple[int, int]:
+    low, high = (note_number(end) for end in _range_ends(text, "C3..C5"))
+    if low > high:
+        raise TextError(f"the range {quote(text)} goes down: write the lower note first")
+    return low, high
+
+
+def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (q.quantity(end, q.IMPULSE) for end in _range_ends(text, "1mNs..20mNs"))
+    return low, high
+
+
+def _read_struck(text: str, *_: Any) -> str:
+    if not re.fullmatch(r"[\w.-]{1,200}", text):
+        raise TextError(f"{quote(text)} is not a module, such as bell.m", length=len(text))
+    return text
+
+
+def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    part = text.split(".")[0]
+    if text in scope.blocks:
+        return text
+    if part not in playable(scope):
+        raise v.unknown_name(text, "an instrument or a block", (*playable(scope), *scope.blocks))
+    if part not in scope.acts:
+        message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
+        raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))
+    return text
+
+
+def _read_curve(text: str, *_: Any) -> str:
+    if text not in CURVES:
+        raise v.unknown_name(text, "a curve", CURVES)
+    return text
+
+
+NOTES = Value(
+    "a note or a range, such as 60, C4 or C3..C5",
+    _read_notes,
+    lambda _: (Completion("C3..C5", "notes"),),
+)
+STRUCK = Value(
+    "a module, such as bell.m",
+    _read_struck,
+    lambda context: v.up_to_dot(context.typed, v.module_names(context.scope)),
+)
+PLAYED_BY_NOTES = Value(
+    "an instrument that says how it is played, or a block",
+    _read_played_instrument,
+    lambda context: v.name_completions(
+        {**dict.fromkeys(context.scope.acts, "instrument"), **context.scope.blocks}
+    ),
+)
+IMPULSES = Value(
+    "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
+    _read_impulses,
+    v.unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
+)
+CURVE = Value(
+    "a curve (square, root or even)",
+    _read_curve,
+    lambda _: v.name_completions(dict.fromkeys(CURVES, "how strengths follow the velocity")),
+)
+
+
+def map_notes(
+    notes: tuple[int, int],
+    target: str,
+    impulse: tuple[float, float] | None = None,
+    curve: str | None = None,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.MapNotes:
+    """Map notes to strikes; without impulses, to an instrument that says how it is played."""
+    return c.MapNotes(*notes, target, impulse, None, curve or c.EVEN, when=when, words=words)
+
+
+def map_gesture(
+    notes: tuple[int, int], player: str, gesture: str, *, when: c.When, words: Words
+) -> c.MapNotes:
+    """Map notes to a gesture of a player."""
+    return c.MapNotes(*notes, player, None, gesture, when=when, words=words)
+
+
+def learn_note(target: str, *, when: c.When, words: Words) -> c.Learn:
+    """Map the next note that comes."""
+    return c.Learn(c.MapNotes(0, 0, target, None), when=when, words=words)
+
+
+def unmap_notes(notes: tuple[int, int], *, when: c.When, words: Words) -> c.Unmap:
+    """End the map of a range of notes."""
+    return c.Unmap(c.MapNotes(*notes, "", None).name, when=when, words=words)
+
+
+def monitor(is_on: bool = False, *, when: c.When, words: Words) -> c.Monitor:
+    """Print MIDI messages as they come, or end that."""
+    return c.Monitor(is_on, when=when, words=words)

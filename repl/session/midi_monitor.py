@@ -1,0 +1,106 @@
+"""What comes by MIDI: printed as it comes, and counted where nothing is mapped to it."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from typing import TYPE_CHECKING
+
+from ergon.live.midi_messages import Control, Note, NoteEnd, Played, Pressure, Program, Wheel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_LINES_MAX = 10  # printed in a period; the rest is counted
+_PERIOD = 0.5  # [s]
+_WAITING_MAX = 2000  # messages; of more in a period the first are not even counted
+_NOTE_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_SHOWN_MAX = 8  # kinds of messages in one line
+
+
+class MidiMonitor:
+    """The messages that came. Any thread may `note` one; that takes some microseconds."""
+
+    def __init__(self) -> None:
+        """Begin without messages, and print none."""
+        self.is_on = False
+        self._unmapped: Counter[str] = Counter()
+        self._waiting: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
+        self._ends_at = 0.0  # [s] where the present period ends
+        self._n_left = _LINES_MAX
+        self._rest: Counter[str] = Counter()
+
+    def note(self, message: Played, channel: int, *, is_mapped: bool) -> None:
+        """Note a message of a channel from 1 to 16."""
+        source = source_of(message)
+        if not is_mapped and not isinstance(message, NoteEnd):
+            self._unmapped[source] += 1
+        if self.is_on:
+            more = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
+            text = f"MIDI {_described(message)}, channel {channel}{more}"
+            self._waiting.append((source, text))
+
+    def lines_due(self, now: float) -> Sequence[str]:
+        """The lines to print at an instant [s]: at most some each half second, and how many more
+        there were.
+        """
+        lines = []
+        if now >= self._ends_at:
+            if self._rest:
+                lines.append(f"MIDI {self._rest.total():,} more: {_counted(self._rest)}")
+            self._rest.clear()
+            self._ends_at, self._n_left = now + _PERIOD, _LINES_MAX
+        while self._waiting:
+            source, text = self._waiting.popleft()
+            if self._n_left:
+                self._n_left -= 1
+                lines.append(text)
+            else:
+                self._rest[source] += 1
+        return lines
+
+    def unmapped_line(self) -> str | None:
+        """What came and had no map, as a line; None if there was nothing."""
+        return f"not mapped: {_counted(self._unmapped)}" if self._unmapped else None
+
+
+def source_of(message: Played) -> str:
+    """What a message comes from, as a map names it."""
+    match message:
+        case Note(number) | NoteEnd(number):
+            return f"note {number}"
+        case Control(number):
+            return f"cc {number}"
+        case Wheel():
+            return "bend"
+        case Program(number):
+            return f"program {number}"
+        case Pressure(_, number):
+            return "pressure" if number is None else f"pressure {number}"
+
+
+def _described(message: Played) -> str:
+    match message:
+        case Note(number, velocity):
+            return f"note {number} ({_name(number)}), velocity {velocity}"
+        case NoteEnd(number):
+            return f"note {number} ({_name(number)}) ends"
+        case Control(number, value):
+            return f"cc {number} at {value}"
+        case Wheel(value):
+            return f"bend at {value}"
+        case Program(number):
+            return f"program {number}"
+        case Pressure(value, number):
+            return f"pressure at {value}" if number is None else f"pressure {number} at {value}"
+
+
+def _name(number: int) -> str:
+    """The name of a note: 60 is C4."""
+    return f"{_NOTE_NAMES[number % 12]}{number // 12 - 1}"
+
+
+def _counted(counts: Counter[str]) -> str:
+    """`cc 22 (14 times), note 35`, those that came most first."""
+    rows = [source if n == 1 else f"{source} ({n:,} times)" for source, n in counts.most_common()]
+    more = f", and {len(rows) - _SHOWN_MAX} others" if len(rows) > _SHOWN_MAX else ""
+    return ", ".join(rows[:_SHOWN_MAX]) + more
