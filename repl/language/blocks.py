@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
+from ergon.repl.language.block_values import checked
 from ergon.repl.language.forms import Words
 from ergon.repl.language.lines import lines
 from ergon.repl.language.scope import Scope
@@ -19,12 +20,13 @@ from ergon.scores.reading.sections import MAX_BLOCK
 _CONDITION_WORDS = ("bar", "beat", "and")
 
 
-def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    """A block's name, with the colon after it."""
+def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """A block's name and the lines that set its values, with the colon after them."""
     if not text.endswith(":"):
         message = f"a ':' is missing: def {text}: and then its lines"
         raise TextError(message, length=len(text), suggestion=f"{text}:")
-    name = v.check_new_name(text[:-1])
+    first, *values = text[:-1].split()
+    name = v.check_new_name(first)
     if name in _CONDITION_WORDS:
         message = f"{quote(name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(name))
@@ -32,7 +34,20 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if name in getattr(scope, f"{what}s"):
             message = f"{quote(name)} is the name of a {what}: give the block another name"
             raise TextError(message, length=len(name))
-    return name
+    return name, tuple(_setting(value) for value in values)
+
+
+def _setting(text: str) -> str:
+    """The line of a block that sets a value, from `n=8`."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise TextError(f"{quote(text)} has no value: write {text}=8", length=len(text))
+    return "${} = {}".format(*checked(name, value))
+
+
+def _name_words(words: Sequence[str]) -> int:
+    """How many words there are up to the colon."""
+    return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
 
 def _lines(text: str, *_: Any) -> tuple[str, ...]:
@@ -72,15 +87,28 @@ def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 BLOCK = v.name_value("a block", "blocks")
-NEW_BLOCK = Value("a name and ':'", _name, lambda context: v.name_completions(context.scope.blocks))
+NEW_BLOCK = Value(
+    "a name and ':'",
+    _name,
+    lambda context: v.name_completions(context.scope.blocks),
+    count=_name_words,
+)
+VALUES = Value("values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ())
 LINES = Value("a line, or several below it", _lines, lambda _: ())
 EVERY = Value("a length in bars or beats", lambda text, *_: parse_every(text), v.LENGTH.completions)
 RULE = Value("a condition and a block", _rule, _rule_completions)
 
 
-def define(name: str, lines: tuple[str, ...], *, when: c.When, words: Words) -> c.DefineBlock:
-    """Define a block."""
-    return c.DefineBlock(name, lines, when=when, words=words)
+def define(
+    name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: c.When, words: Words
+) -> c.DefineBlock:
+    """Define a block; the lines that set its values come first."""
+    return c.DefineBlock(name[0], (*name[1], *lines), when=when, words=words)
+
+
+def run(name: str, values: tuple[str, ...] | None, *, when: c.When, words: Words) -> c.RunBlock:
+    """Run a block with values."""
+    return c.RunBlock(name, values or (), when=when, words=words)
 
 
 def run_every(name: str, trigger: Every, *, when: c.When, words: Words) -> c.RunByRule:

@@ -17,7 +17,7 @@ FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in VERB_OF_METHOD.values()},
     **VERB_OF_METHOD,
 }
-_WHEN = ("now", "at", "in")
+_WHEN = ("now", "at", "in", "sync")
 
 
 def build_line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:

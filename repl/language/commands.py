@@ -25,7 +25,17 @@ class Now(Enum):
 
 
 NOW: Final = Now.NOW
-When = Now | Position | Length | None  # `now`, `at C`, `in 2`; None: the next boundary of `quant`
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """The next beginning of another voice: of its cycle, its round, or its next stroke."""
+
+    name: str
+
+
+# `now`, `at C`, `in 2`, `sync d1`; None: the next boundary of `quant`
+When = Now | Position | Length | Sync | None
 
 
 class Word(NamedTuple):
@@ -579,9 +589,10 @@ class DefineBlock(Command):
 
 @dataclass(frozen=True, slots=True)
 class RunBlock(Command):
-    """`fill`: do the lines of a block, as one version."""
+    """`fill`, `fill 16`, `fill n=16`: do the lines of a block, as one version; with values."""
 
     name: str
+    values: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,11 +19,16 @@ from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope, playable
 
-_TIME_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # words before the time at which a line acts
+_TIME_LEADS = {
+    "at": v.POSITION,
+    "in": v.LENGTH,
+    "sync": v.SYNC,
+}  # words before the time at which a line acts
 _TIME_COMPLETIONS = (
     v.Completion("now", "at the next tick"),
     v.Completion("at", "at a position or a mark"),
     v.Completion("in", "so much later"),
+    v.Completion("sync", "where another voice begins again"),
 )
 
 
@@ -101,7 +106,8 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
-    if first in scope.blocks and second in ("", "now", *_TIME_LEADS):
+    is_rule = any(is_misspelt(second, verb) for verb in verbs.SUBJECT_VERBS)
+    if first in scope.blocks and not is_rule:  # what else follows are its values
         return "run", words
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
@@ -276,7 +282,7 @@ class _FormReader:
         if self.hints is not None and not self.words and slot.value is not None:
             self._offer(slot.value, tuple(word.text for word in words))
         if not words:
-            return self._refuse_missing(slot)
+            return slot.optional or self._refuse_missing(slot)
         self._store(slot, self._joined(words))
         self.has_when |= any(word.text in _TIME_LEADS for word in words)
         return True

@@ -18,6 +18,7 @@ WHEN = (
     ("now", "at the next tick"),
     ("at C, at 9|1, at B+2", "at a mark, at a bar and beat, some beats after a mark"),
     ("in 2, in 1bar", "this many beats or bars later"),
+    ("sync d1", "where other strikes or a player begin again: a cycle, a round, else a stroke"),
 )
 NOTATION = (
     ("6mm@1/8", "a point: 6 mm at an eighth of a beat; bare numbers are mm and beats"),
@@ -51,7 +52,7 @@ def overview() -> tuple[str, ...]:
     for title, some in GROUPS.items():
         lines.append(f"{title}:")
         lines += [f"  {form.example:<39} {form.effect}" for form in some]
-    lines.append("a line may end in now, at C or in 2; `help VERB` explains one verb")
+    lines.append("a line may end in now, at C, in 2 or sync d1; `help VERB` explains one verb")
     return tuple(lines)
 
 
@@ -59,7 +60,7 @@ def verb_help(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, and the words that belong to it."""
     lines = []
     for form in forms_of(verb):
-        when = " [now | at WHERE | in LENGTH]" if form.timed else ""
+        when = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
         lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
         lines.append(f"  in short: {SHORTEST[verb]}")

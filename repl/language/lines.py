@@ -15,7 +15,7 @@ MAX_LINES = 200  # of one submission: four screens
 
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
 _PYTHON = re.compile(r"\s*py\s")  # what follows is Python's, with its own comments
-_BLOCK = re.compile(r"\s*def\s+\S+:\s*")  # the lines of this block follow
+_BLOCK = re.compile(r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*")  # the lines of this block follow
 _END = "end"
 _WORD = re.compile(r'"[^"]*"|\S+')
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language.block_values import defaults, setting, variants
 from ergon.repl.language.commands import (
     BlockCommand,
     Build,
@@ -79,9 +80,32 @@ def _check_block(block: DefineBlock, scope: Scope) -> None:
         message = f"{quote(block.name)} is a verb: give the block another name"
         raise TextError(message, offset=word.start, length=len(block.name))
     text = block.words["lines"]
+    values = defaults(block.lines)
     for line in lines(text.text):
+        if setting(line.text) is not None:
+            continue
+        if "$" in line.text:
+            scope = _check_variants(line, text.start, values, scope)
+            continue
         if (read := _block_command(line, text.start, scope)) is not None:
             scope = _scope_after(scope, read)
+
+
+def _check_variants(line: Line, offset: int, values: Mapping[str, str], scope: Scope) -> Scope:
+    """Check a line in which values are filled in; returns the scope of those below it.
+
+    A mistake has the place of the whole line: what was filled in has none. Raises TextError.
+    """
+    for text in variants(line.text, values):
+        try:
+            read = _block_command(Line(text, 0), 0, scope)
+        except TextError as error:
+            start, length = offset + line.start, len(line.text.rstrip())
+            message = f"{error.message}; the line is {quote(text.strip())}"
+            raise TextError(message, offset=start, length=length) from None
+        if read is not None:
+            scope = _scope_after(scope, read)
+    return scope
 
 
 def _block_command(line: Line, offset: int, scope: Scope) -> Command | None:

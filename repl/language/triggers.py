@@ -60,6 +60,14 @@ class Every:
             beat = begin + count * step
         return beat if beat <= until + SAME else None
 
+    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
+        """How often the block runs from the beginning of the rule until before a beat."""
+        if self.length.bars:
+            first, _ = tempo.bar_beat(begin + SAME)
+            bar, _ = tempo.bar_beat(before + SAME)
+            return max(0, -(-(bar - first) // round(self.length.bars)))
+        return max(0, math.ceil((before - begin) / self.length.beats - SAME))
+
 
 @dataclass(frozen=True, slots=True)
 class Clause:
@@ -108,6 +116,14 @@ class Condition:
                     return at
             bar += 1
         return None
+
+    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
+        """How often the block runs from the beginning of the rule until before a beat."""
+        count, beat = 0, begin - 2.0 * SAME
+        last = before - 2.0 * SAME
+        while (found := self.next_beat(tempo, begin, beat, last)) is not None:
+            count, beat = count + 1, found
+        return count
 
 
 Trigger = Every | Condition

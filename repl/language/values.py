@@ -14,7 +14,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language.commands import NOW, Now
+from ergon.repl.language.commands import NOW, Now, Sync
 from ergon.repl.language.scope import Scope, playable, scores_in
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
@@ -24,7 +24,7 @@ from ergon.scores.reading.automatable import amount_reader
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
-RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "over", "as", "off", "all"))
+RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "sync", "over", "as", "off", "all"))
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
@@ -312,6 +312,12 @@ SHIFT = Value(
     unit_completions("10ms", _LENGTH_UNITS, "time"),
 )
 POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
+_VOICE = name_value("the name of strikes, or a player", "strikes", "players")
+SYNC = Value(
+    _VOICE.what,
+    lambda text, scope, given: Sync(_VOICE.read(text, scope, given)),
+    _VOICE.completions,
+)
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
     _read_grid,

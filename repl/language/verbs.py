@@ -144,10 +144,11 @@ GROUPS: dict[str, tuple[Form, ...]] = {
     "blocks": (
         _form("def", "de", "gives one line a name, or those below it up to `end`",
               "def fill: ada plays lean times 2", blocks.define,
-              Slot("name", "NAME:", blocks.NEW_BLOCK),
+              Slot("name", "NAME [NAME=VALUE …]:", blocks.NEW_BLOCK),
               Slot("lines", "LINE …", blocks.LINES, many=True), timed=False),
         _form("run", "ru", "does all lines of a block; its name alone does the same",
-              "run fill", c.RunBlock, Slot("name", "NAME", blocks.BLOCK)),
+              "run fill", blocks.run, Slot("name", "NAME", blocks.BLOCK),
+              Slot("values", "VALUE|NAME=VALUE …", blocks.VALUES, optional=True, many=True)),
         _form("every", "ev", "runs a block again and again, the first time from here on",
               "fill every 4bar", blocks.run_every, Slot("name", "NAME", blocks.BLOCK),
               Slot("trigger", "LENGTH", blocks.EVERY), subject=True),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon.notation.text.errors import TextError
 from ergon.repl.language import commands as c
+from ergon.repl.language.block_values import filled
 from ergon.repl.language.parse import parse_block_line
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
@@ -26,7 +29,7 @@ def _define(command: c.DefineBlock, version: Version, beat: float) -> Texts:
 
 @makes_edit(c.RunBlock)
 def _run(command: c.RunBlock) -> VersionEdit:
-    return lambda version, beat: run_block(version, beat, command.name)
+    return lambda version, beat: run_block(version, beat, command.name, command.values)
 
 
 @makes_edit(c.RunByRule)
@@ -66,10 +69,14 @@ def block_lines(version: Version, name: str) -> list[str]:
     return list(lines)
 
 
-def run_block(version: Version, beat: float, name: str) -> Version:
-    """The version with the lines of a block done at a beat. Raises NotTakenError."""
+def run_block(version: Version, beat: float, name: str, values: Sequence[str] = ()) -> Version:
+    """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
     made = version
-    for number, line in enumerate(block_lines(version, name), 1):
+    try:
+        lines = filled(block_lines(version, name), values)
+    except TextError as error:
+        raise NotTakenError(f"{name}: {error.message}") from None
+    for number, line in enumerate(lines, 1):
         try:
             command = parse_block_line(line, scope_of(made.piece))
         except Refusal as refusal:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
+from ergon.repl.language.block_values import TICK, counts_runs
 from ergon.repl.language.commands import RunBlock
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
@@ -88,9 +89,12 @@ class BlockRuns:
             return
         self._last_runs[name] = beat
         where = Position(plus=Length(beats=beat))
-        line = f"run {name}"
+        values: tuple[str, ...] = ()
+        if counts_runs(schedule.head.piece.blocks.get(name, ())):
+            values = (f"{TICK}={rule.trigger.count(tempo, rule.begin, beat)}",)
+        line = " ".join(("run", name, *values))
         try:
-            edit = version_edits.combined([RunBlock(name)])
+            edit = version_edits.combined([RunBlock(name, values)])
             _, made = self._queue(Entry(line, edit, when=where, is_typed=False))
         except REFUSALS as error:
             if name not in self._refused:  # once, and not for each bar

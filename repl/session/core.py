@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from ergon.notation.clock.positions import Length
-from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, When
+from ergon.notation.clock.positions import Length, Position
+from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, Sync, When
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
 from ergon.repl.session.acts import Acts
@@ -33,6 +33,7 @@ from ergon.repl.session.schedule import Schedule
 from ergon.repl.session.session_log import SessionLog
 from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
+from ergon.repl.session.syncing import next_beginning
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.waiting_lines import REFUSALS, WaitingLine
 from ergon.repl.session.watch import FileWatch
@@ -178,6 +179,7 @@ class SessionCore:
 
         Raises one of `REFUSALS`, and nothing has changed.
         """
+        entry = replace(entry, when=self.resolved(entry.when))
         if self.journal is not None and self.journal.is_full and not entry.is_stop:
             raise NotTakenError("the journal keeps no further line: make room on the disk")
         with self.schedule.lock:
@@ -195,6 +197,14 @@ class SessionCore:
             self.attend()
         line = self.schedule.line(number) or draft.line
         return line.result().piece.tempo_map.written(line.beat), draft.checked
+
+    def resolved(self, when: When) -> When:
+        """When a line acts; `sync d1` as the beat that it stands for now. Raises NotTakenError."""
+        if not isinstance(when, Sync):
+            return when
+        soonest, _ = self.schedule.place(NOW, None)
+        beat = next_beginning(self.schedule.head.piece, when.name, soonest)
+        return Position(plus=Length(beats=beat))
 
     def _is_due(self, number: int) -> bool:
         """Whether a line still waits that should act as soon as possible."""

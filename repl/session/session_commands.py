@@ -366,7 +366,7 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
             "a take is written beside its score, and this score ships with ergon: "
             "`save NAME`, then `load NAME.yaml`"
         )
-    beat, _ = session.schedule.place(command.when, session.quant)
+    beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
     session.captures.begin(command.player, command.take, session.schedule.frame_of(beat))
     return Reply(
         True,
@@ -376,7 +376,7 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
 
 @_executes(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
-    beat, _ = session.schedule.place(command.when, session.quant)
+    beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
     own = session.captures.end(session.schedule.frame_of(beat))
     return Reply(True, f"ok {session.position_text(beat)} take {own.name} ends")
 

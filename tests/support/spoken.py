@@ -169,7 +169,10 @@ OTHERS = [
     ),
     ("map bend tempo 60..180", c.MapControl("bend", None, (60.0, 180.0), "bpm")),
     ("map pressure gain ada 0dB", c.MapControl("pressure", None, (0.0, 0.0), "dB", "ada")),
-    ("map pressure C4 gain 0dB now", c.MapControl("pressure 60", None, (0.0, 0.0), "dB", when=c.NOW)),
+    (
+        "map pressure C4 gain 0dB now",
+        c.MapControl("pressure 60", None, (0.0, 0.0), "dB", when=c.NOW),
+    ),
     ("unmap pressure C4", c.Unmap("pressure 60")),
     (
         "map learn bell.m.M 1g..2g",
@@ -222,6 +225,12 @@ OTHERS = [
     ),
     ("def tilt: ada plays lean", c.DefineBlock("tilt", ("ada plays lean",))),
     ("fill", c.RunBlock("fill")),
+    ("fill 16 n=3 now", c.RunBlock("fill", ("16", "n=3"), when=c.NOW)),
+    ("stop sync rain", c.Stop(when=c.Sync("rain"))),
+    (
+        "def tilt n=2: ada plays lean times $n",
+        c.DefineBlock("tilt", ("$n = 2", "ada plays lean times $n")),
+    ),
     ("run fill at B", c.RunBlock("fill", when=parse_position("B"))),
     ("fill every 4bar", c.RunByRule("fill", parse_every("4bar"))),
     (

@@ -1,0 +1,71 @@
+"""`sync d1`: the beat on which another voice begins again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ergon.notation.clock.meter import SAME
+from ergon.repl.session.version import NotTakenError
+from ergon.scores.edits.strikes import named
+from ergon.scores.pattern.search import n_before
+from ergon.scores.pattern.steps import Steps
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ergon.scores.reading.piece import Piece, Strikes
+
+
+def next_beginning(piece: Piece, name: str, after: float) -> float:
+    """The first beat, not before `after`, on which a voice begins again: a cycle of a rhythm, a
+    round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
+    """
+    coming = [_next(beats, after) for beats in _beginnings(piece, name, after)]
+    found = [beat for beat in coming if beat is not None]
+    if not found:
+        where = piece.tempo_map.written(after)
+        raise NotTakenError(f"{name} does not begin again after {where}: nothing to wait for")
+    return min(found)
+
+
+def _beginnings(piece: Piece, name: str, after: float) -> Iterator[Sequence[float]]:
+    """Rising beats on which the strikes or the player of a name begin."""
+    strikes = named(piece, name)
+    if any(own.rate is not None for own in strikes):
+        raise NotTakenError(f"{name} strikes by chance: there is no beat to wait for")
+    for own in strikes:
+        yield _strikes_beginnings(piece, own, after)
+    for play, starts in zip(piece.parts, piece.starts, strict=True):
+        if play.player == name and starts:
+            yield _rounds(starts, after) if isinstance(starts, Steps) else starts
+
+
+def _strikes_beginnings(piece: Piece, strikes: Strikes, after: float) -> Sequence[float]:
+    tempo = piece.tempo_map
+    if strikes.rhythm is not None:
+        begin = tempo.resolve(strikes.at)
+        number = strikes.rhythm.count(tempo, begin, after - SAME)
+        beat = strikes.rhythm.begin(tempo, begin, number)
+        return [beat] if number < strikes.cycles(tempo) else []
+    if strikes.pattern is not None:
+        return _rounds(strikes.steps(piece), after)
+    if strikes.length is not None or strikes.passing is not None:
+        return strikes.rounds(tempo)
+    if strikes.hits:
+        return sorted({beat for beat, *_ in strikes.falls(piece)})
+    return strikes.beats(tempo)
+
+
+def _rounds(steps: Steps, after: float) -> Sequence[float]:
+    """The beat of the next place on which a round of a pattern begins."""
+    pattern = steps.course.pattern
+    count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
+    place = n_before(steps, after - SAME)
+    place += -(place + pattern.skip) % count
+    return [steps.beat(place)] if place < len(steps) else []
+
+
+def _next(beats: Sequence[float], after: float) -> float | None:
+    place = n_before(beats, after - SAME)
+    return beats[place] if place < len(beats) else None
