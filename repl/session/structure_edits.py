@@ -40,8 +40,9 @@ def _remedy(texts: Texts, name: str) -> str:
 @edits_texts(c.Link)
 def _link(command: c.Link, version: Version, beat: float) -> Texts:
     ends = command.a, command.b
-    texts = structure.link(version.texts, command.kind, ends, command.fields)[0]
-    return families.played(texts, version.piece, ends)
+    texts, piece = families.defined(version.texts, version.piece, ends)
+    texts = structure.link(texts, command.kind, ends, command.fields)[0]
+    return families.played(texts, piece, ends)
 
 
 @edits_texts(c.Takes)

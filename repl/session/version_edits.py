@@ -103,8 +103,9 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
 
 @edits_texts(c.StrikeModules)
 def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
-    piece = version.piece
-    texts = strikes.strike(version.texts, piece, command.name, beat, command.fields)
+    # First what is struck: a text that strikes what is not there cannot be read for its routes.
+    texts, piece = families.defined(version.texts, version.piece, command.struck)
+    texts = strikes.strike(texts, piece, command.name, beat, command.fields)
     return families.played(texts, piece, command.struck)
 
 

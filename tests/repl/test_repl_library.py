@@ -69,6 +69,22 @@ def test_use_family_is_played_by_plain_name(session: Stepped):
         assert "skins" not in text(again)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        'd1 = "kick ~ snare"',
+        "d1 strikes kick snare every 1",
+        "link kick.hammer snare.hammer REF K=1N/m",
+    ],
+)
+def test_all_instruments_of_a_line_are_routed(session: Stepped, line: str):
+    """All but the last were not heard."""
+    session.ok("use skins")
+    session.ok(line)
+    routes = session.session.schedule.head.piece.routes()
+    assert {route.part for route in routes} == {"kick", "snare"}
+
+
 def test_use_family_in_one_text(session: Stepped):
     session.ok(f"use skins\n{KICK}")
     session.ok("play")
