@@ -18,7 +18,7 @@ from ergon.repl.language.scope import SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
 from ergon.repl.session.edit_table import makes_edit, with_texts
 from ergon.repl.session.version import GLIDE, NotTakenError, Version, piece_of
-from ergon.scores.edits import scenes
+from ergon.scores.edits import scene_matter, scenes
 from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
@@ -83,6 +83,16 @@ def _scene(command: c.Scene) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         own, texts, piece = scene(version, command.name), version.texts, version.piece
+        some = [own] if command.before is None else [scene(version, command.before), own]
+        for each in some:
+            texts = scene_matter.with_matter(texts, piece, each)
+            piece = piece if texts is version.texts else piece_of(texts)
+        new = {
+            file: text for file, text in texts.overlay.items() if file not in version.texts.overlay
+        }
+        base = version.base
+        if new and base is not None:  # as `use` brings in files
+            base = replace(base, overlay={**new, **base.overlay})
         over = None if command.over is None else command.words["over"].text
         begin, glide = beat, GLIDE
         first = own if command.before is None else scene(version, command.before)
@@ -97,6 +107,7 @@ def _scene(command: c.Scene) -> VersionEdit:
                 begin = end
         texts = scenes.play_scene(texts, piece_of(texts), own, begin)
         texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
-        return replace(with_texts(version, texts), glide=glide, freed_parameters=released)
+        made = with_texts(version, texts)
+        return replace(made, glide=glide, freed_parameters=released, read_files=new, base=base)
 
     return edit

@@ -1,0 +1,192 @@
+"""What a scene is played on: keys, instruments and players that a score lacks are brought in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from ergon.notation.text import edit
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import structure
+from ergon.scores.edits.lists import items
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Module
+    from ergon.scores.edits.scenes import Scene
+
+# Sections of names, in the order in which one needs those before it.
+_SECTIONS = ("let", "laws", "keys", "instruments", "players")
+_NAME = re.compile(r"[A-Za-z][\w-]*")
+
+
+class _Used(NamedTuple):
+    """A file that a score uses, and its prefix."""
+
+    prefix: str
+    file: str
+
+
+def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
+    """The texts with what a scene plays and they lack, written and routed as in the scene; the same
+    object if they lack nothing. What both have stays as it is. Raises EditError.
+    """
+    needed = _played(scene.piece)
+    known = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
+    lacking = needed - known
+    if not lacking:
+        return texts
+    _check_keys(piece, scene, lacking)
+    there = {section: _entries(scene.texts, section) for section in _SECTIONS}
+    here = {section: _entries(texts, section).keys() for section in _SECTIONS}
+    lacks = {
+        section: {n: own for n, own in there[section].items() if n not in (*here[section], *known)}
+        for section in _SECTIONS
+    }
+    names = _with_parts_of(lacking, lacks)
+    made = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
+    made = _with_files(made, scene)
+    for section in _SECTIONS:
+        for name, own in lacks[section].items():
+            if name in names:
+                made = made.put((section, name), edit.flow(own))
+    made = _with_links(made, piece, scene, needed)
+    return _routed(made, piece, scene, names)
+
+
+def _played(piece: Piece) -> set[str]:
+    """The players that play in a scene, their keys, what these touch, and what is struck or led."""
+    family = piece.note_families()
+    players = {play.player for play in piece.parts}
+    keys = {piece.players[name].key for name in players}
+    struck = {part for strikes in piece.strikes for part in strikes.parts}
+    led = {name.partition(".")[0] for name in (one.name for one in piece.automation)}
+    touched = {
+        part.name
+        for part in piece.instruments.values()
+        if any(keys & {*_ends(module)} for module in part.modules)
+    }
+    parts = {family.get(part, part) for part in struck | led | touched}
+    return players | keys | parts
+
+
+def _ends(module: Module) -> Iterator[str]:
+    """The parts at the ends of a link."""
+    for end in module.fields.get("between") or ():
+        yield end.part
+
+
+def _check_keys(piece: Piece, scene: Scene, lacking: Iterable[str]) -> None:
+    """Refuse a player whose key another one plays here. Raises EditError."""
+    players = {player.key: player.name for player in piece.players.values()}
+    for name in lacking:
+        if name in scene.piece.players and (key := scene.piece.players[name].key) in players:
+            message = f"this score has no player {name}, who plays {key} in the scene, and {key} is"
+            raise EditError(f"{message} played by {players[key]}")
+
+
+def _entries(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
+    said = edit.tree(texts.section(section))
+    return said if isinstance(said, dict) else {}
+
+
+def _with_parts_of(names: set[str], lacks: Mapping[str, Mapping[str, edit.Tree]]) -> set[str]:
+    """Names with all that their entries name and that is lacking too."""
+    entries = {name: own for section in lacks.values() for name, own in section.items()}
+    waits, found = [*names], set(names)
+    while waits:
+        more = {*_words(entries.get(waits.pop()))} & entries.keys() - found
+        found |= more
+        waits += more
+    return found
+
+
+def _words(said: edit.Tree) -> Iterator[str]:
+    """The names in the texts of a value."""
+    if isinstance(said, dict):
+        for name, value in said.items():
+            yield name
+            yield from _words(value)
+    elif isinstance(said, list):
+        for value in said:
+            yield from _words(value)
+    elif said is not None:
+        yield from _NAME.findall(said)
+
+
+def _with_files(texts: Texts, scene: Scene) -> Texts:
+    """The texts with the files that a scene uses and they do not. Raises EditError."""
+    own, there = _used(texts), _used(scene.texts)
+    new = [used for used in there if used not in own]
+    prefixes = {used.prefix for used in own if used.prefix}
+    if taken := next((used for used in new if used.prefix in prefixes), None):
+        message = f"the scene uses {taken.file} as {taken.prefix}, which is another file here"
+        raise EditError(message)
+    if not new:
+        return texts
+    if all(used.prefix for used in (*own, *new)):
+        for used in new:
+            texts = texts.put(("use", used.prefix), edit.quoted(used.file))
+        return texts
+    rows: list[edit.Tree] = [
+        {used.prefix: used.file} if used.prefix else used.file for used in (*own, *new)
+    ]
+    return texts.put(("use",), edit.flow(rows))
+
+
+def _used(texts: Texts) -> list[_Used]:
+    """The files that a score uses."""
+    found = []
+    for node in items(texts, "use"):
+        said = edit.tree(node)
+        if isinstance(said, dict):
+            found += [_Used(prefix, file) for prefix, file in said.items() if isinstance(file, str)]
+        elif isinstance(said, str):
+            found.append(_Used("", said))
+    return found
+
+
+def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> Texts:
+    """The texts with the links that an instrument of both has in the scene alone, between what the
+    scene plays.
+    """
+    for name, part in scene.piece.instruments.items():
+        own = piece.instruments.get(name)
+        if own is None:
+            continue
+        known = {module.name for module in own.modules}
+        written = _entries(scene.texts, "instruments").get(name)
+        modules = written.get("modules") if isinstance(written, dict) else None
+        for module in part.modules:
+            ends = {*_ends(module)}
+            is_new = module.name not in known and ends and ends <= needed
+            if is_new and isinstance(modules, dict) and module.name in modules:
+                path = "instruments", name, "modules", module.name
+                texts = texts.put(path, edit.flow(modules[module.name]))
+    return texts
+
+
+def _routed(texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> Texts:
+    """The texts with the routes of a scene for new instruments, and the rooms that these need."""
+    written = structure.routed(scene.texts, scene.piece)
+    rows = [
+        row for node in items(written, "mix", "route") if isinstance(row := edit.tree(node), dict)
+    ]
+    new = [row for row in rows if str(row.get("from")).partition(".")[0] in names]
+    if not new:
+        return texts
+    texts = structure.routed(texts, piece)
+    mix = _entries(scene.texts, "mix")
+    rooms = mix.get("rooms")
+    known = {room.name for room in piece.mix.rooms}
+    for row in new:
+        sends = row.get("send")
+        for room in sends if isinstance(sends, dict) else ():
+            if room not in known and isinstance(rooms, dict) and room in rooms:
+                texts = texts.put(("mix", "rooms", room), edit.flow(rooms[room]))
+                known.add(room)
+        texts = texts.append(("mix", "route"), edit.flow(row))
+    return texts
