@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.notation.text.spelling import is_misspelt, nearest
+from ergon.notation.text.spelling import is_misspelt, is_one_slip, nearest
 from ergon.repl.language import values as v
 from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope, playable
+from ergon.scores.pattern.cycle_table import TABLE as TRANSFORMS
 
 _TIME_LEADS = {
     "at": v.POSITION,
@@ -145,9 +146,15 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
         message = f"{quote(first)} is not a verb; a player plays it"
         said = f"{player} plays {first}"
         return TextError(message, offset=place, length=len(first), suggestion=said)
+    if first in TRANSFORMS:
+        message = f"{quote(first)} is a transformation, of a rhythm or of strikes"
+        voice = next(iter(scope.strikes), "d1")
+        what = " ".join(word.text for word in words)
+        raise TextError(f"{message}: {voice} do {what}", offset=place, length=len(first))
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
-    near = nearest(first, known)
-    if near in verbs.TAKING_AWAY and not is_misspelt(first, near):
+    near = verbs.MEANT.get(first) or nearest(first, known)
+    is_meant = first in verbs.MEANT
+    if not is_meant and near in verbs.TAKING_AWAY and not is_one_slip(first, near):
         near = nearest(first, [verb for verb in known if verb not in verbs.TAKING_AWAY])
     message = f"unknown verb {quote(first)}"
     message = message if near else f"{message}; `help` lists them all"
@@ -165,7 +172,9 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
     first = words[0].text
     if first in scope.players:
         about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
-        effects = ((f.verb, f.effect) for f in about if f.slots[0].value is v.PLAYER)
+        effects = (
+            (f.verb, f.effect) for f in about if f.slots[0].value in (v.PLAYER, v.DOING_PLAYER)
+        )
         hints.found.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.blocks:
         hints.found.append(v.Completion("every", verbs.forms_of("every")[0].effect))

@@ -10,6 +10,7 @@ from typing import Any
 from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.strengths import level
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
@@ -207,8 +208,17 @@ def _read_notes(text: str, *_: Any) -> tuple[int, int]:
 
 
 def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (q.quantity(end, q.IMPULSE) for end in _range_ends(text, "1mNs..20mNs"))
+    low, high = (_impulse(end) for end in _range_ends(text, "1mNs..20mNs"))
     return low, high
+
+
+def _impulse(text: str) -> float:
+    """An impulse with its unit; 0 needs none."""
+    value = level(text)  # refuses what has no unit
+    if value.is_strength and value.low != 0.0:
+        message = f"{quote(text)} is a strength, and here are impulses: write them with their unit,"
+        raise TextError(f"{message} such as 1mNs..20mNs", length=len(text))
+    return 0.0 if value.is_strength else value.low
 
 
 def _read_struck(text: str, *_: Any) -> str:

@@ -147,7 +147,6 @@ def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
 
 
 RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)
-STRIKES = v.name_value("strikes", "strikes")
 DO = Value("transformations, such as every 4 rev", _read_do, _offers_do)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ergon.instruments.transpose import TRANSPOSITION
@@ -155,6 +155,18 @@ def _read_with_level(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     raise unknown_name(text, "an instrument, a player or the name of strikes", names)
 
 
+def _read_doing(section: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
+    """Read a player, or the name of strikes: a name that is neither is told of both."""
+
+    def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+        if text not in getattr(scope, section):
+            names = (*scope.players, *scope.strikes)
+            raise unknown_name(text, "a player or the name of strikes", names)
+        return text
+
+    return read
+
+
 def _no_completions(_: CompletionContext) -> tuple[Completion, ...]:
     return ()
 
@@ -168,6 +180,8 @@ PLAYER_OR_ALL = Value(
     ),
     lambda context: (*_PLAYER_OR_STRIKES.completions(context), Completion("all", "every player")),
 )
+DOING_PLAYER = replace(_PLAYER_OR_STRIKES, read=_read_doing("players"))
+DOING_STRIKES = replace(_PLAYER_OR_STRIKES, read=_read_doing("strikes"))
 PLAYED = name_value("a gesture or a take", "gestures", "takes")
 KEY = name_value("a key", "keys")
 OTHER_KEY = other_than(KEY, "a")

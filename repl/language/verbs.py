@@ -97,10 +97,11 @@ GROUPS: dict[str, tuple[Form, ...]] = {
                    NOTES, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
-              _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
+              Slot("player", "PLAYER", v.DOING_PLAYER),
+              Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
         _form("do", "d", "transforms further what strikes play; `none` ends that",
               "rain do every 4 rev, ply 2", c.DoStrikes,
-              Slot("name", "NAME", rhythms.STRIKES),
+              Slot("name", "NAME", v.DOING_STRIKES),
               Slot("do", "TRANSFORMATION, …|none", rhythms.DO, many=True), subject=True),
         _form("=", "=", "plays a rhythm again and again, from here on",
               'd1 = "bell*2 ~ bell" 2mNs', rhythms.rhythm,
@@ -360,8 +361,13 @@ FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in som
 # Verbs that take something away or end something: a word that only resembles one does not
 # suggest it.
 TAKING_AWAY = frozenset(
-    ("remove", "undo", "back", "load", "reload", "stop", "panic", "quit", "unmap", "uncouple")
+    (
+        *("remove", "undo", "back", "load", "reload", "stop", "panic", "quit", "unmap", "uncouple"),
+        *("rest", "hush", "damp", "release", "seed"),
+    )
 )
+# What other programs call some verbs; by its letters `quiet` would be `quit`.
+MEANT = {"quiet": "hush", "silence": "hush", "exit": "quit", "delete": "remove"}
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")

@@ -260,6 +260,9 @@ def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
         ("map note C3 bell.q 1mNs", "nothing is called 'bell.q'"),
         ("map note C3 bell.b 1mNs", "a link"),
         ("map note C3 bell.m 1N", "does not measure impulse"),
+        ("map note C3 bell.m 1..2", "'1' is a strength, and here are impulses"),
+        ("map note C3 bell.m 3..20", "'3' has no unit: write 3mNs or 3Ns"),
+        ("map note C3 bell.m p..f", "'p' is a strength"),
         ("unmap cc 3", "nothing is mapped to cc 3"),
     ],
 )

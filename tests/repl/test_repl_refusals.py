@@ -134,10 +134,31 @@ def test_a_mark_with_a_minus_is_a_mark():
         ("reverb bell", None),  # not `remove bell`
         ("remvoe bell", "remove bell"),
         ("quiit", "quit"),
+        ("quiet", "hush"),  # not `quit`
+        ("stpo", "stop"),
+        ("undu", "undo"),
+        ("relaod", "reload"),
+        ("bakc 2", "back 2"),
+        ("sleep 1", None),  # not `seed 1`
+        ("push", "hush"),
+        ("damped 2s", None),
+        ("fast 2", None),  # not `at 2`
     ],
 )
 def test_unknown_verb_near_removing_verb(line: str, suggested: str | None):
     assert refused(line).try_ == suggested
+
+
+def test_transformation_as_verb():
+    assert "'fast' is a transformation" in refused("fast 2").message
+    assert "rain do fast 2" in refused("fast 2").message
+
+
+@pytest.mark.parametrize("line", ["d9 do rev", "d9 do mirror"])
+def test_do_of_unknown_name_says_which_there_are(line: str):
+    message = refused(line).message
+    assert "'d9' is not a player or the name of strikes" in message
+    assert all(name in message for name in ("ada", "remi", "rain"))
 
 
 def test_strikes_with_ordinal():

@@ -11,6 +11,20 @@ def is_misspelt(word: str, name: str) -> bool:
     return bool(get_close_matches(word.lower(), [name.lower()], n=1, cutoff=0.8))
 
 
+def is_one_slip(word: str, name: str) -> bool:
+    """Whether a word is a name but for one letter that is missing, too many, another one, or in
+    the wrong order (a distance of 1: Damerau, Communications of the ACM 7, 1964).
+    """
+    if abs(len(word) - len(name)) > 1:
+        return False
+    same = next((i for i, (a, b) in enumerate(zip(word, name, strict=False)) if a != b), None)
+    if same is None:  # one begins the other
+        return True
+    a, b = word[same:], name[same:]
+    is_swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
+    return a[1:] == b[1:] or a[1:] == b or a == b[1:] or is_swapped
+
+
 def nearest(word: str, names: Iterable[str]) -> str | None:
     """Return the known word that `word` begins or resembles, None when nothing is near."""
     if not word or len(word) > LONGEST_WORD:
