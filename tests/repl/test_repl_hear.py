@@ -1,12 +1,20 @@
 """`hear`: one stroke from the prompt, at once, before and while the piece plays."""
 
 import json
+import subprocess
 from contextlib import closing
 
 import damped_bar
 import numpy as np
 import pytest
+import soundfile
+from captured import check_heard
+from commands import ERGON
+from patience import until
 from sessions import Stepped
+
+from ergon.live.midi_ports import ProcessPort
+from tests.repl.test_repl_live import session_on
 
 SCORE = """\
 ergon: 1
@@ -114,9 +122,10 @@ def test_hear_after_undo_and_resume(session):
     session.ok("undo")  # to a version that was before it
     session.run(0.2)
     session.ok("hear drum")
+    session.ok("hear bell.m 1mNs")
     session.run(0.2)
     session.close()
-    assert len(_strikes(session)) == 2
+    assert len(_strikes(session)) == 3
     assert np.array_equal(session.again(), session.sound)
     with closing(Stepped.resumed(session.journal)) as further:
         further.ok("hear drum f")
@@ -177,3 +186,36 @@ def test_words_of_hear_are_completed(session):
     assert {"drum", "bar", "bell"} <= offers("hear ")
     assert {"drum.click", "drum.rim"} <= offers("hear drum.")
     assert {"mf", "fff"} <= offers("hear drum ")
+
+
+def test_what_is_heard_live_is_what_its_journal_renders(tmp_path):
+    """Over the real engine, where a version and a stroke are on their way at once."""
+    heard = tmp_path / "heard.wav"
+    port = ProcessPort()
+    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+        port.listen(session.midi.receive)
+        for line in ("hear bell.m 1mNs", "play", "map bend bell.m.K 300N/m..900N/m now"):
+            assert session.submit(line).taken
+        engine = session.schedule.engine
+        for step in range(8):
+            frame = engine.frame + 3000
+            assert session.submit(f"hear bell.m {1 + step}mNs").taken
+            port.send(bytes([0xE0, 0, 16 * step]))
+            assert session.submit(f"set bell.m.M {2 + step / 8:g}g now").taken
+            until(lambda after=frame: engine.frame > after, "the engine goes on")
+        frame = engine.frame
+        until(lambda: engine.frame > frame + 22_050, "the last rings")
+        troubles = engine.status().troubles
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
+    assert sum(row["event"] == "strike" for row in rows) == 9
+    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
+    assert check_heard(played, again, troubles).equal > 22_050

@@ -398,6 +398,16 @@ def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
         "map cc 1 bell.m.f 200Hz..300Hz{}",
         "map cc 2 k1.M 300g..500g{}",
         "map cc 3 gain bell -30dB..0dB{}",
+        "map cc 1/33 bell.m.f 200Hz..300Hz{}",
+        "map bend bell.b.K 700N/m..1kN/m{}",
+        "map pressure tempo 90..120{}",
+        "map learn gain -12dB..0dB",
+        "map note 38 ada knock{}",
+        "map note 41..50 bell.m 1mNs..2mNs curve root{}",
+        "hear bell.m 1mNs",
+        "def fill n=2: rain strikes bell.m every 1/4 times $n impulse 1mNs",
+        "fill 4{}",
+        "ada plays knock every 2 sync ada",
         "unmap cc 1",
         "unmap note 60",
         "play",
@@ -420,7 +430,8 @@ def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
                 case 0 | 1:
                     own.type(chance.choice(lines).format(chance.choice(("", " now"))))
                 case 2:
-                    data = [0xB0, chance.randrange(1, 4), chance.randrange(128)]
+                    data = chance.choice(([0xB0, chance.choice((1, 2, 3, 33))], [0xE0, 1], [0xD0]))
+                    data = [*data, chance.randrange(128)]
                     own.session.midi.receive(bytes(data), 0.0)
                 case _:
                     data = [0x90, chance.randrange(38, 82), chance.randrange(128)]
