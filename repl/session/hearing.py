@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.stops import Stops
 
+_SOON = 0.5  # [s] until a stroke, of which nothing is said
 _DAMPER_UP = 1.0  # [s] from a stroke to the end of its note
 
 
@@ -50,15 +51,18 @@ class Hearing:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
         playing = schedule.changes.playing_at(schedule.engine.frame).version
-        number = None
+        number, prefix = None, ""
         if command.name not in playing.maps:
             edit, head = version_edits.combined([command]), schedule.head
             brings = edit(head, 0.0).texts is not head.texts
             kind = LineKind.STRUCTURE if brings else LineKind.VALUES
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
-            _, made = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
+            where, made = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
             playing, number = made.version, made.version.number
+            waits = schedule.line(number)
+            if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
+                prefix = f"{where} "  # with a line that it needs
         struck = [*strokes(playing, command)]
         down = [*dampers(playing, command)]
         up = [(place, -impulse) for place, impulse in down]
@@ -66,7 +70,7 @@ class Hearing:
             self._awaited.append(_Awaited([*up, *struck], down, number))
             self.strike_due()
         impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for _, impulse in struck))
-        return f"{command.words['stroke'].text}: {impulses}"
+        return f"{prefix}{command.words['stroke'].text}: {impulses}"
 
     def strike_due(self) -> None:
         """Strike what can be struck now; the schedule's lock is held."""

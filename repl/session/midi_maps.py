@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.tables.strengths import MEZZO_FORTE
 from ergon.repl.language.commands import BPM_UNIT, EVEN, Hear, MapControl, MapNotes
 from ergon.repl.language.midi import CURVES, is_source
-from ergon.repl.session.struck_places import maps_of, struck_by
+from ergon.repl.session.struck_places import maps_of, struck_by, struck_once
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ def with_map(version: Version, new: Map) -> Mapping[str, Map]:
             struck_by(version.piece, new, note)
     maps = dict(version.maps)
     if isinstance(new, Hear):
+        for _ in struck_once(version, new):  # what is not there yet is refused
+            pass
         ready = [name for name, own in maps.items() if isinstance(own, Hear) and name != new.name]
         for name in ready[: max(0, len(ready) - MAX_HEAR + 1)]:
             del maps[name]

@@ -14,6 +14,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
+from ergon.repl.language.commands import Hear
 from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, Timing, entry_of
 from ergon.repl.session.engine import SteppedEngine
@@ -364,9 +365,9 @@ def edit_of_line(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # rendering a journal reads no further file
         raise NotTakenError("the journal lacks the texts that this line read from files")
-    return version_edits.combined(
-        [one for one in commands if type(one) in version_edits.VERSION_EDITS]
-    )
+    edits = [one for one in commands if type(one) in version_edits.VERSION_EDITS]
+    # What `hear` needs is a line of its own, also where it was typed together with others.
+    return version_edits.combined([one for one in edits if not isinstance(one, Hear)] or edits)
 
 
 def _missing(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:

@@ -54,7 +54,7 @@ def strike_points(version: Version) -> StrikePoints:
                     found.update(dict.fromkeys(place for place, _ in _sounding(version, own, note)))
                     found.update(dict.fromkeys(p for p, _ in _released(version, own, note)))
             elif isinstance(own, Hear):
-                found.update(dict.fromkeys(place for place, _ in _struck_once(version, own)))
+                found.update(dict.fromkeys(place for place, _ in struck_once(version, own)))
                 found.update(dict.fromkeys(place for place, _ in dampers(version, own)))
     return [
         (part, module, member, place_number((part, module, member)))
@@ -67,13 +67,13 @@ def strike_points(version: Version) -> StrikePoints:
 
 def strokes(version: Version, hear: Hear) -> Iterator[tuple[Place, float]]:
     """The places that `hear` strikes, each with its impulse [N·s]. Raises NotTakenError."""
-    for place, reach in _struck_once(version, hear):
+    for place, reach in struck_once(version, hear):
         if hear.level.is_strength and reach is None:
             raise NotTakenError(f"{hear.target} does not say how it is played; write an impulse")
         yield place, hear.level.impulse(reach, max)
 
 
-def _struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
+def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
     """The places that `hear` strikes, at whatever level. Raises NotTakenError."""
     for act in _acts_of(version.piece, hear):
         for target in act.targets:

@@ -136,6 +136,24 @@ def test_hear_after_undo_and_resume(session):
         assert np.array_equal(further.again(), further.sound)
 
 
+def test_hear_together_with_other_lines(tmp_path):
+    with closing(Stepped(SCORE.replace("8kHz", "44.1kHz"), tmp_path)) as session:
+        session.ok("play")
+        session.run(0.3)
+        session.ok("set bell.m.M 3g now\nhear drum\nhear bar")
+        session.ok("use skins")  # on 2|1
+        assert session.ok("hear kick").text.startswith("ok 2|1 kick: ")
+        session.ok('d1 = "drum*4"')
+        session.ok("hear drum.click")
+        session.run(0.3)
+        assert [part for part, *_ in _strikes(session)] == ["drum", "bar.F#4", "drum", "drum"]
+        session.run(4.0)
+        assert _strikes(session)[4][0] == "kick"
+        session.ok("hear drum now")
+        session.close()
+        assert np.array_equal(session.again(), session.sound)
+
+
 def test_many_places_can_be_heard_one_after_the_other(session):
     for note in ("C4", "C#4", "D4", "D#4", "E4", "F4", "F#4", "G4", "G#4", "A4", "A#4", "B4"):
         session.ok(f"hear bar {note}")
