@@ -327,11 +327,9 @@ SHIFT = Value(
 )
 POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
 _VOICE = name_value("the name of strikes, or a player", "strikes", "players")
-SYNC = Value(
-    _VOICE.what,
-    lambda text, scope, given: Sync(_VOICE.read(text, scope, given)),
-    _VOICE.completions,
-)
+# Whether there is such a voice is asked where the line is typed: when it is replayed, its beat is
+# known, and the voice may be gone.
+SYNC = Value(_VOICE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE.completions)
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
     _read_grid,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.notation.text.errors import quote
 from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, Sync, When
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
@@ -202,6 +203,11 @@ class SessionCore:
         """When a line acts; `sync d1` as the beat that it stands for now. Raises NotTakenError."""
         if not isinstance(when, Sync):
             return when
+        known = (*self.scope.strikes, *self.scope.players)
+        if when.name not in known:
+            names = f"; there are only {', '.join(known)}" if known else ""
+            message = f"{quote(when.name)} is not the name of strikes, or a player{names}"
+            raise NotTakenError(message)
         soonest, _ = self.schedule.place(NOW, None)
         beat = next_beginning(self.schedule.head.piece, when.name, soonest)
         return Position(plus=Length(beats=beat))

@@ -76,6 +76,19 @@ def test_a_rhythm_that_syncs_begins_with_the_other(session):
         resumed.ok("rest d2 sync d1")
 
 
+def test_a_voice_that_is_gone_when_the_line_acts(session):
+    session.ok("play")
+    session.run(0.3)
+    session.ok("d1 strikes low every 3 now")
+    session.run(0.2)
+    session.ok("set low.m.M 6g sync d1")
+    session.ok("remove d1 now")
+    session.run(2.0)
+    assert "M: 6g" in session.session.schedule.running.version.texts.text
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+
+
 def test_sync_before_the_piece_plays_waits_for_its_beat(session):
     session.ok("d1 strikes low every 3 at 2|1")
     assert session.ok("set low.m.M 6g sync d1").text == "ok 2|1"
