@@ -219,6 +219,18 @@ def test_do_that_changes_nothing_strikes_the_same(fields):
         )
 
 
+def test_names_of_values_in_do():
+    text = PLAYED + "let: {fifth: 7st}\n"
+    for fields in ("rhythm: c4", "notes: C4, every: 1", "play: call"):
+        do = "transpose fifth, legato 0.5"
+        phrase = "phrases: {call: {entries: '0 C4 mf'}}\n"
+        loaded = check(
+            f"{text}{phrase}strikes: {{s: {{{fields}, to: bar, at: 0, times: 1, do: '{do}'}}}}\n"
+        )
+        assert loaded.piece is not None, loaded.diagnostics
+        assert [target.part for target in loaded.piece.strikes[0].to] == ["bar.G4"]
+
+
 def test_walk_under_do_visits_neighbours():
     fields = "to: bar, notes: walk C4 E4 G4, every: 1, times: 400, at: 0, do: fast 1"
     places = [["C4", "E4", "G4"].index(hit.what) for _, hit in hits(fields)]

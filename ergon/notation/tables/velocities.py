@@ -80,4 +80,5 @@ VELOCITY_CURVE = Text(
     "even, square, root, or points: strengths at velocities, such as 0.2@1 0.6@64 1@127",
     r"^(even|square|root|[01]?\.?[0-9]+@[0-9]+( +[01]?\.?[0-9]+@[0-9]+)*)$",
     types=("string",),
+    has_values=True,
 )
