@@ -71,6 +71,7 @@ def attach_midi(session: Session, performance: _core.Performance, ports: MidiPor
 
     for port in ports.inputs:
         session.attach(port)
+        session.midi.inputs.append(port.name)
         port.listen(session.midi.receive)
     if ports.clock_to is not None:
         session.attach(ClockOut(session.schedule, performance, ports.clock_to))

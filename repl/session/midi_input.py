@@ -63,6 +63,7 @@ class MidiInput:
         self._wanted: MapControl | MapNotes | None = None  # the map that is to be learnt
         self._say = say
         self.monitor = MidiMonitor()
+        self.inputs: list[str] = []  # the names of the ports that are open
         self.lost = 0  # notes that could not strike because too many came at once
 
     def receive(self, data: bytes, at: float) -> None:

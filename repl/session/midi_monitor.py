@@ -60,7 +60,8 @@ class MidiMonitor:
 
     def unmapped_line(self) -> str | None:
         """What came and had no map, as a line; None if there was nothing."""
-        return f"not mapped: {_counted(self._unmapped)}" if self._unmapped else None
+        counts = Counter(dict(self._unmapped))  # another thread may count on meanwhile
+        return f"not mapped: {_counted(counts)}" if counts else None
 
 
 def source_of(message: Played) -> str:

@@ -337,14 +337,23 @@ def _maps(session: SessionCore, command: c.Maps) -> Reply:
 
 @_executes(c.Learn)
 def _learn(session: SessionCore, command: c.Learn) -> Reply:
-    return Reply(True, f"ok {session.midi.learn(command.map)}")
+    text = session.midi.learn(command.map)
+    return Reply(True, f"ok {text}{'' if command.map is None else _without_input(session)}")
 
 
 @_executes(c.Monitor)
 def _monitor(session: SessionCore, command: c.Monitor) -> Reply:
     session.midi.monitor.is_on = command.is_on
-    more = "MIDI is printed as it comes; `monitor off` ends it" if command.is_on else ""
-    return Reply(True, f"ok {more}".rstrip())
+    if not command.is_on:
+        return Reply(True, "ok")
+    more = "MIDI is printed as it comes; `monitor off` ends it"
+    return Reply(True, f"ok {more}{_without_input(session)}")
+
+
+def _without_input(session: SessionCore) -> str:
+    """What a reply adds where no MIDI can come."""
+    none = "; no MIDI input is open: start ergon with --midi PORT"
+    return "" if session.midi.inputs else none
 
 
 @_executes(c.Save)

@@ -192,7 +192,7 @@ def test_monitor_prints_what_comes(played):
     session, port = played
     session.ok("map cc 21 bell.m.M 1g..3g now")
     _send(session, port, [0x90, 60, 1])
-    session.ok("monitor on")
+    assert "start ergon with --midi PORT" in session.ok("monitor on").text
     _send(
         session, port, [0x91, 60, 100], [0x81, 60, 0], [0xB9, 21, 64], [0xE0, 0, 64], [0xA0, 61, 9]
     )
