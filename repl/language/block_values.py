@@ -62,7 +62,7 @@ def filled(lines: Iterable[str], words: Sequence[str]) -> list[str]:
 
 def defaults(lines: Iterable[str]) -> dict[str, str]:
     """The values that the lines of a block set, in their order. Raises TextError."""
-    values = dict(found for line in lines if (found := setting(line)) is not None)
+    values = dict(pair for line in lines if (pair := setting(line)) is not None)
     if len(values) > MAX_VALUES:
         raise TextError(f"this block has {len(values)} values; {MAX_VALUES} are the most")
     return values

@@ -67,7 +67,7 @@ def _target(text: str, scope: Scope) -> str:
     if name in playable(scope) and (not slash or name in scope.families.get(family, ())):
         return path
     families = [family] if slash else [*scope.families]
-    known = [one for one in families if name in scope.families.get(one, ())]
+    known = [group for group in families if name in scope.families.get(group, ())]
     if known:
         message = f"{quote(name)} is an instrument of {known[0]}, which is not in use: type "
         raise TextError(f"{message}`use {known[0]}`, then `hear {path}`", length=len(text))

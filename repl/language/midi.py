@@ -193,8 +193,12 @@ def unmap_control(source: str, *, when: c.When, words: Words) -> c.Unmap | c.Lea
     return c.Unmap(source, when=when, words=words)
 
 
-def _learnt(made: c.MapControl) -> c.MapControl | c.Learn:
-    return c.Learn(made, when=made.when, words=made.words) if made.source == c.LEARN else made
+def _learnt(control: c.MapControl) -> c.MapControl | c.Learn:
+    return (
+        c.Learn(control, when=control.when, words=control.words)
+        if control.source == c.LEARN
+        else control
+    )
 
 
 # --- notes ---------------------------------------------------------------------------------------

@@ -121,8 +121,8 @@ class Condition:
         """How often the block runs from the beginning of the rule until before a beat."""
         count, beat = 0, begin - 2.0 * SAME
         last = before - 2.0 * SAME
-        while (found := self.next_beat(tempo, begin, beat, last)) is not None:
-            count, beat = count + 1, found
+        while (coming := self.next_beat(tempo, begin, beat, last)) is not None:
+            count, beat = count + 1, coming
         return count
 
 

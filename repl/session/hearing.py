@@ -58,8 +58,8 @@ class Hearing:
             kind = LineKind.STRUCTURE if brings else LineKind.VALUES
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
-            where, made = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
-            playing, number = made.version, made.version.number
+            where, ready = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
+            playing, number = ready.version, ready.version.number
             waits = schedule.line(number)
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
                 prefix = f"{where} "  # with a line that it needs
@@ -76,15 +76,15 @@ class Hearing:
         """Strike what can be struck now; the schedule's lock is held."""
         awaited, self._awaited = self._awaited, []
         now, n_up = self._schedule.engine.frame, int(_DAMPER_UP * self._schedule.rate)
-        for one in awaited:
-            is_ready = one.number is None or self._schedule.line(one.number) is None
-            if not is_ready or one.frame > now:
-                self._awaited.append(one)
+        for stroke in awaited:
+            is_ready = stroke.number is None or self._schedule.line(stroke.number) is None
+            if not is_ready or stroke.frame > now:
+                self._awaited.append(stroke)
             elif not self._stops.panicked:
-                for place, impulse in one.strokes:
+                for place, impulse in stroke.strokes:
                     self._strike(place, impulse)
-                if one.after:
-                    self._awaited.append(_Awaited(one.after, frame=now + n_up))
+                if stroke.after:
+                    self._awaited.append(_Awaited(stroke.after, frame=now + n_up))
 
     def _strike(self, place: Place, impulse: float) -> None:
         part, module, member = place

@@ -127,7 +127,7 @@ class MidiInput:
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
         maps = self._schedule.head.maps
-        mapped = [one for one in self._controllers.shares(message, maps) if one[0] in maps]
+        mapped = [moved for moved in self._controllers.shares(message, maps) if moved[0] in maps]
         for source, share in mapped:
             self._fast_values.set_soon(source, partial(controller_line, source, share))
         return bool(mapped) or is_pedal

@@ -38,25 +38,27 @@ def with_map(version: Version, new: Map) -> Mapping[str, Map]:
     if isinstance(new, Hear):
         for _ in struck_once(version, new):  # what is not there yet is refused
             pass
-        ready = [name for name, own in maps.items() if isinstance(own, Hear) and name != new.name]
+        ready = [
+            name for name, mapped in maps.items() if isinstance(mapped, Hear) and name != new.name
+        ]
         for name in ready[: max(0, len(ready) - MAX_HEAR + 1)]:
             del maps[name]
-    elif len(of_player(maps)) >= MAX_MAPS and new.name not in maps:
+    elif len(player_maps(maps)) >= MAX_MAPS and new.name not in maps:
         raise NotTakenError(f"a session has at most {MAX_MAPS} maps; `unmap` one first")
     return {**maps, new.name: new}
 
 
-def of_player(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
+def player_maps(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
     """The maps that a player made: without what `hear` struck."""
-    return {name: own for name, own in maps.items() if not isinstance(own, Hear)}
+    return {name: mapped for name, mapped in maps.items() if not isinstance(mapped, Hear)}
 
 
 def without_map(version: Version, name: str) -> Mapping[str, Map]:
     """The maps of a version without one of them. Raises NotTakenError."""
-    if name not in of_player(version.maps):
-        known = ", ".join(of_player(version.maps)) or "there are none"
+    if name not in player_maps(version.maps):
+        known = ", ".join(player_maps(version.maps)) or "there are none"
         raise NotTakenError(f"nothing is mapped to {name}; the maps: {known}")
-    return {other: own for other, own in version.maps.items() if other != name}
+    return {other: mapped for other, mapped in version.maps.items() if other != name}
 
 
 def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
@@ -67,15 +69,17 @@ def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, 
         return f"{new}{dot}{rest}" if head == old and text else text
 
     renamed: list[Map] = []
-    for own in maps.values():
-        if isinstance(own, MapControl):
-            renamed.append(replace(own, target=called(own.target), sounding=called(own.sounding)))
+    for mapped in maps.values():
+        if isinstance(mapped, MapControl):
+            renamed.append(
+                replace(mapped, target=called(mapped.target), sounding=called(mapped.sounding))
+            )
             continue
-        own = replace(own, target=called(own.target) or own.target)
-        if isinstance(own, MapNotes):
-            own = replace(own, gesture=called(own.gesture))
-        renamed.append(own)
-    return {own.name: own for own in renamed}
+        mapped = replace(mapped, target=called(mapped.target) or mapped.target)
+        if isinstance(mapped, MapNotes):
+            mapped = replace(mapped, gesture=called(mapped.gesture))
+        renamed.append(mapped)
+    return {mapped.name: mapped for mapped in renamed}
 
 
 def note_lines(version: Version, note: int) -> Iterator[str]:
@@ -93,16 +97,16 @@ def controller_line(source: str, share: float, version: Version) -> str | None:
     """The line that sets what a controller leads to, which stands at a share (0 to 1) of its way;
     None if it has no map.
     """
-    own = version.maps.get(source)
-    if not isinstance(own, MapControl):
+    control = version.maps.get(source)
+    if not isinstance(control, MapControl):
         return None
-    low, high = own.range
+    low, high = control.range
     x = low + (high - low) * share
-    if own.unit == BPM_UNIT:
+    if control.unit == BPM_UNIT:
         return f"tempo {x:.6g} now"
-    if own.target is not None:
-        return f"set {own.target} {x:.6g}{own.unit} over 50ms now"
-    name = "" if own.sounding is None else f"{own.sounding} "
+    if control.target is not None:
+        return f"set {control.target} {x:.6g}{control.unit} over 50ms now"
+    name = "" if control.sounding is None else f"{control.sounding} "
     return f"gain {name}{x:.6g}dB now"
 
 

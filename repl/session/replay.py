@@ -365,9 +365,10 @@ def edit_of_line(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # rendering a journal reads no further file
         raise NotTakenError("the journal lacks the texts that this line read from files")
-    edits = [one for one in commands if type(one) in version_edits.VERSION_EDITS]
+    edits = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
     # What `hear` needs is a line of its own, also where it was typed together with others.
-    return version_edits.combined([one for one in edits if not isinstance(one, Hear)] or edits)
+    music = [command for command in edits if not isinstance(command, Hear)]
+    return version_edits.combined(music or edits)
 
 
 def _missing(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:

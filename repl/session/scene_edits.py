@@ -107,7 +107,7 @@ def _scene(command: c.Scene) -> VersionEdit:
                 begin = end
         texts = scenes.play_scene(texts, piece_of(texts), own, begin)
         texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
-        made = with_texts(version, texts)
-        return replace(made, glide=glide, freed_parameters=released, read_files=new, base=base)
+        played = with_texts(version, texts)
+        return replace(played, glide=glide, freed_parameters=released, read_files=new, base=base)
 
     return edit

@@ -328,7 +328,7 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
 
 @_executes(c.Maps)
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
-    maps = midi_maps.of_player(session.schedule.head.maps).values()
+    maps = midi_maps.player_maps(session.schedule.head.maps).values()
     lines = tuple(own.line.removeprefix("map ") for own in maps)
     if (unmapped := session.midi.monitor.unmapped_line()) is not None:
         lines = (*lines, unmapped)

@@ -46,19 +46,21 @@ def strike_points(version: Version) -> StrikePoints:
 
     A map is left out while the score does not have its target.
     """
-    found: dict[Place, None] = {}
-    for own in version.maps.values():
+    places: dict[Place, None] = {}
+    for mapped in version.maps.values():
         with contextlib.suppress(NotTakenError):
-            if isinstance(own, MapNotes):
-                for note in range(own.low, own.high + 1):
-                    found.update(dict.fromkeys(place for place, _ in _sounding(version, own, note)))
-                    found.update(dict.fromkeys(p for p, _ in _released(version, own, note)))
-            elif isinstance(own, Hear):
-                found.update(dict.fromkeys(place for place, _ in struck_once(version, own)))
-                found.update(dict.fromkeys(place for place, _ in dampers(version, own)))
+            if isinstance(mapped, MapNotes):
+                for note in range(mapped.low, mapped.high + 1):
+                    places.update(
+                        dict.fromkeys(place for place, _ in _sounding(version, mapped, note))
+                    )
+                    places.update(dict.fromkeys(p for p, _ in _released(version, mapped, note)))
+            elif isinstance(mapped, Hear):
+                places.update(dict.fromkeys(place for place, _ in struck_once(version, mapped)))
+                places.update(dict.fromkeys(place for place, _ in dampers(version, mapped)))
     return [
         (part, module, member, place_number((part, module, member)))
-        for part, module, member in found
+        for part, module, member in places
     ]
 
 
@@ -106,12 +108,12 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
         return _acts(piece, hear.target, 0)
     middle = number(_note_of(members[len(members) // 2]))
     notes = hear.notes or (() if middle is None else (middle,))
-    found = [(note, _acts(piece, hear.target, note)) for note in notes]
-    for note, acts in found:
+    struck = [(note, _acts(piece, hear.target, note)) for note in notes]
+    for note, acts in struck:
         if not acts:
             ends = f"{_note_of(members[0])} to {_note_of(members[-1])}"
             raise NotTakenError(f"{name} has no note {note}; its notes are {ends}")
-    return [act for _, acts in found for act in acts]
+    return [act for _, acts in struck for act in acts]
 
 
 def _is_act(piece: Piece, path: str) -> bool:
@@ -258,10 +260,10 @@ def _members(target: Target, text: str) -> list[Place]:
 def _check_target(piece: Piece, text: str) -> Target:
     collector = Collector()
     parts = {
-        name: Part(name, {module.name: module for module in own.modules})
-        for name, own in piece.instruments.items()
+        name: Part(name, {module.name: module for module in instrument.modules})
+        for name, instrument in piece.instruments.items()
     }
-    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
-    if found is None:
+    target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
+    if target is None:
         raise NotTakenError(collector.finish()[0].message)
-    return found
+    return target

@@ -22,20 +22,20 @@ def next_beginning(piece: Piece, name: str, after: float) -> float:
     round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
     """
     coming = [_next(beats, after) for beats in _beginnings(piece, name, after)]
-    found = [beat for beat in coming if beat is not None]
-    if not found:
+    begins = [beat for beat in coming if beat is not None]
+    if not begins:
         where = piece.tempo_map.written(after)
         raise NotTakenError(f"{name} does not begin again after {where}: nothing to wait for")
-    return min(found)
+    return min(begins)
 
 
 def _beginnings(piece: Piece, name: str, after: float) -> Iterator[Sequence[float]]:
     """Rising beats on which the strikes or the player of a name begin."""
     strikes = named(piece, name)
-    if any(own.rate is not None for own in strikes):
+    if any(voice.rate is not None for voice in strikes):
         raise NotTakenError(f"{name} strikes by chance: there is no beat to wait for")
-    for own in strikes:
-        yield _strikes_beginnings(piece, own, after)
+    for voice in strikes:
+        yield _strikes_beginnings(piece, voice, after)
     for play, starts in zip(piece.parts, piece.starts, strict=True):
         if play.player == name and starts:
             yield _rounds(starts, after) if isinstance(starts, Steps) else starts

@@ -43,18 +43,20 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     there = {section: _entries(scene.texts, section) for section in _SECTIONS}
     here = {section: _entries(texts, section).keys() for section in _SECTIONS}
     lacks = {
-        section: {n: own for n, own in there[section].items() if n not in (*here[section], *known)}
+        section: {
+            n: entry for n, entry in there[section].items() if n not in (*here[section], *known)
+        }
         for section in _SECTIONS
     }
     names = _with_parts_of(lacking, lacks)
-    made = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
-    made = _with_files(made, scene)
+    texts_now = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
+    texts_now = _with_files(texts_now, scene)
     for section in _SECTIONS:
-        for name, own in lacks[section].items():
+        for name, entry in lacks[section].items():
             if name in names:
-                made = made.put((section, name), edit.flow(own))
-    made = _with_links(made, piece, scene, needed)
-    return _routed(made, piece, scene, names)
+                texts_now = texts_now.put((section, name), edit.flow(entry))
+    texts_now = _with_links(texts_now, piece, scene, needed)
+    return _routed(texts_now, piece, scene, names)
 
 
 def _played(piece: Piece) -> set[str]:
@@ -63,7 +65,7 @@ def _played(piece: Piece) -> set[str]:
     players = {play.player for play in piece.parts}
     keys = {piece.players[name].key for name in players}
     struck = {part for strikes in piece.strikes for part in strikes.parts}
-    led = {name.partition(".")[0] for name in (one.name for one in piece.automation)}
+    led = {name.partition(".")[0] for name in (row.name for row in piece.automation)}
     touched = {
         part.name
         for part in piece.instruments.values()
@@ -89,64 +91,66 @@ def _check_keys(piece: Piece, scene: Scene, lacking: Iterable[str]) -> None:
 
 
 def _entries(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
-    said = edit.tree(texts.section(section))
-    return said if isinstance(said, dict) else {}
+    tree = edit.tree(texts.section(section))
+    return tree if isinstance(tree, dict) else {}
 
 
 def _with_parts_of(names: set[str], lacks: Mapping[str, Mapping[str, edit.Tree]]) -> set[str]:
     """Names with all that their entries name and that is lacking too."""
-    entries = {name: own for section in lacks.values() for name, own in section.items()}
-    waits, found = [*names], set(names)
+    entries = {name: entry for section in lacks.values() for name, entry in section.items()}
+    waits, all_names = [*names], set(names)
     while waits:
-        more = {*_words(entries.get(waits.pop()))} & entries.keys() - found
-        found |= more
+        more = {*_words(entries.get(waits.pop()))} & entries.keys() - all_names
+        all_names |= more
         waits += more
-    return found
+    return all_names
 
 
-def _words(said: edit.Tree) -> Iterator[str]:
+def _words(value_tree: edit.Tree) -> Iterator[str]:
     """The names in the texts of a value."""
-    if isinstance(said, dict):
-        for name, value in said.items():
+    if isinstance(value_tree, dict):
+        for name, value in value_tree.items():
             yield name
             yield from _words(value)
-    elif isinstance(said, list):
-        for value in said:
+    elif isinstance(value_tree, list):
+        for value in value_tree:
             yield from _words(value)
-    elif said is not None:
-        yield from _NAME.findall(said)
+    elif value_tree is not None:
+        yield from _NAME.findall(value_tree)
 
 
 def _with_files(texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
-    own, there = _used(texts), _used(scene.texts)
-    new = [used for used in there if used not in own]
-    prefixes = {used.prefix for used in own if used.prefix}
+    used_here, there = _used(texts), _used(scene.texts)
+    new = [used for used in there if used not in used_here]
+    prefixes = {used.prefix for used in used_here if used.prefix}
     if taken := next((used for used in new if used.prefix in prefixes), None):
         message = f"the scene uses {taken.file} as {taken.prefix}, which is another file here"
         raise EditError(message)
     if not new:
         return texts
-    if all(used.prefix for used in (*own, *new)):
+    if all(used.prefix for used in (*used_here, *new)):
         for used in new:
             texts = texts.put(("use", used.prefix), edit.quoted(used.file))
         return texts
     rows: list[edit.Tree] = [
-        {used.prefix: used.file} if used.prefix else used.file for used in (*own, *new)
+        {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new)
     ]
     return texts.put(("use",), edit.flow(rows))
 
 
 def _used(texts: Texts) -> list[_Used]:
     """The files that a score uses."""
-    found = []
+    used_files = []
     for node in items(texts, "use"):
-        said = edit.tree(node)
-        if isinstance(said, dict):
-            found += [_Used(prefix, file) for prefix, file in said.items() if isinstance(file, str)]
-        elif isinstance(said, str):
-            found.append(_Used("", said))
-    return found
+        row = edit.tree(node)
+        if isinstance(row, dict):
+            used_files += [
+                _Used(prefix, file) for prefix, file in row.items() if isinstance(file, str)
+            ]
+        elif isinstance(row, str):
+            used_files.append(_Used("", row))
+    return used_files
 
 
 def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> Texts:
@@ -154,10 +158,10 @@ def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> T
     scene plays.
     """
     for name, part in scene.piece.instruments.items():
-        own = piece.instruments.get(name)
-        if own is None:
+        part_here = piece.instruments.get(name)
+        if part_here is None:
             continue
-        known = {module.name for module in own.modules}
+        known = {module.name for module in part_here.modules}
         written = _entries(scene.texts, "instruments").get(name)
         modules = written.get("modules") if isinstance(written, dict) else None
         for module in part.modules:

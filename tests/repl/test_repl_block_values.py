@@ -36,7 +36,7 @@ def session(tmp_path):
 
 def _times(session):
     piece = session.session.schedule.head.piece
-    return {own.name: own.times for own in piece.strikes}
+    return {strikes.name: strikes.times for strikes in piece.strikes}
 
 
 def _is_replayed(session):
@@ -92,7 +92,7 @@ def test_tick_counts_the_runs_of_a_rule(session):
     with closing(Stepped.resumed(session.journal)) as resumed:
         resumed.ok("play")
         resumed.run(1.5)
-        lines = [one.line for one in resumed.session.schedule.waiting]
+        lines = [waiting_line.line for waiting_line in resumed.session.schedule.waiting]
         assert lines == ["run turn tick=8"]
 
 

@@ -199,7 +199,7 @@ def test_what_cannot_be_heard_is_refused(session, line, why):
 
 def test_words_of_hear_are_completed(session):
     def offers(line):
-        return {one.text for one in session.session.complete(line, len(line))}
+        return {offer.text for offer in session.session.complete(line, len(line))}
 
     assert {"drum", "bar", "bell"} <= offers("hear ")
     assert {"drum.click", "drum.rim"} <= offers("hear drum.")
@@ -208,9 +208,9 @@ def test_words_of_hear_are_completed(session):
 
 def test_what_is_heard_live_is_what_its_journal_renders(tmp_path):
     """Over the real engine, where a version and a stroke are on their way at once."""
-    heard = tmp_path / "heard.wav"
+    sound_file = tmp_path / "sound_file.wav"
     port = ProcessPort()
-    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+    with closing(session_on(tmp_path, f"clock:{sound_file}")) as session:
         port.listen(session.midi.receive)
         for line in ("hear bell.m 1mNs", "play", "map bend bell.m.K 300N/m..900N/m now"):
             assert session.submit(line).taken
@@ -234,6 +234,6 @@ def test_what_is_heard_live_is_what_its_journal_renders(tmp_path):
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
     assert sum(row["event"] == "strike" for row in rows) == 9
-    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    played, _ = soundfile.read(sound_file, dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
     assert check_heard(played, again, troubles).equal > 22_050

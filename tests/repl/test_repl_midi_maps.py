@@ -135,7 +135,7 @@ def test_a_note_lets_a_player_play_a_gesture(played):
     _send(session, port, [0x90, 38, 100])
     session.run(0.5)
     playing = session.session.schedule.running.stage.gestures
-    assert [one.name for one in playing if one.start > 1.05][:1] == ["knock"]
+    assert [gesture.name for gesture in playing if gesture.start > 1.05][:1] == ["knock"]
     assert "ada plays knock now" in session.ok("history").lines[-1]
     assert np.abs(session.sound[-int(0.5 * session.rate) :]).max() > 1e-9
     session.ok("rename knock tap now")
@@ -217,10 +217,10 @@ def test_monitor_of_a_flood_prints_some_lines_and_counts_the_rest(played):
             port.send(bytes([0x90, 60, 1 + value]))
         session.run(0.02)
     session.run(1.0)
-    said = session.session.messages()
-    assert 10 <= len(said) <= 50  # of 3,000 messages in a second
-    rest = [line for line in said if " more: " in line]
-    assert sum(int(line.split()[1].replace(",", "")) for line in rest) == 3000 - len(said) + len(
+    printed = session.session.messages()
+    assert 10 <= len(printed) <= 50  # of 3,000 messages in a second
+    rest = [line for line in printed if " more: " in line]
+    assert sum(int(line.split()[1].replace(",", "")) for line in rest) == 3000 - len(printed) + len(
         rest
     )
     assert all("cc 22 (" in line and "note 60 (" in line for line in rest)
@@ -293,7 +293,7 @@ def test_what_moves_is_completed(played):
     session, _ = played
 
     def offers(line):
-        return {one.text for one in session.session.complete(line, len(line))}
+        return {offer.text for offer in session.session.complete(line, len(line))}
 
     assert {"cc", "bend", "pressure", "learn", "note"} <= offers("map ")
     assert offers("map cc ") == {"21"}

@@ -34,7 +34,7 @@ def _folder(path: Path, name: str, score: str) -> Stepped:
     return Stepped(score, folder)
 
 
-def _kept(path: Path, lines: tuple[str, str]) -> tuple[Path, np.ndarray]:
+def _keep_verse(path: Path, lines: tuple[str, str]) -> tuple[Path, np.ndarray]:
     """The folder of a session in which bars 3 and 4 were kept as `verse`, and their sound."""
     with closing(_folder(path, "first", SCORE)) as first:
         first.ok("play")
@@ -52,10 +52,10 @@ def _kept(path: Path, lines: tuple[str, str]) -> tuple[Path, np.ndarray]:
 def _brought(path: Path, folder: Path) -> tuple[Stepped, np.ndarray]:
     """Another session of the score, after `scene verse`, and the sound of its first round."""
     second = _folder(path, "second", SCORE)
-    for found in folder.iterdir():
-        if found.name not in ("score.yaml", "session.jsonl"):
-            copy = shutil.copytree if found.is_dir() else shutil.copy
-            copy(found, path / "second" / found.name)
+    for file in folder.iterdir():
+        if file.name not in ("score.yaml", "session.jsonl"):
+            copy = shutil.copytree if file.is_dir() else shutil.copy
+            copy(file, path / "second" / file.name)
     second.ok("play")
     second.run(0.3)
     assert second.ok("scene verse").text == "ok 2|1 verse, from its beginning, again and again"
@@ -86,13 +86,13 @@ def _brought(path: Path, folder: Path) -> tuple[Stepped, np.ndarray]:
     ],
 )
 def test_a_scene_brings_what_it_is_played_on(tmp_path, lines):
-    folder, kept = _kept(tmp_path, lines)
+    folder, verse = _keep_verse(tmp_path, lines)
     second, again = _brought(tmp_path, folder)
     with closing(second):
-        scale = np.abs(kept).max()
+        scale = np.abs(verse).max()
         assert scale > 1e-6
         # Both begin at rest, so that the same matter sounds the same, but for rounding.
-        assert np.abs(kept - again).max() < 1e-6 * scale
+        assert np.abs(verse - again).max() < 1e-6 * scale
         second.ok("save later")
         assert opened(str(tmp_path / "second" / "later.yaml"))
         second.ok("undo")
@@ -112,14 +112,14 @@ def test_a_scene_brings_what_it_is_played_on(tmp_path, lines):
 
 
 def test_a_scene_that_lacks_nothing_brings_nothing(tmp_path):
-    folder, _ = _kept(tmp_path, ("bell2 = bell transpose 7st", "leo plays lean every 2"))
+    folder, _ = _keep_verse(tmp_path, ("bell2 = bell transpose 7st", "leo plays lean every 2"))
     second, _ = _brought(tmp_path, folder)
     with closing(second):
         assert "bell2" not in second.session.schedule.head.piece.instruments
 
 
 def test_a_scene_whose_prefix_is_another_file_here_is_refused(tmp_path):
-    folder, _ = _kept(tmp_path, ("use kit/mine.yaml", "d1 strikes plink f every 1"))
+    folder, _ = _keep_verse(tmp_path, ("use kit/mine.yaml", "d1 strikes plink f every 1"))
     with closing(_folder(tmp_path, "second", SCORE)) as second:
         shutil.copytree(folder / "kit", tmp_path / "second" / "kit")
         shutil.copy(folder / "verse.yaml", tmp_path / "second")
@@ -132,11 +132,11 @@ def test_a_scene_whose_prefix_is_another_file_here_is_refused(tmp_path):
 
 
 def test_from_one_scene_to_another_both_bring_their_matter(tmp_path):
-    folder, _ = _kept(
+    folder, _ = _keep_verse(
         tmp_path, ("bell2 = bell transpose 7st", "d1 strikes bell2.m every 1 impulse 1mNs")
     )
     (tmp_path / "other").mkdir()
-    other, _ = _kept(
+    other, _ = _keep_verse(
         tmp_path / "other", ("low = drum f=60Hz", "d1 strikes low.m every 1 impulse 1mNs")
     )
     shutil.copy(other / "verse.yaml", folder / "refrain.yaml")

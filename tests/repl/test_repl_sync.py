@@ -118,6 +118,6 @@ def test_what_cannot_be_waited_for_is_refused(session, line, why):
 
 def test_names_after_sync_are_completed(session):
     session.ok("rain strikes low rate 3Hz")
-    offered = {one.text for one in session.session.complete("hush sync ", 10)}
+    offered = {offer.text for offer in session.session.complete("hush sync ", 10)}
     assert offered == {"rain", "ada"}
-    assert "sync" in {one.text for one in session.session.complete("hush ", 5)}
+    assert "sync" in {offer.text for offer in session.session.complete("hush ", 5)}
