@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from ergon._core import StoppedError
 from ergon.live.display import SILENT_PEAK, decibels_of
@@ -15,15 +14,10 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import overview, verb_help
-from ergon.repl.session import (
-    bars,
-    computing,
-    files,
-    inspection,
-    listings,
-    midi_maps,
-    version_edits,
-)
+from ergon.repl.session import bars, computing, files, inspection, listings, version_edits
+from ergon.repl.session import midi_commands as midi_commands
+from ergon.repl.session.command_table import SESSION_COMMANDS as SESSION_COMMANDS
+from ergon.repl.session.command_table import executes
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
 from ergon.repl.session.scene_edits import scene_of
@@ -41,22 +35,8 @@ _TAP_BPM = (30.0, 300.0)  # of a hand that beats time; a slip is no tempo
 _TAPS_MAX = 8  # only the latest taps count
 _SHOWN_MAX = 1000  # characters of what `py` gives
 
-_Act = TypeVar("_Act", bound=Callable[..., Reply])
 
-# The function of each command. A new verb needs a row in `language/verbs`, its values, and a
-# function here or in `version_edits`.
-SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
-
-
-def _executes(kind: type[c.Command]) -> Callable[[_Act], _Act]:
-    def known(act: _Act) -> _Act:
-        SESSION_COMMANDS[kind] = act
-        return act
-
-    return known
-
-
-@_executes(c.Play)
+@executes(c.Play)
 def _play(session: SessionCore, command: c.Play) -> Reply:
     clock, tempo = session.schedule.running.clock, session.schedule.head.piece.tempo_map
     if command.start is None and clock.is_running:
@@ -86,14 +66,14 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
     return Reply(True, f"ok from {where}")
 
 
-@_executes(c.Hear)
+@executes(c.Hear)
 def _hear(session: SessionCore, command: c.Hear) -> Reply:
     if session.stops.panicked:
         raise NotTakenError("a panic is active: type `release`, then `hear` again")
     return Reply(True, f"ok {session.hearing.hear(command)}")
 
 
-@_executes(c.Stop)
+@executes(c.Stop)
 def _stop(session: SessionCore, command: c.Stop) -> Reply:
     is_starting = any(one.sets_running for one in session.schedule.waiting)
     if not (session.schedule.running.clock.is_running or is_starting):
@@ -106,13 +86,13 @@ def _stop(session: SessionCore, command: c.Stop) -> Reply:
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
-@_executes(c.Panic)
+@executes(c.Panic)
 def _panic(session: SessionCore, command: c.Panic) -> Reply:
     session.stops.panic_in_turn()
     return Reply(True, "")
 
 
-@_executes(c.Release)
+@executes(c.Release)
 def _release(session: SessionCore, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
         raise NotTakenError("no panic is active, and no force is off")
@@ -122,14 +102,14 @@ def _release(session: SessionCore, command: c.Release) -> Reply:
     return Reply(True, "ok")
 
 
-@_executes(c.Quant)
+@executes(c.Quant)
 def _quant(session: SessionCore, command: c.Quant) -> Reply:
     session.quant = None if isinstance(command.grid, c.Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
 
 
-@_executes(c.Tap)
+@executes(c.Tap)
 def _tap(session: SessionCore, command: c.Tap) -> Reply:
     now = time.monotonic()
     taps = session.taps
@@ -149,12 +129,12 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
     return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
-@_executes(c.Undo)
+@executes(c.Undo)
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
     return _back_by(session, command, 1, "undo", "this is the first version")
 
 
-@_executes(c.Back)
+@executes(c.Back)
 def _back(session: SessionCore, command: c.Back) -> Reply:
     line = f"back {command.count}"
     return _back_by(session, command, command.count, line, "there are fewer versions than that")
@@ -185,7 +165,7 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
     return _restore(session, command, target, line)
 
 
-@_executes(c.Redo)
+@executes(c.Redo)
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
     history, schedule = session.history, session.schedule
     if history.index + 1 < len(history.numbers):
@@ -217,7 +197,7 @@ def _restore(session: SessionCore, command: c.Command, index: int, line: str) ->
     return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
-@_executes(c.History)
+@executes(c.History)
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, number in enumerate(session.history.numbers):
@@ -229,7 +209,7 @@ def _history(session: SessionCore, command: c.History) -> Reply:
     return Reply(True, "", lines=tuple(rows))
 
 
-@_executes(c.Help)
+@executes(c.Help)
 def _help(session: SessionCore, command: c.Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else verb_help(command.verb))
 
@@ -239,7 +219,7 @@ def _inspection_arguments(schedule: Schedule, name: str) -> tuple[Version, str, 
     return schedule.head, name, schedule.running.version.piece, schedule.beat_now()
 
 
-@_executes(c.Show)
+@executes(c.Show)
 def _show(session: SessionCore, command: c.Show) -> Reply:
     schedule = session.schedule
     if command.name is not None:
@@ -256,7 +236,7 @@ def _show(session: SessionCore, command: c.Show) -> Reply:
     )
 
 
-@_executes(c.ListInstruments)
+@executes(c.ListInstruments)
 def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply:
     head = session.schedule.head
     if command.family is None:
@@ -265,18 +245,18 @@ def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply
     return Reply(True, "", lines=tuple(rows))
 
 
-@_executes(c.ListGestures)
+@executes(c.ListGestures)
 def _list_gestures(session: SessionCore, command: c.ListGestures) -> Reply:
     return Reply(True, "", lines=tuple(listings.gesture_lines(session.schedule.head.piece)))
 
 
-@_executes(c.ListScenes)
+@executes(c.ListScenes)
 def _list_scenes(session: SessionCore, command: c.ListScenes) -> Reply:
     with session.computing.limited(computing.FILES_STEPS):
         return Reply(True, "", lines=tuple(listings.scene_lines(session.schedule.head.texts)))
 
 
-@_executes(c.Look)
+@executes(c.Look)
 def _look(session: SessionCore, command: c.Look) -> Reply:
     schedule = session.schedule
     if command.name is None:
@@ -292,7 +272,7 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
         )
 
 
-@_executes(c.Trace)
+@executes(c.Trace)
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.limited(computing.LINE_STEPS):
         lines = inspection.draw_trace(
@@ -305,7 +285,7 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
     return Reply(True, "", lines=tuple(lines))
 
 
-@_executes(c.TraceOn)
+@executes(c.TraceOn)
 def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
     if command.name is not None:
         _scope(session, c.Trace(command.name))  # refuses what cannot be drawn
@@ -314,7 +294,7 @@ def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
     return Reply(True, "ok")
 
 
-@_executes(c.Meters)
+@executes(c.Meters)
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
     peaks = session.schedule.engine.status().peaks
     shown = [
@@ -326,37 +306,7 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
-@_executes(c.Maps)
-def _maps(session: SessionCore, command: c.Maps) -> Reply:
-    maps = midi_maps.player_maps(session.schedule.head.maps).values()
-    lines = tuple(own.line.removeprefix("map ") for own in maps)
-    if (unmapped := session.midi.monitor.unmapped_line()) is not None:
-        lines = (*lines, unmapped)
-    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
-
-
-@_executes(c.Learn)
-def _learn(session: SessionCore, command: c.Learn) -> Reply:
-    text = session.midi.learn(command.map)
-    return Reply(True, f"ok {text}{'' if command.map is None else _without_input(session)}")
-
-
-@_executes(c.Monitor)
-def _monitor(session: SessionCore, command: c.Monitor) -> Reply:
-    session.midi.monitor.is_on = command.is_on
-    if not command.is_on:
-        return Reply(True, "ok")
-    more = "MIDI is printed as it comes; `monitor off` ends it"
-    return Reply(True, f"ok {more}{_without_input(session)}")
-
-
-def _without_input(session: SessionCore) -> str:
-    """What a reply adds where no MIDI can come."""
-    none = "; no MIDI input is open: start ergon with --midi PORT"
-    return "" if session.midi.inputs else none
-
-
-@_executes(c.Save)
+@executes(c.Save)
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
@@ -364,7 +314,7 @@ def _save(session: SessionCore, command: c.Save) -> Reply:
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@_executes(c.Record)
+@executes(c.Record)
 def _record(session: SessionCore, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.schedule.real:
         raise NotTakenError(
@@ -383,14 +333,14 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
     )
 
 
-@_executes(c.RecordOff)
+@executes(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
     own = session.captures.end(session.schedule.frame_of(beat))
     return Reply(True, f"ok {session.position_text(beat)} take {own.name} ends")
 
 
-@_executes(c.RecordAudio)
+@executes(c.RecordAudio)
 def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
     engine = session.schedule.engine
     if command.file is None:
@@ -400,14 +350,14 @@ def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
     return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
 
-@_executes(c.Keep)
+@executes(c.Keep)
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
     written = files.write_last_bars(session, command.length, command.name)
     scene_of(session.schedule.head.texts, command.name)  # so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@_executes(c.Py)
+@executes(c.Py)
 def _py(session: SessionCore, command: c.Py) -> Reply:
     """Evaluate an expression of the user; an error in it is reported as theirs."""
     scope: dict[str, Any] = {
@@ -426,6 +376,6 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
         raise NotTakenError(f"your Python raised {said[:_SHOWN_MAX]}") from None
 
 
-@_executes(c.Quit)
+@executes(c.Quit)
 def _quit(session: SessionCore, command: c.Quit) -> Reply:
     return Reply(True, "bye", leaves=True)

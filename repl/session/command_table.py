@@ -1,0 +1,29 @@
+"""The table of commands that make no new version: for each, the function that does it.
+
+A module adds its functions by a decorator; `session_commands` imports all such modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from ergon.repl.language import commands as c
+    from ergon.repl.session.core import SessionCore
+    from ergon.repl.session_protocol import Reply
+
+_Act = TypeVar("_Act", bound="Callable[..., Reply]")
+
+# A new verb needs a row in `language/verbs`, its values, and a function here or in `edit_table`.
+SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
+
+
+def executes(kind: type[c.Command]) -> Callable[[_Act], _Act]:
+    """Decorate the function that does a command."""
+
+    def known(act: _Act) -> _Act:
+        SESSION_COMMANDS[kind] = act
+        return act
+
+    return known

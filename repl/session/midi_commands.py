@@ -1,0 +1,43 @@
+"""Commands about MIDI that make no new version: maps listed, maps learnt, messages printed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ergon.repl.language import commands as c
+from ergon.repl.session import midi_maps
+from ergon.repl.session.command_table import executes
+from ergon.repl.session_protocol import Reply
+
+if TYPE_CHECKING:
+    from ergon.repl.session.core import SessionCore
+
+
+@executes(c.Maps)
+def _maps(session: SessionCore, command: c.Maps) -> Reply:
+    maps = midi_maps.player_maps(session.schedule.head.maps).values()
+    lines = tuple(own.line.removeprefix("map ") for own in maps)
+    if (unmapped := session.midi.monitor.unmapped_line()) is not None:
+        lines = (*lines, unmapped)
+    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+
+
+@executes(c.Learn)
+def _learn(session: SessionCore, command: c.Learn) -> Reply:
+    text = session.midi.learn(command.map)
+    return Reply(True, f"ok {text}{'' if command.map is None else _without_input(session)}")
+
+
+@executes(c.Monitor)
+def _monitor(session: SessionCore, command: c.Monitor) -> Reply:
+    session.midi.monitor.is_on = command.is_on
+    if not command.is_on:
+        return Reply(True, "ok")
+    more = "MIDI is printed as it comes; `monitor off` ends it"
+    return Reply(True, f"ok {more}{_without_input(session)}")
+
+
+def _without_input(session: SessionCore) -> str:
+    """What a reply adds where no MIDI can come."""
+    none = "; no MIDI input is open: start ergon with --midi PORT"
+    return "" if session.midi.inputs else none
