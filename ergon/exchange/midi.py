@@ -115,7 +115,11 @@ def _tempos(
             exact = micros / n_quarters
             better = math.floor(exact) if error > 0 else math.ceil(exact)
             if not 1 <= better <= _TEMPO_MAX:
-                raise ValueError(f"MIDI cannot represent the tempo at beat {beat:g}")
+                raise ValueError(
+                    f"MIDI cannot represent the tempo at beat {beat:g}: a quarter note lasts "
+                    f"{exact / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
+                    f"{_TEMPO_MAX / 1e6:.5g} s ({60e6 / _TEMPO_MAX:.3g} quarters a minute)"
+                )
             if better != tempo:
                 tempo = better
                 events.append((beat, tempo))

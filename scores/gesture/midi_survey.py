@@ -20,6 +20,7 @@ from ergon.scores.gesture.midi_bytes import MidiEvent
 from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
 from ergon.scores.gesture.take_file import TakeError
 
+MAX_CHANGES = 100_000  # tempos, or meters, that a score takes over
 QUARTER = 500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
 _MINUTE = 60e6  # [us]
 _LARGEST_UNIT = 6  # a power of two: 1/64
@@ -160,11 +161,18 @@ def _latest(changes: Iterable[tuple[int, _Value]]) -> list[tuple[int, _Value]]:
     return [*dict(sorted(changes, key=lambda change: change[0])).items()]
 
 
-def tempos_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, float], ...]:
+def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
     """The tempos of a file: quarter notes from the beginning, and quarters a minute. Raises
     TakeError.
     """
-    result = []
+    survey(path)  # reports a file that cannot be read
+    return _tempos(path, state_of(path))
+
+
+@lru_cache(8)
+def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
+    file, result = _survey(path, state), []
+    _check_count(len(file.tempos), "tempos", path)
     first = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
     for quarter, micros in (*first, *file.tempos):
         if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
@@ -177,13 +185,22 @@ def tempos_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, float], ...]:
     return tuple(result)
 
 
-def meters_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, Meter], ...]:
+def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
     """The meters of a file: quarter notes from the beginning, and a meter. Raises TakeError for a
     meter that no score has, and for one that does not begin on a bar line.
     """
-    bars, result = Bars(), []
+    survey(path)  # reports a file that cannot be read
+    return _meters(path, state_of(path))
+
+
+@lru_cache(8)
+def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
+    file, bars, result = _survey(path, state), Bars(), []
+    _check_count(len(file.meters), "meters", path)
+    last_quarter, last_beat = 0.0, 0.0
     for quarter, count, power in file.meters:
-        beat = bars.after_quarters(0.0, quarter)
+        beat = bars.after_quarters(last_beat, quarter - last_quarter)
+        last_quarter, last_beat = quarter, beat
         try:
             if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
                 raise TextError(f"no score has a meter {count}/2^{power}")
@@ -194,6 +211,11 @@ def meters_of(file: MidiSurvey, path: Path) -> tuple[tuple[float, Meter], ...]:
             raise TakeError(message, path) from None
         result.append((quarter, meter))
     return tuple(result)
+
+
+def _check_count(count: int, noun: str, path: Path) -> None:
+    if count > MAX_CHANGES:
+        raise TakeError(f"it has more than {MAX_CHANGES:,} {noun}", path)
 
 
 def passed_over(

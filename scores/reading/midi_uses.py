@@ -60,7 +60,7 @@ class MidiUses:
         use.has_wheel |= has_lengths and take["bend"] is not None
 
     def times(
-        self, values: Values, read: Callable[[MidiSurvey, Path], _Times], *, is_tempo: bool
+        self, values: Values, read: Callable[[Path], _Times], *, is_tempo: bool
     ) -> _Times | None:
         """The tempos or the meters of the file that `from` names, as `read` makes them; None if an
         error was reported.
@@ -76,7 +76,7 @@ class MidiUses:
         use.has_tempo |= is_tempo
         use.has_meter |= not is_tempo
         try:
-            return read(survey(path), path)
+            return read(path)
         except TakeError as error:
             values.error("E310", f"{who}{error.message}", "from")
         return None

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+import midi_files
 import pytest
 from commands import ERGON
 from lsprotocol import types as t
@@ -208,6 +209,21 @@ def test_what_is_under_the_cursor_is_explained(session):
         assert "contact" in await editor.hovered("{BU")
 
     session(SCORE, act)
+
+
+def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
+    midi_files.save(tmp_path / "tune.mid", [midi_files.meter(0, 6, 8)], midi_files.note(0))
+    text = "ergon: 1\ntempo: {from: tune.mid}\nmeter: {from: tune.mid}\n"
+
+    async def act(editor: Editor) -> None:
+        [note] = await editor.diagnostics(bool)
+        assert (note.code, note.severity) == ("N404", t.DiagnosticSeverity.Information)
+        assert note.message.startswith("tune.mid: 1 note of channel 1 is passed over")
+        assert "a MIDI file whose tempos hold" in await editor.hovered("tempo: {fr")
+        assert "a MIDI file whose meters hold" in await editor.hovered("meter: {fr")
+        assert "from" in await editor.completed("meter: {")
+
+    session(text, act)
 
 
 def test_definitions_are_found_in_the_score_and_in_what_it_uses(session, tmp_path: Path):

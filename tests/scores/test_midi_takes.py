@@ -1,5 +1,6 @@
 """MIDI files as takes: their notes are strikes, or press a key; damaged files are refused."""
 
+import contextlib
 import random
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from ergon.notation.clock.meter import Bars, Meter
-from ergon.scores.gesture import midi_file
+from ergon.scores.gesture import midi_file, midi_survey
 from ergon.scores.gesture.midi_file import MidiNote, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.load import Loaded, load
@@ -367,6 +368,12 @@ def test_hostile_bytes_give_notes_or_a_report(tmp_path, seed):
         else:
             data = bytearray(track(draw.randbytes(draw.randrange(200))))
         path.write_bytes(data)
+        with contextlib.suppress(TakeError):
+            held = midi_survey._survey.__wrapped__(path, ())
+            assert held.length >= 0.0
+            assert 0.0 <= held.seconds(held.length) < 1e12
+            counts = [count for each in held.tracks for count in each.notes.values()]
+            assert all(0 <= count.low <= count.high < 128 for count in counts)
         try:
             found = midi_file._read.__wrapped__(path, None, ())
         except TakeError:

@@ -131,6 +131,7 @@ class TempoMap:
         self._quarters: float | None = None  # quarters a minute, while a file says the tempo
         self.placed: list[tuple[float, Entry]] = []  # all changes, each with its beat
         latest = 0.0
+        self._meter_quarter, self._meter_beat = 0.0, 0.0  # where the file's last meter began
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
         for i, entry in enumerate(entries):
             self._take_over(tempos, meters, entry.at)
@@ -160,7 +161,7 @@ class TempoMap:
         """Place what a file says up to a position; the last items of the lists come first."""
         while tempos or meters:
             quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
-            beat = self.bars.after_quarters(0.0, quarter)
+            beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
             if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
                 return
             if meters and meters[-1][0] == quarter:
@@ -171,6 +172,7 @@ class TempoMap:
                         f"{message}write the length in beats", self._ramp_entry, "over"
                     )
                 self.bars.change(beat, meter)
+                self._meter_quarter, self._meter_beat = quarter, beat
                 self.placed.append((beat, Entry(Position(), meter=meter)))
             if tempos and tempos[-1][0] == quarter:
                 _, self._quarters = tempos.pop()
