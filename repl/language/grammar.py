@@ -107,9 +107,8 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
-    is_rule = any(is_misspelt(second, verb) for verb in verbs.SUBJECT_VERBS)
-    if first in scope.blocks and not is_rule:  # what else follows are its values
-        return "run", words
+    if first in scope.blocks and not _is_near_subject_verb(second):
+        return "run", words  # what else follows are its values
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
     is_played = first in scope.gestures or first in scope.takes
@@ -122,6 +121,10 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     if len(some) == 1 and not (is_player and first != some[0]):
         return some[0], words[1:]
     raise _unknown_verb(words, some, scope)
+
+
+def _is_near_subject_verb(word: str) -> bool:
+    return any(is_misspelt(word, verb) for verb in verbs.SUBJECT_VERBS)
 
 
 def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextError:
