@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ergon._core import exp, ln
+from ergon._core import exp, ln, poll
 from ergon.notation.clock.meter import SAME, Bars, Meter
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.errors import TextError
@@ -160,6 +160,7 @@ class TempoMap:
     ) -> None:
         """Place what a file says up to a position; the last items of the lists come first."""
         while tempos or meters:
+            poll()
             quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
             beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
             if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
