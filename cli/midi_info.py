@@ -61,8 +61,8 @@ def midi(console: Console, path: Path) -> None:
     for number, track in enumerate(file.tracks, 1):
         name = f" {track.name}" if track.name else ""
         lines.append(f"  track {number}{name}: {_notes(track)}")
-    said = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
-    lines.append(f"  tempo: {_changes(said, '120 bpm, for the file says none')}")
+    words = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
+    lines.append(f"  tempo: {_changes(words, '120 bpm, for the file says none')}")
     lines.append(f"  meter: {_changes(meters, '4/4, for the file says none')}")
     lines.append(f"  understood: {', '.join(played) or 'nothing'}")
     lines.append(f"  passed over: {', '.join(left_out) or 'nothing'}")

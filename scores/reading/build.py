@@ -387,8 +387,8 @@ def _unresolved(name: Any) -> Target:
 def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
     """A line of `tempo:`, with the tempos of the file that it names."""
     bpm, end = values["bpm"] or (None, None)
-    at, over, meter = values["at"] or START, values["over"], values["meter"]
-    return TempoEntry(at, bpm, end, over, meter, values.node.place, tempos)
+    place, over, meter = values.node.place, values["over"], values["meter"]
+    return TempoEntry(values["at"] or START, bpm, end, over, meter, place, tempos)
 
 
 def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:

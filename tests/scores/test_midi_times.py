@@ -246,9 +246,9 @@ def test_bars_kept_as_score_have_tempos_of_file(tmp_path, seed):
     texts = Texts.read(tmp_path / "s.yaml")
     before = texts.load().piece
     start, stop = (before.tempo_map.bars.start(bar) for bar in (2, 5))
-    kept = keep(texts, before, "cut", start, stop)
-    assert "from: tune.mid" not in kept.text
-    after = kept.load().piece
+    cut = keep(texts, before, "cut", start, stop)
+    assert "from: tune.mid" not in cut.text
+    after = cut.load().piece
     for beats in np.linspace(0.0, stop - start, 25):
         old = before.tempo_map.seconds(start + beats) - before.tempo_map.seconds(start)
         assert after.tempo_map.seconds(beats) == pytest.approx(old, abs=1e-9)

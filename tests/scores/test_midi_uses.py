@@ -1,4 +1,4 @@
-"""What of a MIDI file is played, how long, and what is passed over and told."""
+"""What of a MIDI file is played, how long, and what is passed over and reported."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ players: {p: {key: k}}
 """
 
 
-def said(folder: Path, text: str, code: str) -> list[tuple[int, str]]:
+def reports(folder: Path, text: str, code: str) -> list[tuple[int, str]]:
     loaded = load(folder / "s.yaml", text=CELLS + text)
     assert loaded.piece is not None, loaded.diagnostics
     return [(d.place.line, d.message) for d in loaded.diagnostics if d.code == code]
@@ -34,14 +34,14 @@ def control(tick: int, number: int, value: int = 64):
     return tick, mido.Message("control_change", control=number, value=value)
 
 
-def bend(tick: int, channel: int = 0):
+def wheel(tick: int, channel: int = 0):
     return tick, mido.Message("pitchwheel", pitch=100, channel=channel)
 
 
 def rich(path: Path) -> Path:
     """A file with every kind of event, notes on two channels and two tracks."""
     head = [midi_files.tempo(0, 400_000), midi_files.tempo(960, 600_000), midi_files.meter(0, 3, 4)]
-    first = [*midi_files.note(0), *midi_files.note(480), *(bend(tick) for tick in range(312))]
+    first = [*midi_files.note(0), *midi_files.note(480), *(wheel(tick) for tick in range(312))]
     first += [control(0, 64, 127), control(480, 64, 0), control(3, 1), control(4, 7), control(5, 1)]
     first += [(number, mido.Message("program_change", program=number)) for number in range(14)]
     second = [*midi_files.note(960, channel=4), (2, mido.Message("aftertouch", value=9))]
@@ -78,8 +78,8 @@ REST = (
 )
 def test_what_is_passed_over_is_said_once(tmp_path, text, message):
     rich(tmp_path / "tune.mid")
-    ((_, told),) = said(tmp_path, text, "N404")
-    assert told == f"tune.mid: {message} are passed over"
+    ((_, reported),) = reports(tmp_path, text, "N404")
+    assert reported == f"tune.mid: {message} are passed over"
 
 
 def test_two_takes_of_file_are_told_of_together(tmp_path):
@@ -87,21 +87,21 @@ def test_two_takes_of_file_are_told_of_together(tmp_path):
     takes = "takes:\n  a: {file: tune.mid, channel: 1, velocity: 1mNs}\n"
     takes += "  b: {file: tune.mid, channel: 5, velocity: 1mNs}\n"
     strikes = "strikes: {s: {play: a, to: cell, at: 0}, u: {play: b, to: cell, at: 0}}\n"
-    ((line, told),) = said(tmp_path, takes + strikes, "N404")
+    ((line, message),) = reports(tmp_path, takes + strikes, "N404")
     assert line == 6
-    assert "notes" not in told
+    assert "notes" not in message
 
 
 def test_file_of_tempos_alone_names_its_notes(tmp_path):
     midi_files.save(tmp_path / "clock.mid", [midi_files.tempo(0, 400_000)], midi_files.note(0))
     text = "tempo: {from: clock.mid}\nstrikes: {s: {to: cell.C3, at: 0, impulse: 1mNs}}\n"
-    told = said(tmp_path, text, "N404")
-    assert told == [(5, "clock.mid: 1 note of channel 1 is passed over")]
+    reported = reports(tmp_path, text, "N404")
+    assert reported == [(5, "clock.mid: 1 note of channel 1 is passed over")]
 
 
 def test_file_that_is_played_whole_is_not_told_of(tmp_path):
     midi_files.save(tmp_path / "tune.mid", midi_files.note(0))
-    assert said(tmp_path, TAKE + STRIKES, "N404") == []
+    assert reports(tmp_path, TAKE + STRIKES, "N404") == []
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_bytes_after_last_track(tmp_path, extra, message):
     path.write_bytes(path.read_bytes() + extra)
     assert read_notes(path) == notes
     expected = [] if message is None else [(5, f"tune.mid: {message}")]
-    assert said(tmp_path, TAKE + STRIKES, "W335") == expected
+    assert reports(tmp_path, TAKE + STRIKES, "W335") == expected
 
 
 def test_bytes_after_end_of_track(tmp_path):
@@ -127,8 +127,8 @@ def test_bytes_after_end_of_track(tmp_path):
     data = path.read_bytes()
     size = len(data) - 22
     path.write_bytes(data[:18] + (size + 3).to_bytes(4, "big") + data[22:] + b"abc")
-    told = said(tmp_path, TAKE + STRIKES, "W335")
-    assert told == [(5, "tune.mid: 3 bytes after the end of a track are not read")]
+    reported = reports(tmp_path, TAKE + STRIKES, "W335")
+    assert reported == [(5, "tune.mid: 3 bytes after the end of a track are not read")]
 
 
 # --- a hand -------------------------------------------------------------------------------------
@@ -140,7 +140,9 @@ def pressed(folder: Path, lines: str, play: str) -> list[float]:
     loaded = load(folder / "s.yaml", text=CELLS + text)
     assert loaded.piece is not None, loaded.diagnostics
     staged = stage(loaded.piece)
-    points = [(t, x) for one in staged.gestures for t, x in zip(one.t, one.x, strict=True)]
+    points = [
+        (t, x) for gesture in staged.gestures for t, x in zip(gesture.t, gesture.x, strict=True)
+    ]
     return sorted(t for t, x in points if x > 0.0)
 
 
@@ -201,15 +203,15 @@ def test_notes_of_library_begin_and_end_with_those_of_file(tmp_path, family, nam
     head = [midi_files.tempo(0, 400_000), midi_files.tempo(700, 730_001), midi_files.meter(0, 6, 8)]
     tones = ((0, 48, 300), (200, 50, 400), (740, 52, 111), (1111, 48, 500))
     notes = [event for tick, number, long in tones for event in midi_files.note(tick, number, long)]
-    notes += [control(150, 64, 127), control(1000, 64, 0), *(bend(tick) for tick in (5, 6, 7))]
+    notes += [control(150, 64, 127), control(1000, 64, 0), *(wheel(tick) for tick in (5, 6, 7))]
     path = midi_files.save(tmp_path / "tune.mid", head, notes)
     text = f"ergon: 1\ninstruments: {{v: {{from: {family}/{name}, notes: C3..E3}}}}\n"
     text += "takes: {t: {file: tune.mid}}\nstrikes: {s: {play: t, to: v, at: 0}}\n"
     text += "tempo: {from: tune.mid}\nmeter: {from: tune.mid}\nrender: {tail: 0.1s}\n"
     loaded = load(tmp_path / "s.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
-    told = [d.message for d in loaded.diagnostics if d.code == "N404"]
-    assert told == ["tune.mid: 3 pitch bends are passed over"]
+    reported = [d.message for d in loaded.diagnostics if d.code == "N404"]
+    assert reported == ["tune.mid: 3 pitch bends are passed over"]
     staged = stage(loaded.piece)
     by_sign: dict[bool, set[int]] = {True: set(), False: set()}
     struck = set()
