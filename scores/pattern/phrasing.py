@@ -10,6 +10,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import chain
 from math import ceil
 from typing import Any
@@ -22,6 +23,8 @@ from ergon.scores.pattern.struck import Repeats, Struck, by_pitch, single_notes
 Pattern = Cycles[Struck]
 
 FARTHEST = 8  # cycles in which the next stroke of a line is looked for
+_ASKED = 4  # cycles: where strokes are near, those around an instant say what follows it
+_REMEMBERED = 32  # cycles whose beginnings are: each is asked for by the cycles before it
 _MANY = 100  # notes
 _INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is seen in less
 
@@ -35,16 +38,17 @@ def legato(factor: Fraction, part: Pattern) -> Pattern:
     Of a note that is repeated at a rate each stroke does until the next one of the note.
     """
 
+    @lru_cache(_REMEMBERED)
+    def onsets(cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
+        return _onsets(part, cycle, chance)
+
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
-        lines: dict[int, Mapping[int, Sequence[Fraction]]] = {}  # by cycle
         result = []
         for fragment in part.query(begin, end, chance):
             first, last, line = fragment.begin, fragment.end, fragment.what.line
             following = first + FARTHEST
             for cycle in range(first // 1, first // 1 + FARTHEST + 1):
-                if cycle not in lines:
-                    lines[cycle] = _onsets(part, cycle, chance)
-                instants = lines[cycle].get(line, ())
+                instants = onsets(cycle, chance).get(line, ())
                 number = bisect_right(instants, first)
                 if number < len(instants):
                     following = min(following, instants[number])
@@ -55,7 +59,7 @@ def legato(factor: Fraction, part: Pattern) -> Pattern:
             result.append(fragment._replace(what=replace(fragment.what, length=length)))
         return result
 
-    return node(query, (part,), part.cost * (FARTHEST + 2))
+    return node(query, (part,), part.cost * _ASKED)
 
 
 def _onsets(part: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:

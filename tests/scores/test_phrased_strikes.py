@@ -164,7 +164,7 @@ def test_notes_end_at_the_damper(fields, expected):
         ("rhythm: c4, to: bar, do: grace 1/16 -1st", "E301", "has no note 'B3'"),
         ("rhythm: kick, do: strum 2s", "E204", "a time up to a second"),
         ("rhythm: kick*1000, do: tremolo 5", "E306", "up to 5,000 steps"),
-        ("rhythm: kick*4, do: 'legato 1, tremolo 200'", "E306", "steps"),
+        ("rhythm: kick*4, do: 'legato 1, tremolo 300'", "E306", "steps"),
     ],
 )
 def test_mistakes(fields, code, part):

@@ -289,5 +289,5 @@ def test_mistakes_in_their_place(do, place, part, near):
 
 
 def test_too_many_strokes():
-    with pytest.raises(TextError, match="up to 5,"):
-        compiled("c4*16", "legato 1, tremolo 32")
+    with pytest.raises(TextError, match="up to 4,160"):
+        compiled("c4*16", "legato 1, tremolo 65")
