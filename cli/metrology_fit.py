@@ -11,6 +11,7 @@ from ergon.common.regular import file_digest
 
 from . import options
 from .console import Console
+from .emulate import Quantity
 from .outcome import Findings, Refused
 from .recording import read
 
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from ergon.workshop.metrology.gesture import Gesture
-    from ergon.workshop.metrology.stages import Measured, Stage
+    from ergon.workshop.metrology.judging import Stage
+    from ergon.workshop.metrology.stages import Measured
 
 _BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the key
 
@@ -33,6 +35,12 @@ _BAD = 3.0  # times the sensor's noise: beyond it the model does not explain the
 @click.option(
     "--hand", metavar="NAME", help="The hand whose axis is measured, where takes have several."
 )
+@click.option(
+    "--force-step",
+    type=Quantity("FORCE"),
+    default=0.0,
+    help="Step of the motor's force, where the device rounded more than its wire.",
+)
 @options.target("Write the calibration into this file, for `calib: FILE` of a key.")
 @options.force
 @options.dry_run
@@ -42,6 +50,7 @@ def fit(
     takes: tuple[str, ...],
     held_out: str | None,
     hand: str | None,
+    force_step: float,
     output: str | None,
     force: bool,
     dry: bool,
@@ -51,7 +60,8 @@ def fit(
     Nobody may touch the key while such a take is recorded, and each begins with the key at rest.
     Mass, spring and damper are found first, then dry friction, its presliding and static level
     (Stribeck), the delay of the forces, and modes. A part stays only if it is worth its numbers
-    (the Bayesian information criterion falls) and a held-out gesture is followed better.
+    (the Bayesian information criterion falls) and a held-out gesture is followed better. A part
+    that was refused is tried again after each one that stays.
     """
     from ergon.exchange.safe import check_target
 
@@ -61,8 +71,8 @@ def fit(
     if output is not None:
         check_target(Path(output), force=force, inputs=(*paths, *judged))
         check_target(Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *judged))
-    gestures = [gesture(console, path, hand) for path in paths]
-    judge = None if apart is None else gesture(console, apart, hand)
+    gestures = [gesture(console, path, hand, force_step) for path in paths]
+    judge = None if apart is None else gesture(console, apart, hand, force_step)
     everything = gestures if judge is None else [*gestures, judge]
     if len({gesture.rate for gesture in everything}) > 1:
         raise Refused("the takes are of different rates; measure by takes of one rate")
@@ -124,8 +134,11 @@ def _cause(gestures: list[Gesture]) -> str:
     return "something acts on this key that the model lacks"
 
 
-def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
-    """The gesture of a hand of a take. Raises Refused if the take cannot be used for measuring."""
+def gesture(console: Console, path: Path, hand: str | None, force_step: float) -> Gesture:
+    """The gesture of a hand of a take, whose motor rounds forces to a step [N].
+
+    Raises Refused if the take cannot be used for measuring.
+    """
     from ergon.exchange.recording import read_description
     from ergon.workshop.metrology.gesture import MeasurementError, of_recording
 
@@ -140,7 +153,7 @@ def gesture(console: Console, path: Path, hand: str | None) -> Gesture:
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
     number = 0 if hand is None else names.index(hand)
     try:
-        return of_recording(take, number, loses_requests=is_of_wire)
+        return of_recording(take, number, loses_requests=is_of_wire, force_step=force_step)
     except MeasurementError as error:
         raise Refused(f"{path}: {error}") from None
 

@@ -82,7 +82,7 @@ def replay(
         )
     path = metrology_score.path(console, score, key)
     took = (
-        gesture(console, Path(real), hand)
+        gesture(console, Path(real), hand, force_step)
         if is_take
         else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
     )

@@ -28,13 +28,21 @@ Capture = pytest.CaptureFixture[str]
 
 
 def take(
-    name: str | Path, force: Floats, seed: int, hands: int = 1, lost: int = 0, gap: Set[int] = NONE
+    name: str | Path,
+    force: Floats,
+    seed: int,
+    hands: int = 1,
+    lost: int = 0,
+    gap: Set[int] = NONE,
+    force_step: float = 0.0,
 ) -> None:
     """A recording of a key that was pushed.
 
-    Of every `lost` ticks one brought no new position; rows of the ticks `gap` are missing.
+    Of every `lost` ticks one brought no new position; rows of the ticks `gap` are missing. The
+    motor rounds forces to `force_step` [N]; the recording has them as they were sent.
     """
-    x = read(path(KEY, force, 176), seed)
+    acted = np.round(force / force_step) * force_step if force_step else force
+    x = read(path(KEY, acted, 176), seed)
     axes = [(f"hand{i}", f"k{i}") for i in range(hands)]
     fresh = np.ones(len(force), bool)
     if lost:
@@ -157,6 +165,50 @@ def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
     for name, true in (("mass", 0.38), ("stiffness", 60.0), ("dry", 0.05), ("delay", KEY[6])):
         found = last["parameters"][name]
         assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+
+
+CALIBRATION = """ergon: 1
+M: 400g
+rest: -2.5mm
+K: 60N/m
+Z: 1.2Ns/m
+dry: 50mN
+delay: 0.997732ms
+modes:
+  - {M: 20g, f: 180Hz, t60: 0.305388s}
+"""
+
+
+def test_a_replay_counts_the_step_of_a_motor(capsys: Capture):
+    """What the motor rounds away moves the model, unless the step is known."""
+    take("coarse.take", knocks(KEY), 2, force_step=50e-3)
+    Path("key.yaml").write_text(CALIBRATION)
+    residuals = []
+    for step in ([], ["--force-step", "50mN"]):
+        assert app.run(["metrology", "replay", "key.yaml", "coarse.take", "--json", *step]) == 0
+        residuals.append(records(capsys)[-1]["rms_m"])
+    assert residuals[0] > 20e-6
+    assert residuals[1] < 4.6e-6
+
+
+@pytest.mark.slow
+def test_a_fit_counts_the_step_of_a_motor(capsys: Capture):
+    take("coarse.take", rain(KEY), 1, force_step=50e-3)
+    measured = []
+    for step in ([], ["--force-step", "50mN"]):
+        app.run(["metrology", "fit", "coarse.take", "--json", *step])
+        stages = [one for one in records(capsys) if one["event"] == "stage" and one["kept"]]
+        measured.append(stages[-1])
+    assert measured[0]["rms_m"] > 20e-6
+    assert measured[1]["rms_m"] < 4.6e-6
+    for name, true in (("mass", 0.38), ("dry", 0.05), ("mode_frequency_1", 180.0)):
+        figure = measured[1]["parameters"][name]
+        assert abs(figure["value"] - true) < 5 * figure["deviation"]
+
+
+def test_a_step_that_no_force_reaches_is_refused(capsys: Capture):
+    assert app.run(["metrology", "fit", "rain.take", "--force-step", "5N"]) == 2
+    assert "a motor with a step of 5000 mN makes no force of this take" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

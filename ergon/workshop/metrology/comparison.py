@@ -52,10 +52,10 @@ class Replay:
 
 
 def replay(row: Floats, gesture: Gesture) -> Replay:
-    """Apply the forces of a real key to its model, from the position where the key rested."""
-    start = gesture.start
-    gesture = output_error.recovered(row, gesture, start)
-    model = output_error.path(row, gesture, start)
+    """Apply the forces of a real key to its model, which begins where and as fast as the key."""
+    begun = output_error.follow(row, gesture)
+    (gesture,) = begun.recovered([gesture.with_unknown_speed()])
+    model = output_error.path(row, gesture, begun.starts[0])
     at = np.flatnonzero(gesture.counts)
     return Replay(gesture, model, at / gesture.rate, gesture.position[at] - model[at])
 

@@ -80,15 +80,35 @@ class Gesture:
 
     @property
     def still(self) -> int:
-        """The number of ticks, at least one, before the force changes for the first time."""
-        changes = np.flatnonzero(self.force != self.force[0])
-        changes = np.union1d(changes, self.unknown.ticks)
+        """The number of ticks, at least one, before the force changes for the first time.
+
+        The force of the first tick does not count: it may stand for a speed.
+        """
+        changes = 1 + np.flatnonzero(self.force[1:] != self.force[1])
+        changes = np.union1d(changes, self.unknown.ticks[self.unknown.ticks > 0])
         return int(changes[0]) if changes.size else self.force.size
 
     @property
     def start(self) -> float:
         """Mean position [m] before the force changes."""
         return float(self.position[: self.still].mean())
+
+    def with_unknown_speed(self) -> Gesture:
+        """The gesture of a key that need not begin at rest.
+
+        The force of the first tick becomes unknown, up to the greatest force of the gesture: the
+        push of one tick stands for the speed at which the key begins.
+        """
+        strongest = float(np.abs(self.force).max())
+        ticks, least, greatest = self.unknown.ticks, self.unknown.least, self.unknown.most
+        if strongest == 0.0 or 0 in ticks:
+            return self
+        first = Unknown(
+            np.concatenate([[0], ticks]),
+            np.concatenate([[self.force[0] - strongest], least]),
+            np.concatenate([[self.force[0] + strongest], greatest]),
+        )
+        return replace(self, unknown=first)
 
     def parted(self, share: float) -> tuple[Gesture, Gesture]:
         """The gesture twice: in the first copy its first `share` counts, in the second the rest."""
@@ -231,15 +251,26 @@ def _instants(
     return np.asarray(np.interp(np.arange(ticks.size), told, known))
 
 
-def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True) -> Gesture:
+def of_recording(
+    recording: Recording, axis: int, *, loses_requests: bool = True, force_step: float = 0.0
+) -> Gesture:
     """The gesture of one axis of a recording; a position repeated from the tick before does not
     count.
 
     If it `loses_requests`, a tick without a reply may be one whose request was lost: the device
-    then held the force before. The force of a tick without a row is never known. Raises
+    then held the force before. The force of a tick without a row is never known. `force_step` [N]
+    is the step to which the motor rounds the forces of the wire; 0: it does not round. Raises
     MeasurementError if the recording is too short, lacks many ticks or holds no force.
     """
     sent = recording.sent()[:, axis].astype(float)
+    strongest = float(np.abs(sent).max(initial=0.0))
+    if force_step > 0.0:
+        sent = np.round(sent / force_step) * force_step
+        if strongest and not sent.any():
+            raise MeasurementError(
+                f"a motor with a step of {force_step * 1e3:.4g} mN makes no force of this take, "
+                f"whose strongest is {strongest * 1e3:.4g} mN; give the step of this motor"
+            )
     if not sent.any():
         raise MeasurementError(
             "this take has no force that was sent to the key, so the key cannot be measured by it; "
@@ -269,12 +300,18 @@ def of_recording(recording: Recording, axis: int, *, loses_requests: bool = True
     )
 
 
-def sensor_noise(gestures: list[Gesture]) -> float | None:
-    """Standard deviation [m] of the sensor's noise; None where no gesture begins with rest."""
+def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
+    """Standard deviation [m] of the sensor's noise; None where no gesture begins with rest.
+
+    It is at least that of the sensor's rounding, which a still key does not show.
+    """
     # Second differences suppress slow creep; for white noise their variance is 6 times that of the
     # noise.
     parts = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / 6)) if parts else None
+    if not parts:
+        return None
+    rounding = (sensor_step(gestures) or 0.0) / np.sqrt(12)
+    return max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / 6)), float(rounding))
 
 
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:

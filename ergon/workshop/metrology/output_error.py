@@ -9,20 +9,25 @@ import numpy as np
 
 from ergon import _core
 
-from .parameters import START, scale, step_parameters
+from . import coloured
+from .parameters import START, leads_beyond, scale, step_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from .gesture import Floats, Gesture
 
 _DAMPING = (1e-3, 1e-7)  # of Levenberg and Marquardt: at first, at least
+_HARDLY = 1e-5  # damping below which a step is nearly that of Gauss and Newton
+_SLOW = 3  # steps that hardly fall, after which it has converged even if they are damped
 _TRIALS = 12
 # Maximal rounds of recovering unknown forces, the relative fall of the cost that ends them, and the
 # least share of a step.
 _RECOVERIES, _SETTLED, _LEAST_SHARE = 20, 1e-4, 0.05
 _EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
-_CLOSE = 1e-7  # relative fall of the cost below which it has converged
+_CLOSE = 1e-6  # relative fall of the cost below which it has converged
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +35,9 @@ class Fit:
     """A key fitted to gestures; sizes: p fitted parameters.
 
     `row` holds its parameters, `columns` the indices of the fitted ones. Starting positions are
-    fitted too: `starts` holds one for each gesture [m]. `covariance` (p, p) is in SI units (the
-    Cramér-Rao bound at the noise of the residual), `rms` [m] is the residual, `n` the number of
-    positions. `forces` [N] are those at the unknown ticks of each gesture.
+    fitted too: `starts` holds one for each gesture [m]. `covariance` (p, p) is in SI units, and
+    counts how residuals are correlated (`coloured.covariance`). `rms` [m] is the residual, `n`
+    the number of positions. `forces` [N] are those at the unknown ticks of each gesture.
     """
 
     row: Floats
@@ -130,6 +135,33 @@ def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
     return gesture
 
 
+def _columns(p: int, starts: Floats, gestures: Sequence[Gesture]) -> list[NDArray[np.int64]]:
+    """The variables of the fit on which each gesture depends.
+
+    The fit has these variables: parameters, starts of all gestures, unknown forces.
+    """
+    each, first = [], p + len(starts)
+    for i, gesture in enumerate(gestures):
+        forces = np.arange(first, first + gesture.unknown.ticks.size)
+        first += forces.size
+        each.append(np.concatenate([np.arange(p), [p + i], forces]))
+    return each
+
+
+def _linear(
+    row: Floats, columns: Sequence[int], gesture: Gesture, start: float, by_force: Floats
+) -> tuple[Floats, Floats]:
+    """Derivatives of the positions that count by the scaled variables of a gesture (n, variables),
+    and the errors (n,).
+    """
+    own, row = [*columns, START], row.copy()
+    row[START] = start
+    x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=own)
+    counts = gesture.counts
+    scaled = jacobian[counts] * scale(row, own)
+    return np.concatenate([scaled, by_force], 1), (gesture.position - x)[counts]
+
+
 def _normal(
     row: Floats,
     columns: Sequence[int],
@@ -138,27 +170,18 @@ def _normal(
     by_force: Sequence[Floats],
     variance: float,
 ) -> tuple[Floats, Floats]:
-    """JᵀJ and Jᵀe in the scaled variables of the fit: parameters, starts of all gestures, unknown
-    forces.
+    """JᵀJ and Jᵀe in the scaled variables of the fit.
 
     Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
-    p, own = len(columns), [*columns, START]
-    first = p + len(starts)
-    size = first + sum(gesture.unknown.ticks.size for gesture in gestures)
+    each = _columns(len(columns), starts, gestures)
+    size = max(int(own.max()) for own in each) + 1
     square, slope = np.zeros((size, size)), np.zeros(size)
-    for i, (gesture, start) in enumerate(zip(gestures, starts, strict=True)):
-        row = row.copy()
-        row[START] = start
-        x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=own)
-        jacobian = jacobian[gesture.counts] * scale(row, own)
-        jacobian = np.concatenate([jacobian, by_force[i]], 1)
-        error = (gesture.position - x)[gesture.counts]
-        forces = np.arange(first, first + gesture.unknown.ticks.size)
-        first += forces.size
-        at = np.concatenate([np.arange(p), [p + i], forces])
-        square[np.ix_(at, at)] += jacobian.T @ jacobian
-        slope[at] += jacobian.T @ error
+    for i, (gesture, own) in enumerate(zip(gestures, each, strict=True)):
+        jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
+        square[np.ix_(own, own)] += jacobian.T @ jacobian
+        slope[own] += jacobian.T @ error
+        forces = own[len(columns) + 1 :]
         square[forces, forces] += variance / gesture.unknown.spread**2
         slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
     return square, slope
@@ -174,16 +197,61 @@ def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
     return after
 
 
+def _damped_step(
+    row: Floats, columns: Sequence[int], square: Floats, slope: Floats, damping: float
+) -> Floats:
+    """The step of all variables; a parameter at its bound stays there if the step leads beyond."""
+    size = np.sqrt(np.diag(square))
+    size[size == 0] = 1.0
+    lifted = square / np.outer(size, size) + damping * np.eye(len(slope))
+    p, free = len(columns), np.ones(len(slope), bool)
+    while True:
+        step = np.zeros(len(slope))
+        step[free] = np.linalg.solve(lifted[np.ix_(free, free)], (slope / size)[free]) / size[free]
+        beyond = free[:p] & leads_beyond(row, columns, step[:p])
+        if not beyond.any():
+            return step
+        free[:p] &= ~beyond
+
+
+def _covariance(
+    row: Floats,
+    columns: Sequence[int],
+    gestures: Sequence[Gesture],
+    starts: Floats,
+    by_force: Sequence[Floats],
+    left: float,
+) -> Floats:
+    """Covariance of the parameters in SI units, (p, p), at a sum of squares of the errors."""
+    p, n = len(columns), sum(int(g.counts.sum()) for g in gestures)
+    variance = left / max(n - p - len(starts), 1)
+    each = _columns(p, starts, gestures)
+    size = max(int(own.max()) for own in each) + 1
+    square, scores = np.zeros((size, size)), np.zeros((coloured.N_WINDOWS, size, size))
+    for i, (gesture, own) in enumerate(zip(gestures, each, strict=True)):
+        jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
+        square[np.ix_(own, own)] += jacobian.T @ jacobian
+        scores[:, own[:, None], own] += coloured.long_run(jacobian * error[:, None], gesture.rate)
+        forces, spread = own[p + 1 :], gesture.unknown.spread
+        square[forces, forces] += variance / spread**2
+        scores[:, forces, forces] += variance**2 / spread**2
+    in_si = scale(row, columns)
+    return coloured.covariance(square, scores)[:p, :p] * np.outer(in_si, in_si)
+
+
 def fit(
     gestures: Sequence[Gesture],
     row: Floats,
     columns: Sequence[int],
     starts: Sequence[float] | None = None,
     iterations: int = 30,
+    *,
+    is_rough: bool = False,
 ) -> Fit:
     """Fit the parameters of these indices by the Levenberg-Marquardt method, starting at `row`.
 
-    Unknown forces are fitted with them. Raises EngineError if `row` is not a valid key.
+    Unknown forces are fitted with them. A rough fit has no covariance. Raises EngineError if `row`
+    is not a valid key.
     """
     from_ = np.array([g.start for g in gestures] if starts is None else starts)
     p, damping, least = len(columns), *_DAMPING
@@ -191,6 +259,7 @@ def fit(
     n = sum(int(g.counts.sum()) for g in gestures)
     left, off = _squares(row, gestures, from_)
     by_force: list[Floats] = []
+    slow = 0
     for iteration in range(iterations):
         _core.poll()
         # The effect of a force changes little from step to step.
@@ -199,12 +268,8 @@ def fit(
             by_force = [_force_derivatives(row, g, x) for g, x in each]
         variance = left / n
         square, slope = _normal(row, columns, gestures, from_, by_force, variance)
-        size = np.sqrt(np.diag(square))
-        size[size == 0] = 1.0
-        unit = square / np.outer(size, size)
         for _ in range(_TRIALS):
-            lifted = unit + damping * np.eye(len(unit))
-            step = np.linalg.solve(lifted, slope / size) / size
+            step = _damped_step(row, columns, square, slope, damping)
             to, at = step_parameters(row, columns, step[:p]), from_ + step[p:forces]
             pushed = _forced(gestures, step[forces:])
             new_left, new_off = _squares(to, pushed, at)
@@ -215,25 +280,32 @@ def fit(
         else:
             break
         row, from_, left, off, gestures = to, at, new_left, new_off, pushed
-        damping = max(damping / 10, least)
-        if fall < _CLOSE:
+        damping /= 10
+        # A step that is much damped falls little anywhere.
+        slow = slow + 1 if fall < _CLOSE else 0
+        if slow and (damping < _HARDLY or slow == _SLOW):
             if iteration % _EVERY == 0 or not any(g.unknown.ticks.size for g in gestures):
                 break
             by_force = []
-    if not by_force:
-        each = zip(gestures, from_, strict=True)
-        by_force = [_force_derivatives(row, g, x) for g, x in each]
-    square, _ = _normal(row, columns, gestures, from_, by_force, left / n)
-    free = max(n - p - len(from_), 1)
-    covariance = np.linalg.pinv(square, hermitian=True)[:p, :p] * (left / free)
-    size = scale(row, columns)
-    rms = float(np.sqrt(left / n))
+        damping = max(damping, least)
+    if is_rough:
+        covariance = np.full((p, p), np.nan)
+    else:
+        if not by_force:
+            each = zip(gestures, from_, strict=True)
+            by_force = [_force_derivatives(row, g, x) for g, x in each]
+        covariance = _covariance(row, columns, gestures, from_, by_force, left)
     return Fit(
         row,
         tuple(columns),
         tuple(map(float, from_)),
-        covariance * np.outer(size, size),
-        rms,
+        covariance,
+        float(np.sqrt(left / n)),
         n,
         tuple(g.force[g.unknown.ticks] for g in gestures),
     )
+
+
+def follow(row: Floats, gesture: Gesture) -> Fit:
+    """Fit only how a gesture begins, and its unknown forces, to a key of which all is known."""
+    return fit([gesture.with_unknown_speed()], row, (), is_rough=True)

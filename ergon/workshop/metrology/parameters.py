@@ -11,6 +11,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from .gesture import Floats
 
 NAMES = (
@@ -29,8 +31,7 @@ MODE_NAMES = ("mode_mass", "mode_frequency", "mode_ratio")
 INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
 OWN, OF_MODE = len(NAMES), len(MODE_NAMES)
-# Fitted on a linear scale, because they may be zero; [least, most]. All others are positive and are
-# fitted by their logarithms.
+# Fitted on a linear scale, because they may be zero; [least, most].
 _PLAIN = {
     INDEX["stiffness"]: (0.0, np.inf),
     INDEX["damping"]: (0.0, np.inf),
@@ -38,6 +39,9 @@ _PLAIN = {
     START: (-np.inf, np.inf),
     INDEX["delay"]: (0.0, 1.0),
 }
+# All others are positive. Masses are fitted on a linear scale too, because their sum is known much
+# better than each of them; the rest by their logarithms.
+_FACTOR = np.e  # by which a step changes a positive parameter at most
 _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
 
 
@@ -61,7 +65,13 @@ def n_modes(row: Floats) -> int:
 
 def scale(row: Floats, columns: Sequence[int]) -> Floats:
     """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
-    return np.array([1.0 if index in _PLAIN else row[index] for index in columns])
+    return np.array(
+        [1.0 if index in _PLAIN or _is_mass(index) else row[index] for index in columns]
+    )
+
+
+def _is_mass(index: int) -> bool:
+    return index == 0 or (index >= OWN and (index - OWN) % OF_MODE == 0)
 
 
 def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
@@ -70,12 +80,26 @@ def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats
     """
     to = row.copy()
     for index, by in zip(columns, step, strict=True):
+        before = row[index]
         if index in _PLAIN:
-            to[index] = np.clip(row[index] + by, *_PLAIN[index])
+            to[index] = np.clip(before + by, *_PLAIN[index])
+        elif _is_mass(index):
+            to[index] = np.clip(before + by, before / _FACTOR, before * _FACTOR)
         else:
             most = _STIFFEST.get(index, np.inf)
-            to[index] = min(row[index] * np.exp(np.clip(by, -1.0, 1.0)), most)
+            to[index] = min(before * np.exp(np.clip(by, -1.0, 1.0)), most)
     return to
+
+
+def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[np.bool_]:
+    """Whether a parameter is at a bound and a step leads beyond it, (columns,)."""
+    return np.array([_is_beyond(row, *pair) for pair in zip(columns, step, strict=True)], bool)
+
+
+def _is_beyond(row: Floats, index: int, by: float) -> bool:
+    least, greatest = _PLAIN.get(index, (0.0, _STIFFEST.get(index, np.inf)))
+    value = row[index]
+    return bool((value <= least and by < 0) or (value >= greatest and by > 0))
 
 
 def is_plain(index: int) -> bool:

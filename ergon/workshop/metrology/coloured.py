@@ -1,0 +1,47 @@
+"""Covariance of fitted parameters where the residuals are correlated from tick to tick."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .gesture import Floats
+
+# s over which residuals may be correlated: a window that is too short misses correlations, and one
+# that is too long has too few independent parts to tell a variance from.
+_WINDOWS = (0.0, 0.03, 0.1, 0.3, 1.0)
+_USUAL = 2  # the window whose correlations of parameters count
+N_WINDOWS = len(_WINDOWS)
+
+
+def long_run(scores: Floats, rate: float) -> Floats:
+    """Covariances (windows, p, p) of the sum of scores (n, p), which are correlated in time.
+
+    Bartlett's kernel (Newey and West 1987, equation 5), as the mean square of the sums over all
+    stretches of its length.
+    """
+    n, p = scores.shape
+    sums = np.concatenate([np.zeros((1, p)), np.cumsum(scores, axis=0)])
+    every = []
+    for window in _WINDOWS:
+        length = max(1, min(round(window * rate), n // 4))
+        ends = np.arange(1, n + length)
+        stretches = sums[np.minimum(ends, n)] - sums[np.maximum(ends - length, 0)]
+        every.append(stretches.T @ stretches / length)
+    return np.array(every)
+
+
+def covariance(square: Floats, scores: Floats) -> Floats:
+    """Covariance (p, p) of least squares with the normal matrix `square` (p, p), by covariances of
+    its scores (windows, p, p).
+
+    The variance of each parameter is the largest that a window gives.
+    """
+    inverse = np.linalg.pinv(square, hermitian=True)
+    every = inverse @ scores @ inverse
+    size = np.sqrt(np.einsum("wii->wi", every))
+    usual = np.where(size[_USUAL] > 0, size[_USUAL], 1.0)
+    greatest = size.max(axis=0) / usual
+    return np.asarray(every[_USUAL] * np.outer(greatest, greatest))

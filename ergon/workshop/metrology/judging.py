@@ -1,0 +1,144 @@
+"""Fits of a key's parts, each judged on data to which it was not fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import output_error
+from .parameters import INDEX, is_plain, is_stiffest
+
+if TYPE_CHECKING:
+    from .gesture import Floats, Gesture
+    from .output_error import Fit
+
+FITTED_SHARE = 0.75  # of the last take, where none is held out
+_ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit; until it must be better than the one before
+_ROUGH_ITERATIONS = 5  # iterations from each of several starts
+_UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
+_WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A part that was tried: its fit, the error on the held-out gesture, and whether it was kept.
+
+    `replay` is the rms [m] of the difference from the held-out positions, their noise included.
+    `is_worth` says that the part explains the takes well enough, whatever the held-out gesture
+    says. For a mode that was not tried, `fit` is the fit before, and `score` says why.
+    `is_removal` says that the part was removed on trial; `kept` then says that it stays removed.
+    """
+
+    name: str
+    fit: Fit
+    replay: float
+    kept: bool
+    score: float | None = None
+    is_removal: bool = False
+    is_worth: bool = False
+
+
+class Judge:
+    """Fits stages, and compares each with the one before on data to which neither was fitted."""
+
+    def __init__(self, gestures: list[Gesture], held_out: Gesture | None) -> None:
+        """Without a held-out gesture the last quarter of the last gesture is held out."""
+        gestures = [gesture.with_unknown_speed() for gesture in gestures]
+        self.is_apart = held_out is not None
+        if held_out is None:
+            gestures[-1], held_out = gestures[-1].parted(FITTED_SHARE)
+        self.gestures, self.held_out = gestures, held_out
+
+    def recovered(self, before: Stage | None) -> list[Gesture]:
+        """The gestures, with the unknown forces found by the fit before."""
+        return self.gestures if before is None else before.fit.recovered(self.gestures)
+
+    def stage(
+        self,
+        name: str,
+        row: Floats,
+        columns: tuple[int, ...],
+        before: Stage | None,
+        score: float | None = None,
+        iterations: int = _TRIAL_ITERATIONS,
+    ) -> Stage:
+        """Fit these columns starting at a row, and judge the fit.
+
+        A fit that is no better than the one before after some iterations is not fitted further.
+        """
+        starts = None if before is None else before.fit.starts
+        trial = output_error.fit(
+            self.recovered(before), row, columns, starts, iterations, is_rough=True
+        )
+        is_better = before is None or trial.bic < before.fit.bic
+        more = _ITERATIONS if is_better and iterations else 0
+        fit = output_error.fit(
+            trial.recovered(self.gestures), trial.row, columns, trial.starts, more
+        )
+        replay = self._replay(fit)
+        is_worth = before is None or (
+            fit.bic < before.fit.bic - _WORTH
+            and all(_is_known(fit, index) for index in set(columns) - set(before.fit.columns))
+        )
+        kept = is_worth and (before is None or replay < before.replay)
+        return Stage(name, fit, replay, kept, score, is_worth=is_worth)
+
+    def _replay(self, fit: Fit) -> float:
+        """Rms of the difference from the held-out positions [m]."""
+        if self.is_apart:
+            return output_error.follow(fit.row, self.held_out).rms
+        start = fit.starts[-1]
+        held_out = self.held_out.with_forces(fit.forces[-1])
+        held_out = output_error.recovered(fit.row, held_out, start)
+        errors = output_error.errors(fit.row, held_out, start)
+        return float(np.sqrt(np.mean(errors**2)))
+
+    def without(self, name: str, parameters: tuple[str, ...], before: Stage) -> Stage:
+        """Remove a part and fit the rest; it stays removed if BIC falls."""
+        removed = {INDEX[parameter] for parameter in parameters}
+        columns = tuple(index for index in before.fit.columns if index not in removed)
+        row = with_values(before.fit.row, dict.fromkeys(parameters, 0.0))
+        stage = self.stage(name, row, columns, before)
+        return replace(stage, kept=stage.fit.bic < before.fit.bic - _WORTH, is_removal=True)
+
+    def best_of(
+        self,
+        name: str,
+        rows: list[Floats],
+        columns: tuple[int, ...],
+        before: Stage,
+        score: float | None = None,
+    ) -> Stage:
+        """Fit several rows roughly, then fit and judge the best one as `stage` does.
+
+        The rough fits are to the first gesture. If the best is still worse there than the fit
+        before, the stage ends with it.
+        """
+        first, starts = self.recovered(before)[:1], before.fit.starts[:1]
+        fits = [
+            output_error.fit(first, row, columns, starts, _ROUGH_ITERATIONS, is_rough=True)
+            for row in rows
+        ]
+        rough = min(fits, key=lambda fit: fit.rms)
+        left = output_error.errors(before.fit.row, first[0], starts[0])
+        if rough.rms**2 < np.mean(left**2):
+            return self.stage(name, rough.row, columns, before, score)
+        stage = self.stage(name, rough.row, columns, before, score, iterations=0)
+        return replace(stage, kept=False, is_worth=False)
+
+
+def with_values(row: Floats, values: dict[str, float]) -> Floats:
+    """A row with other values of the parameters of these names."""
+    row = row.copy()
+    for name, value in values.items():
+        row[INDEX[name]] = value
+    return row
+
+
+def _is_known(fit: Fit, index: int) -> bool:
+    """Whether a parameter that cannot be zero is known to within a half of its value."""
+    if is_stiffest(fit.row, index):
+        return False
+    return is_plain(index) or fit.deviation(index) < _UNKNOWN * fit.row[index]
