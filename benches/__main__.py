@@ -1,7 +1,7 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all of them and write docs/benchmarks.md.
 
 `--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
-20`: how often each stop is made, and how many keys are measured in each way.
+20`: how often each stop is made, and how many keys `metrology` and `random_keys` measure.
 `--pieces bloom,workshop`: the bundled pieces that `pieces` renders. `--instruments guitar,viol`:
 those of which `voices` counts the voices; `--page`: it writes docs/voices.md.
 """
@@ -41,6 +41,7 @@ from benches.planning import planning
 from benches.pmpd import pmpd
 from benches.precision import precision
 from benches.quetzalcoatl import quetzalcoatl
+from benches.random_keys import random_keys
 from benches.repl import repl
 from benches.replan import replan
 from benches.soak import soak, soak_live
@@ -94,6 +95,8 @@ def main(arguments: list[str]) -> int:
     if "voices" in wanted:
         names = [name for name in asked.instruments.split(",") if name]
         scenes["voices"] = partial(voices, names, asked.page)
+    if "random_keys" in wanted:
+        scenes["random_keys"] = partial(random_keys, asked.runs)
     if "soak_live" in wanted:
         scenes["soak_live"] = partial(soak_live, asked.minutes)
     if "midi_clock" in wanted:
