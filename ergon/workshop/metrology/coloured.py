@@ -11,26 +11,36 @@ if TYPE_CHECKING:
 
 # s over which residuals may be correlated: a window that is too short misses correlations, and one
 # that is too long has too few independent parts to tell a variance from.
-_WINDOWS = (0.0, 0.03, 0.1, 0.3, 1.0)
+_WINDOWS = (0.0, 0.03, 0.1, 0.3, 1.0, 2.0, 4.0)
 _USUAL = 2  # the window whose correlations of parameters count
 N_WINDOWS = len(_WINDOWS)
 
 
-def long_run(scores: Floats, rate: float) -> Floats:
+def long_run(scores: Floats, rate: float, total: int) -> Floats:
     """Covariances (windows, p, p) of the sum of scores (n, p), which are correlated in time.
 
     Bartlett's kernel (Newey and West 1987, equation 5), as the mean square of the sums over all
-    stretches of its length.
+    stretches of its length. A long window sees few independent stretches of the `total` scores of
+    all gestures, so that variances are too small; they are lifted by the square of
+    `_critical_value` over that of a normal distribution.
     """
     n, p = scores.shape
     sums = np.concatenate([np.zeros((1, p)), np.cumsum(scores, axis=0)])
     every = []
     for window in _WINDOWS:
-        length = max(1, min(round(window * rate), n // 4))
+        length = max(1, min(round(window * rate), n // 2))
         ends = np.arange(1, n + length)
         stretches = sums[np.minimum(ends, n)] - sums[np.maximum(ends - length, 0)]
-        every.append(stretches.T @ stretches / length)
+        lift = (_critical_value(length / total) / _critical_value(0.0)) ** 2
+        every.append(lift * (stretches.T @ stretches) / length)
     return np.array(every)
+
+
+def _critical_value(share: float) -> float:
+    """The critical value of a two-sided test at 5 %, by the share of the data that Bartlett's
+    kernel covers (Kiefer and Vogelsang 2005, table 1).
+    """
+    return float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], share))
 
 
 def covariance(square: Floats, scores: Floats) -> Floats:

@@ -231,7 +231,9 @@ def _covariance(
     for i, (gesture, own) in enumerate(zip(gestures, each, strict=True)):
         jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
         square[np.ix_(own, own)] += jacobian.T @ jacobian
-        scores[:, own[:, None], own] += coloured.long_run(jacobian * error[:, None], gesture.rate)
+        scores[:, own[:, None], own] += coloured.long_run(
+            jacobian * error[:, None], gesture.rate, n
+        )
         forces, spread = own[p + 1 :], gesture.unknown.spread
         square[forces, forces] += variance / spread**2
         scores[:, forces, forces] += variance**2 / spread**2
