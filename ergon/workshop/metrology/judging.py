@@ -96,12 +96,12 @@ class Judge:
         return float(np.sqrt(np.mean(errors**2)))
 
     def without(self, name: str, parameters: tuple[str, ...], before: Stage) -> Stage:
-        """Remove a part and fit the rest; it stays removed if BIC falls."""
+        """Remove a part and fit the rest; it stays removed if it would not be worth adding."""
         removed = {INDEX[parameter] for parameter in parameters}
         columns = tuple(index for index in before.fit.columns if index not in removed)
         row = with_values(before.fit.row, dict.fromkeys(parameters, 0.0))
         stage = self.stage(name, row, columns, before)
-        return replace(stage, kept=stage.fit.bic < before.fit.bic - _WORTH, is_removal=True)
+        return replace(stage, kept=stage.fit.bic < before.fit.bic + _WORTH, is_removal=True)
 
     def best_of(
         self,
