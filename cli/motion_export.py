@@ -56,8 +56,8 @@ def export(
     nobody computed; npz also holds where points in space are, each as one. glTF 2.0 holds an
     animated node for each point, for Blender and its like.
     """
-    from ergon.exchange.motion import instants
-    from ergon.exchange.motion_space import NotMotionError
+    from ergon.exchange.motion import instants, read_manifest
+    from ergon.exchange.motion_space import NotMotionError, points_of_parts
     from ergon.exchange.safe import check_target, open_for_writing
 
     if output is None:
@@ -71,6 +71,7 @@ def export(
     inputs = (Path(file),)
     try:
         at = instants(motion, fps)
+        points = sum(points_of_parts(read_manifest(motion), motion.names))
         if dry:
             check_target(Path(output), force=force, inputs=inputs)
         else:
@@ -80,7 +81,7 @@ def export(
         raise Refused(f"{file}: {error}") from None
     if output == "-":
         return
-    points, n_instants = len(motion.names), len(at)
+    n_instants = len(at)
     if console.json:
         console.record(
             "would_write" if dry else "wrote", file=output, points=points, instants=n_instants

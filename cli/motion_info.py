@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .console import Console, plural
 from .outcome import Refused
@@ -36,11 +36,12 @@ def read(path: Path) -> Motion:
 def motion(console: Console, path: Path) -> None:
     """Say what a motion file holds, and whether it is whole."""
     from ergon.exchange.motion import read_manifest
-    from ergon.exchange.motion_space import NotMotionError
+    from ergon.exchange.motion_space import NotMotionError, points_of_parts
 
     found = read(path)
     try:
         manifest = read_manifest(found)
+        points = points_of_parts(manifest, found.names)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
     sizes: dict[int, int] = {}
@@ -64,16 +65,18 @@ def motion(console: Console, path: Path) -> None:
             seed=manifest.get("seed"),
             duration_s=found.duration,
             fps=manifest["fps"],
-            points=len(found.names),
+            points=sum(points),
+            coordinates=len(found.names),
             modes=manifest["modes"],
             bytes=size,
+            bound=manifest.get("bound"),
             **counts,
             parts=manifest["parts"],
         )
         return
     lines = [
         f"{path}: {seconds(found.duration)} at {manifest['fps']:g} frames a second, "
-        f"{plural(len(found.names), 'point')}, {octets(size)}, {state}"
+        f"{plural(sum(points), 'point')}, {octets(size)}, {state}"
     ]
     if manifest.get("title"):
         lines.append(f"title:   {manifest['title']}")
@@ -81,11 +84,36 @@ def motion(console: Console, path: Path) -> None:
         if manifest.get(f"{name}_sha256"):
             lines.append(f"{name + ':':8} sha256 {manifest[f'{name}_sha256']}")
     lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in counts.items()))
-    for part in manifest["parts"]:
+    if bound := _bound(manifest):
+        lines.append(f"bound:   {bound}")
+    for part, count in zip(manifest["parts"], points, strict=True):
+        if not count and part["count"]:
+            continue  # its coordinates are those of points in another part
         why = f" ({part['why']})" if part["why"] else ""
         modes = part["modes"]
         seen = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
         lines.append(
-            f"  {part['name']}: {plural(part['count'], 'point')}, {_WORDS[part['kind']]}{why}{seen}"
+            f"  {part['name']}: {plural(count, 'point')}, {_WORDS[part['kind']]}{why}{seen}"
         )
     console.data("\n".join(lines) + "\n")
+
+
+def _bound(manifest: dict[str, Any]) -> str | None:
+    """How far displacements may be off, in words, where the manifest says so."""
+    bound = manifest.get("bound")
+    if not isinstance(bound, dict):
+        return None
+    try:
+        share, rest, flight = (float(bound[name]) for name in ("amplitude", "rest", "flight"))
+    except (KeyError, TypeError, ValueError):
+        return None
+    kinds = {part["kind"] for part in manifest["parts"]}
+    words = []
+    if "sampled" in kinds:
+        words.append(
+            f"sampled points are right within {100 * share:g} % of their own amplitude, "
+            f"and at rest within {1e6 * rest:g} µm"
+        )
+    if kinds & {"free", "modal"}:
+        words.append(f"oscillations are right within {100 * flight:g} % of their amplitude")
+    return "; ".join(words) or None

@@ -961,6 +961,9 @@ class Motion:
         NaN at instants without data. Raises EngineError if the file is damaged.
         """
 
+def motion_bound() -> dict[str, float]:
+    """How far displacements in a motion file may be off, as in its manifest (docs/motion.md)."""
+
 def read_motion(path: str | PathLike[str]) -> Motion:
     """Read a `.motion` file up to its last whole chunk.
 

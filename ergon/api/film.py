@@ -111,7 +111,8 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     contacts = [(one.name, point.get(one.a), point.get(one.b)) for one in look.contacts()]
     return {
         "made_by": f"{MARK.decode()} {_core.__version__}",
-        "format": 1,
+        "format": 2,
+        "bound": None if duration is None else _core.motion_bound(),
         "title": piece.title,
         "score": piece.place.file,
         "score_sha256": piece.digest(),

@@ -4,9 +4,10 @@ of one point in space.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
 
@@ -80,6 +81,25 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
         taken.update(axes)
         found.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
     return found
+
+
+def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]:
+    """How many points each part of a manifest has, (n_parts,).
+
+    A point in space counts once: in the part that computes a coordinate of it, and on a surface in
+    the part of the body. Raises NotMotionError where the table `space` is damaged.
+    """
+    parts = manifest["parts"]
+    counts = [part["count"] for part in parts]
+    ends = [part["first"] + part["count"] for part in parts]
+    for point in points_in_space(manifest.get("space"), names):
+        members = [bisect_right(ends, coordinate) for coordinate in point.axes]
+        is_of_body = parts[members[-1]]["name"] != parts[members[0]]["name"]
+        moved = [part for part in members if parts[part]["kind"] != "none"]
+        for part in members:
+            counts[part] -= 1
+        counts[members[-1] if is_of_body else (moved or members)[0]] += 1
+    return counts
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b"ERGM\x01\0\0\0"
+MAGIC = b"ERGM\x02\0\0\0"
 MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
 STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS, BROKEN = range(10, 17)
 FLIGHT = np.dtype([("number", "<u4"), ("a", "<f4"), ("b", "<f4")])
@@ -31,11 +31,94 @@ def chunks(data: bytes) -> Iterator[Chunk]:
     at = 8
     while at < len(data):
         kind, version, length, seconds = struct.unpack_from("<HHId", data, at)
-        assert version == 1
+        assert version == 2
         end = at + 16 + length
         assert struct.unpack_from("<I", data, end) == (zlib.crc32(data[at:end]),)
         yield kind, seconds, data[at + 16 : end], at
         at = end + 4
+
+
+class Bits:
+    """A range coder's bits: the chance of a 0 is learnt."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.next = data, 5
+        self.range, self.code = 2**32 - 1, int.from_bytes(data[1:5], "big")
+
+    def plain(self, chance: int) -> int:
+        """A bit of a known chance in steps of 2**-15."""
+        bound = (self.range >> 15) * chance
+        bit = int(self.code >= bound)
+        if bit:
+            self.code, self.range = self.code - bound, self.range - bound
+        else:
+            self.range = bound
+        while self.range < 1 << 24:
+            self.range <<= 8
+            self.code = self.code << 8 | self.data[self.next]
+            self.next += 1
+        return bit
+
+    def learn(self, chances: list[int], i: int) -> int:
+        """A bit of a chance that moves by a sixteenth of the way."""
+        bit = self.plain(chances[i])
+        chances[i] += -(chances[i] >> 4) if bit else (32768 - chances[i]) >> 4
+        return bit
+
+    def number(self, lengths: list[int], firsts: list[int]) -> int:
+        """A number >= 0: its length in ones, then its bits."""
+        length = 0
+        while self.learn(lengths, min(length, 20)):
+            length += 1
+        number = 1
+        for place in range(length):
+            bit = self.plain(16384) if place else self.learn(firsts, min(length, 20))
+            number = 2 * number + bit
+        return number - 1
+
+
+def unpacked(data: bytes, count: int, n: int) -> NDArray[np.float64]:
+    """Frames in the coding of a file (count, n) [m]."""
+
+    def context() -> tuple[list[int], list[int]]:
+        return [16384] * 21, [16384] * 21
+
+    def signed(size: int) -> int:
+        return -size if size and bits.plain(16384) else size
+
+    unit, fine = struct.unpack_from("<dH", data)
+    bits = Bits(data[10:])
+    steps, firsts, differences = context(), context(), [context() for _ in range(15)]
+    modes = [[16384] * 8 for _ in range(5)]
+    code = mode = last = before_last = 0
+    values = np.zeros((n + 2, count), dtype=np.int64)  # after two points that never move
+    for point in range(2, n + 2):
+        z = bits.number(*steps)
+        code += -(z + 1) // 2 if z % 2 else z // 2
+        x, (beside, second) = values[point], (values[point - 1], values[point - 2])
+        for t in range(count):
+            if t % 20 == 0:
+                number = 1
+                for _ in range(3):
+                    number = 2 * number + bits.learn(modes[mode], number)
+                mode = number - 8
+                which = code if mode else fine
+                step = 4 + which % 4 << which // 4
+            if t == 0:
+                x[0] = step * signed(bits.number(*firsts))
+                continue
+            level = min(14, ((2 * last + before_last + 1) // 2).bit_length())
+            last, before_last = bits.number(*differences[level]), last
+            by = (
+                0,
+                0,
+                x[t - 1] - x[max(0, t - 2)],
+                beside[t] - beside[t - 1],
+                2 * (beside[t] - beside[t - 1]) - (second[t] - second[t - 1]),
+            )[mode]
+            x[t] = x[t - 1] + by + step * signed(last)
+    assert bits.next == len(bits.data)
+    return values[2:].T * unit
 
 
 class Replica:
@@ -116,12 +199,10 @@ class Replica:
                 continue
             part, coding, _, count, hop = struct.unpack_from("<HBBId", payload)
             n = self.manifest["parts"][part]["count"]
-            assert coding == 1
-            plain = zlib.decompress(payload[16:])
-            scale = np.frombuffer(plain, "<f4", count).astype(float)
-            planes = np.frombuffer(plain, "u1", offset=4 * count).reshape(count, 2, n).astype(int)
-            z = planes[:, 0] + 256 * planes[:, 1]
-            q = np.cumsum(np.where(z % 2, -(z + 1) // 2, z // 2), axis=1)
+            if coding == 0:
+                values = np.frombuffer(payload, "<f4", count * n, 16).reshape(count, n)
+            else:
+                values = unpacked(payload[16:], count, n)
             times.setdefault(part, []).extend(t + hop * np.arange(count))
-            rows.setdefault(part, []).append(scale[:, None] * q)
+            rows.setdefault(part, []).append(values.astype(float))
         return {part: (np.array(times[part]), np.vstack(rows[part])) for part in times}

@@ -336,7 +336,7 @@ def storm() -> bytes:
     ergons["t"], ergons["p"], ergons["i"] = 1, np.arange(STORM), -1e-3
     return b"".join(
         [
-            b"ERGM\x01\0\0\0",
+            b"ERGM\x02\0\0\0",
             chunk(1, 0, json.dumps(manifest).encode()),
             chunk(2, 0, STORM.to_bytes(4, "little") + rows + bytes(16 * STORM)),
             chunk(10, 0, b""),

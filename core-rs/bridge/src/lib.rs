@@ -86,7 +86,7 @@ mod _core {
     #[pymodule_export]
     use super::mixer::{FrozenOutputs, Mixer};
     #[pymodule_export]
-    use super::motion::{Motion, MotionLook, MotionRecorder, Window, read_motion};
+    use super::motion::{Motion, MotionLook, MotionRecorder, Window, motion_bound, read_motion};
     #[pymodule_export]
     use super::network::{Certificate, Network, ReachableNetwork};
     #[pymodule_export]

@@ -1,11 +1,13 @@
 //! Motion of a simulation as chunks of bytes; motion files.
 
+use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use ergon_engine::simulation::Look;
 use ergon_live::{perform, regular};
+use ergon_view::packed::BOUND;
 use ergon_view::read::{MotionFile, ReadError};
 use ergon_view::record::{self, Recorder, Setup};
 use numpy::ndarray::Array2;
@@ -200,6 +202,17 @@ impl Window {
 /// A `.motion` file, up to its last whole chunk.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Motion(MotionFile);
+
+/// How far displacements in a file may be off: shares of an amplitude, and metres.
+#[pyfunction]
+pub(crate) fn motion_bound() -> BTreeMap<&'static str, f64> {
+    BTreeMap::from([
+        ("amplitude", BOUND.amplitude),
+        ("rest", BOUND.rest),
+        ("least", BOUND.least),
+        ("flight", BOUND.flight),
+    ])
+}
 
 /// Read a `.motion` file up to its last whole chunk.
 #[pyfunction]

@@ -5,8 +5,8 @@ export const KIND = {
   clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15, broken: 16,
 };
 
-export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 1, 0, 0, 0];
-const VERSION = 1;
+export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 2, 0, 0, 0];
+const VERSION = 2;
 const HEAD = 16;
 const CRC = 4;
 const PAYLOAD_MAX = 64 << 20;
@@ -49,7 +49,7 @@ export class Chunks {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
     let at = 0;
     if (!this.begun) {
-      if (MAGIC.some((byte, i) => bytes[i] !== byte)) throw new Error("this is no .motion file");
+      if (MAGIC.some((byte, i) => bytes[i] !== byte)) throw new Error(`this is no .motion file of format ${MAGIC[4]}`);
       this.begun = true;
       at = MAGIC.length;
     }

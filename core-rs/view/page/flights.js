@@ -75,6 +75,10 @@ export class Flights {
 
 /** Position of a flight (a, b) after `s` seconds, and the envelope within which it moves, into `out`. */
 export function flight(a, b, omega, sigma, s, out) {
+  if (a === 0 && b === 0) {
+    out.z = out.amplitude = 0; // its decay may be infinite: a point that is struck later has s < 0
+    return;
+  }
   const fall = Math.exp(-sigma * s);
   if (omega === 0) {
     out.z = fall * (a + b * s);

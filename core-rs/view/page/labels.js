@@ -90,7 +90,13 @@ const WHY = {
   frozen: "its sound is read from a frozen part",
 };
 
-/** `×2,600`. */
+const LONG = 1e7; // from which on a factor is written by a power of ten
+
+/** `×2,600`, and `×5·10¹⁰`. */
 export function times(factor) {
+  if (factor >= LONG) {
+    const [digits, exponent] = Number(factor.toPrecision(3)).toExponential().split("e+");
+    return `×${digits}·10${Array.from(exponent, (digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[digit]).join("")}`;
+  }
   return `×${factor.toLocaleString("en", { maximumSignificantDigits: 3 })}`;
 }

@@ -17,7 +17,6 @@ import { Story } from "./story.js";
 import { Timeline } from "./timeline.js";
 import { tour } from "./tour.js";
 
-const AHEAD = 1; // [s] of the piece that is unpacked before it is drawn
 const asked = new URLSearchParams(location.search);
 const element = (id) => document.getElementById(id);
 
@@ -47,6 +46,7 @@ class Page {
     this.inspected = null; // point
     this.isDirty = true;
     this.isLost = false;
+    this.isChosen = false; // whether it was told to run or to stand
     this.timeline = new Timeline(element("timeline"), (t) => this.seek(t));
     this.controls = new Controls(this, canvas);
     document.body.classList.toggle("stage", this.stage);
@@ -190,10 +190,9 @@ class Page {
   }
 
   /** Stops the clock and draws exactly one instant [s]. */
-  async one(t) {
+  one(t) {
     this.clock.runs = false;
     this.clock.seek(t, this.story.duration, this.story.begins);
-    while (this.story.prepare(this.clock.t)) await this.story.prepare(this.clock.t);
     if (this.tour) this.camera.look(this.tour(this.clock.t));
     this.draw();
     this.isDirty = false;
@@ -205,15 +204,6 @@ class Page {
     if (story.model) {
       this.tick(now / 1000);
       this.sound.follow(clock);
-      story.prepare(Math.min(clock.t + AHEAD, story.end));
-      const wait = story.prepare(clock.t);
-      if (wait && !this.isWaiting) {
-        this.isWaiting = true;
-        wait.then(() => {
-          this.isWaiting = false;
-          this.changed();
-        });
-      }
       if (runs || this.isDirty) {
         this.isDirty = false;
         this.draw();
@@ -242,6 +232,7 @@ class Page {
   // --- actions of the user ---
 
   play(runs) {
+    this.isChosen = true;
     if (this.live) this.live.isNow = runs && this.clock.rate === 1;
     else if (runs && this.clock.t >= this.story.duration) this.clock.seek(0, this.story.duration);
     this.clock.runs = runs;
@@ -400,9 +391,10 @@ async function main() {
       if (!page.story.model) throw error;
     })
     .then(async () => {
+      page.one(page.live ? page.story.end : Number(asked.get("t") ?? 0) || 0);
       if (asked.has("sound") && !page.live) await page.listen();
-      await page.one(page.live ? page.story.end : Number(asked.get("t") ?? 0) || 0);
-      if (!asked.has("t") && !page.look.still) page.play(true);
+      // What was chosen while the sound was loading stays.
+      if (!asked.has("t") && !page.look.still && !page.isChosen) page.play(true);
     });
   await window.ergon.ready;
 }

@@ -7,6 +7,7 @@ import { ALONG } from "./model.js";
 export const STROBE = 25; // [Hz] above which a point is drawn as its sweep
 const LIGHT_OCTAVES = 12; // octaves of speed from dark to bright
 const SPACE_LIGHT = 0.5; // least light of a point in space: its position already shows its motion
+const FAINT = 1e-12; // [m] a displacement too small to be seen, however it is drawn
 const DRAWN_SHARE = 0.12; // share of a part's size that its largest displacement is drawn at
 
 export class Motion {
@@ -131,7 +132,7 @@ export class Motion {
   /** The factor from the largest displacement so far, in steps of 1, 2, 5, so that it seldom changes. */
   automatic(i) {
     const peak = Math.max(this.story.peaks[i], this.story.largest[i]);
-    if (!(peak > 0)) return 1;
+    if (!(peak > FAINT)) return 1;
     const size = Math.max(this.sizes[i], 0.15 * this.whole);
     return Math.max(1, rounded((DRAWN_SHARE * size) / peak));
   }

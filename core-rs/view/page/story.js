@@ -47,12 +47,6 @@ export class Story {
     return this.model?.duration ?? this.end;
   }
 
-  /** A promise that everything needed at `t` is unpacked; null if it is already. */
-  prepare(t) {
-    const waits = (this.frames ?? []).map((frames) => frames.prepare(t)).filter((wait) => wait);
-    return waits.length ? Promise.all(waits) : null;
-  }
-
   /** Updates the largest speed and displacement of the free points of each part. */
   updateLargest(view) {
     const { model } = this;

@@ -1,17 +1,34 @@
 //! Displacements of the points of a part, frame by frame.
 
-use miniz_oxide::deflate::compress_to_vec_zlib;
-use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
-
+use crate::packed;
 use crate::payload::{Bytes, Reading};
 
 /// Largest number of values in one chunk.
 const NUMBERS_MAX: usize = 1 << 24;
-/// Number of steps up to the largest displacement: in a file, and live.
-const STEPS_IN_FILE: f64 = 511.0;
-const STEPS_LIVE: f64 = 32_767.0;
-/// Compression level, 0 to 10.
-const COMPRESSION_LEVEL: u8 = 6;
+/// Codings: numbers of single precision, and steps for each point.
+const PLAIN: u8 = 0;
+const PACKED: u8 = 1;
+
+/// Displacement from frame to frame below which a point rests \[m\]: its steps are then a micrometre at most.
+const REST: f64 = 1.5e-6;
+
+/// The displacement at a share of the time from frame x to the next one, y: on the cubic through these and the frames
+/// before and after, on a parabola where one of those is not known, and on a straight line where the point rests.
+pub fn between(share: f64, (x, y): (f64, f64), before: Option<f64>, after: Option<f64>) -> f64 {
+    let (before, after) = match (before, after) {
+        (None, None) => return x + share * (y - x),
+        (Some(before), None) => (before, 3.0 * (y - x) + before),
+        (None, Some(after)) => (3.0 * (x - y) + after, after),
+        (Some(before), Some(after)) => (before, after),
+    };
+    let is_still = |from: f64, to: f64| (to - from).abs() <= REST;
+    if is_still(x, y) && (is_still(before, x) || is_still(y, after)) {
+        return x + share * (y - x);
+    }
+    let (back, on, far) = (share + 1.0, share - 1.0, share - 2.0);
+    let outer = share * on * (back * after - far * before) / 6.0;
+    outer + back * far * (on * x - share * y) / 2.0
+}
 
 /// Frames of one part.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,56 +44,31 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// The payload: ten bits a value and compressed, or 16 bits a value and not compressed.
-    pub fn bytes(&self, is_compressed: bool) -> Vec<u8> {
-        let n = self.rows.len() / self.count.max(1);
-        let steps = if is_compressed {
-            STEPS_IN_FILE
-        } else {
-            STEPS_LIVE
-        };
+    /// The payload for a live page, which draws each frame by itself: in single precision.
+    pub fn plain(&self) -> Vec<u8> {
+        let mut out = self.head(PLAIN);
+        self.rows.iter().for_each(|x| out.f32(*x));
+        out.0
+    }
+
+    /// The payload for a file, within [`packed::BOUND`]; plain if a displacement is not known. `amplitudes` [m] are
+    /// those of the points so far, these frames included   (n)
+    pub fn packed(&self, amplitudes: &[f64]) -> Vec<u8> {
+        if !self.rows.iter().all(|x| x.is_finite()) {
+            return self.plain();
+        }
+        let mut out = self.head(PACKED);
+        packed::pack(&mut out, &self.rows, amplitudes);
+        out.0
+    }
+
+    fn head(&self, coding: u8) -> Bytes {
         let mut out = Bytes::default();
         out.u16(self.part);
-        out.0.extend([u8::from(is_compressed), 0]);
+        out.0.extend([coding, 0]);
         out.u32(self.count as u32);
         out.f64(self.hop);
-        let (mut scales, mut planes) = (Bytes::default(), Vec::new());
-        for row in self.rows.chunks(n.max(1)) {
-            let is_known = row.iter().all(|x| x.is_finite());
-            let most = row.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            // The scale as the reader gets it, in single precision.
-            let scale = f64::from((most / steps) as f32).max(f64::from(f32::MIN_POSITIVE));
-            let told = if is_known { scale } else { f64::NAN };
-            let steps_of = |x: &f64| {
-                let q = (x / scale).round_ties_even().clamp(-steps, steps);
-                if is_known { q as i32 } else { 0 }
-            };
-            if !is_compressed {
-                out.f32(told);
-                for x in row {
-                    out.0.extend((steps_of(x) as i16).to_le_bytes());
-                }
-                continue;
-            }
-            scales.f32(told);
-            let mut last = 0;
-            let zigzags: Vec<u16> = row
-                .iter()
-                .map(|x| {
-                    let q = steps_of(x);
-                    let step = q - std::mem::replace(&mut last, q);
-                    ((step << 1) ^ (step >> 31)) as u16
-                })
-                .collect();
-            planes.extend(zigzags.iter().map(|z| *z as u8));
-            planes.extend(zigzags.iter().map(|z| (z >> 8) as u8));
-        }
-        if is_compressed {
-            scales.0.extend(planes);
-            out.0
-                .extend(compress_to_vec_zlib(&scales.0, COMPRESSION_LEVEL));
-        }
-        out.0
+        out
     }
 
     /// The frames of a payload; `points_of`: number of points of a part. `None` if the payload is damaged.
@@ -92,39 +84,15 @@ impl Frames {
         if !(hop > 0.0 && hop.is_finite()) || count > NUMBERS_MAX {
             return None;
         }
-        let mut rows = Vec::new();
-        match coding {
-            0 => {
-                for _ in 0..count {
-                    let scale = from.f32()?;
-                    for _ in 0..n {
-                        rows.push(scale * f64::from(from.u16()? as i16));
-                    }
-                }
+        let rows = match coding {
+            PLAIN if from.0.len() == 4 * numbers => {
+                let values = from.0.chunks_exact(4);
+                values.filter_map(|x| Reading(x).f32()).collect()
             }
-            1 => {
-                let size = 4 * count + 2 * numbers;
-                let plain = decompress_to_vec_zlib_with_limit(from.0, size).ok()?;
-                if plain.len() != size {
-                    return None;
-                }
-                let (scales, planes) = plain.split_at(4 * count);
-                let mut scales = Reading(scales);
-                for row in planes.chunks(2 * n.max(1)).take(count) {
-                    let scale = scales.f32()?;
-                    let (low, high) = row.split_at(n);
-                    let mut q = 0_i32;
-                    for (low, high) in low.iter().zip(high) {
-                        let z = i32::from(u16::from_le_bytes([*low, *high]));
-                        q += (z >> 1) ^ -(z & 1);
-                        rows.push(scale * f64::from(q));
-                    }
-                }
-                from = Reading(&[]);
-            }
+            PACKED => packed::unpack(from.0, count, n)?,
             _ => return None,
-        }
-        from.0.is_empty().then_some(Self {
+        };
+        Some(Self {
             part,
             hop,
             rows,
@@ -138,47 +106,130 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::packed::BOUND;
+
+    const POINTS: usize = 5;
+
+    fn frames(rows: Vec<f64>) -> Frames {
+        let count = rows.len() / POINTS;
+        Frames {
+            part: 3,
+            hop: 1.0 / 60.0,
+            rows,
+            count,
+        }
+    }
+
+    fn amplitudes(rows: &[f64]) -> Vec<f64> {
+        let points = (0..POINTS).map(|point| rows[point..].iter().step_by(POINTS));
+        let extents = points.map(|x| {
+            x.clone().copied().fold(f64::NEG_INFINITY, f64::max)
+                - x.copied().fold(f64::INFINITY, f64::min)
+        });
+        extents.map(|extent| 0.5 * extent).collect()
+    }
+
+    fn read(bytes: &[u8]) -> Option<Frames> {
+        Frames::read(bytes, |part| (part == 3).then_some(POINTS))
+    }
 
     proptest! {
+        /// Points of amplitudes from 1 nm to 1 km beside each other, far from where they rest or near.
         #[test]
-        fn frames_come_back_within_half_a_step(
-            rows in prop::collection::vec(prop::collection::vec(-1e-3..1e-3_f64, 7), 1..9), is_compressed: bool,
+        fn each_point_comes_back_within_its_bound(
+            exponents in prop::collection::vec(-9.0..3.0_f64, POINTS),
+            offsets in prop::collection::vec(-500.0..500.0_f64, POINTS),
+            shares in prop::collection::vec(prop::collection::vec(-1.0..1.0_f64, POINTS), 1..70),
         ) {
-            let frames = Frames { part: 3, hop: 1.0 / 60.0, count: rows.len(), rows: rows.concat() };
-            let bytes = frames.bytes(is_compressed);
-            let found = Frames::read(&bytes, |part| (part == 3).then_some(7)).expect("frames");
-            prop_assert_eq!((found.part, found.count, found.hop), (3, rows.len(), frames.hop));
-            let steps = if is_compressed { 511.0 } else { 32_767.0 };
-            for (row, own) in rows.iter().zip(found.rows.chunks(7)) {
-                let most = row.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                for (x, y) in row.iter().zip(own) {
-                    prop_assert!((x - y).abs() <= 0.501 * most / steps);
-                }
+            let size = |point: usize| ergon_engine::maths::pow(10.0, exponents[point]);
+            let rows: Vec<f64> = shares.iter()
+                .flat_map(|row| row.iter().enumerate().map(|(point, x)| offsets[point] + size(point) * x))
+                .collect();
+            let (all, amplitudes) = (frames(rows), amplitudes(&shares.concat()));
+            let amplitudes: Vec<f64> = amplitudes.iter().enumerate().map(|(point, x)| x * size(point)).collect();
+            let bytes = all.packed(&amplitudes);
+            let copy = read(&bytes).expect("frames");
+            prop_assert_eq!((copy.part, copy.count, copy.hop), (3, all.count, all.hop));
+            for (i, (x, y)) in all.rows.iter().zip(&copy.rows).enumerate() {
+                let bound = (BOUND.amplitude * amplitudes[i % POINTS]).max(BOUND.least);
+                prop_assert!((x - y).abs() <= 1.001 * bound, "{x} {y} {bound}");
             }
-            // More bytes, fewer bytes, or another number of points are refused.
-            prop_assert!(Frames::read(&bytes[..bytes.len() - 1], |_| Some(7)).is_none());
-            prop_assert!(Frames::read(&bytes, |_| Some(8)).is_none());
+            prop_assert!(read(&bytes[..bytes.len() - 1]).is_none());
         }
 
         #[test]
-        fn any_bytes_are_frames_or_none(bytes: Vec<u8>, n in 0..100_usize) {
+        fn plain_frames_come_back_in_single_precision(
+            rows in prop::collection::vec(prop::collection::vec(-1e3..1e3_f64, POINTS), 1..9),
+        ) {
+            let all = frames(rows.concat());
+            let copy = read(&all.plain()).expect("frames");
+            for (x, y) in all.rows.iter().zip(&copy.rows) {
+                prop_assert_eq!(f64::from(*x as f32), *y);
+            }
+        }
+
+        #[test]
+        fn any_bytes_are_frames_or_none(coding in 0..3_u8, bytes: Vec<u8>, n in 0..100_usize) {
             let _ = Frames::read(&bytes, |_| Some(n));
+            let head = Frames { rows: Vec::new(), count: 3, ..frames(Vec::new()) }.head(coding);
+            let _ = Frames::read(&[head.0, bytes].concat(), |_| Some(n));
         }
     }
 
     #[test]
-    fn what_is_not_known_is_told() {
-        for is_compressed in [false, true] {
-            let rows = vec![1.0, f64::NAN, 2.0, 1.0];
-            let frames = Frames {
-                part: 0,
-                hop: 0.1,
-                count: 2,
-                rows,
-            };
-            let found = Frames::read(&frames.bytes(is_compressed), |_| Some(2)).expect("frames");
-            assert!(found.rows[0].is_nan() && found.rows[1].is_nan());
-            assert!((found.rows[2] - 2.0).abs() < 1e-3);
+    fn a_point_that_rests_after_a_long_way_is_where_it_is() {
+        let rows: Vec<f64> = (0..120)
+            .flat_map(|t| {
+                let fallen = 0.123_456_789 * f64::from(t.min(40));
+                [fallen, 0.0, -fallen, 0.5, 1e-3 * f64::from(t % 7)]
+            })
+            .collect();
+        let all = frames(rows);
+        let copy = read(&all.packed(&amplitudes(&all.rows))).expect("frames");
+        for t in (0..120).filter(|t| *t >= 60) {
+            for point in [0, 1, 2, 3] {
+                let off = all.rows[t * POINTS + point] - copy.rows[t * POINTS + point];
+                assert!(off.abs() <= 1.001 * BOUND.rest, "{t} {point} {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn between_frames_a_cubic_is_exact_and_rest_is_straight() {
+        let cubic = |t: f64| 1.0 + t * (2.0 - t * (0.5 - 0.25 * t));
+        let parabola = |t: f64| 1.0 - t * (2.0 + t);
+        for share in [0.0, 0.1, 0.5, 0.9] {
+            let is = |x: f64, y: f64| assert!((x - y).abs() < 1e-12, "{x} {y}");
+            let ends = (cubic(0.0), cubic(1.0));
+            is(
+                between(share, ends, Some(cubic(-1.0)), Some(cubic(2.0))),
+                cubic(share),
+            );
+            let ends = (parabola(0.0), parabola(1.0));
+            is(
+                between(share, ends, Some(parabola(-1.0)), None),
+                parabola(share),
+            );
+            is(
+                between(share, ends, None, Some(parabola(2.0))),
+                parabola(share),
+            );
+            is(between(share, (1.0, 2.0), None, None), 1.0 + share);
+            is(between(share, (0.5, 0.5), Some(0.5), Some(9.0)), 0.5);
+            is(between(share, (0.5, 0.5), Some(-9.0), Some(0.5)), 0.5);
+        }
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_a_number() {
+        let rows = vec![1.0, f64::NAN, 2.0, 1.0, 0.0];
+        for bytes in [
+            frames(rows.clone()).plain(),
+            frames(rows).packed(&[1.0; POINTS]),
+        ] {
+            let copy = read(&bytes).expect("frames");
+            assert_eq!(copy.rows[0], 1.0);
+            assert!(copy.rows[1].is_nan());
         }
     }
 }

@@ -2,7 +2,9 @@
 
 pub mod frames;
 pub mod motion;
+pub mod packed;
 pub mod payload;
+mod range;
 pub mod read;
 pub mod record;
 pub mod serve;

@@ -7,7 +7,7 @@
 use thiserror::Error;
 
 /// The first bytes of every file.
-pub const MAGIC: [u8; 8] = *b"ERGM\x01\0\0\0";
+pub const MAGIC: [u8; 8] = *b"ERGM\x02\0\0\0";
 
 const HEAD: usize = 16;
 const CRC: usize = 4;

@@ -3,7 +3,7 @@
 use crate::motion::{self, Chunk};
 
 /// Version of every payload in this file.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// Marks a missing source or track.
 pub const NONE: u32 = u32::MAX;
 

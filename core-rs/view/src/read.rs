@@ -4,7 +4,7 @@ use ergon_engine::simulation::Oscillation;
 use serde_json::Value;
 use thiserror::Error;
 
-use crate::frames::Frames;
+use crate::frames::{Frames, between};
 use crate::motion::{self, ChunkError, MAGIC};
 use crate::payload::{Reading, VERSION, from_half, kind};
 
@@ -12,8 +12,11 @@ use crate::payload::{Reading, VERSION, from_half, kind};
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum ReadError {
     /// The file does not begin with the magic bytes.
-    #[error("this is not a motion file: it does not begin with ERGM and version 1")]
+    #[error("this is not a motion file: it does not begin with ERGM")]
     Magic,
+    /// The file has the format of another version.
+    #[error("this motion file has format {0}, and this ergon reads format {number}: render the score again with --motion", number = MAGIC[4])]
+    Format(u8),
     /// The manifest or a table is incomplete or damaged.
     #[error("the {0} of this motion file is missing or damaged")]
     Table(&'static str),
@@ -87,8 +90,12 @@ impl MotionFile {
     /// # Errors
     /// [`ReadError`] if its manifest or tables are incomplete, or a complete chunk does not match its kind.
     pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
-        if !bytes.starts_with(&MAGIC) {
-            return Err(ReadError::Magic);
+        match bytes.get(..MAGIC.len()) {
+            Some(head) if head == MAGIC => {}
+            Some([b'E', b'R', b'G', b'M', format, 0, 0, 0]) => {
+                return Err(ReadError::Format(*format));
+            }
+            _ => return Err(ReadError::Magic),
         }
         let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
         // As after a cut, nothing after a damaged chunk can be trusted.
@@ -361,7 +368,7 @@ impl MotionFile {
         }
     }
 
-    /// Sampled points: linear interpolation between frames.
+    /// Sampled points, between frames as in [`between`].
     fn interpolate(&self, instants: &[f64], out: &mut [f64]) -> Result<(), ReadError> {
         let n = self.n_points;
         for (number, part) in self.parts.iter().enumerate() {
@@ -375,12 +382,17 @@ impl MotionFile {
             let (mut known, mut at): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut blocks = self.chunks.iter().filter(is_own);
             for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
-                while known.last().is_none_or(|last| last.0 <= instant) {
+                while known
+                    .iter()
+                    .nth_back(1)
+                    .is_none_or(|last| last.0 <= instant)
+                {
                     let Some(chunk) = blocks.next() else { break };
                     let damaged = ReadError::Payload(chunk.kind, chunk.at);
                     let frames = self.frames(chunk).ok_or(damaged)?;
-                    // Of the past frames, only the last one is needed.
-                    known.drain(..known.len().saturating_sub(1));
+                    // Of the past frames, only the last two are needed.
+                    let past = known.partition_point(|frame| frame.0 <= instant);
+                    known.drain(..past.saturating_sub(2));
                     at = 0;
                     for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {
                         known.push((chunk.seconds + i as f64 * frames.hop, x.to_vec()));
@@ -393,14 +405,19 @@ impl MotionFile {
                 let Some((since, x)) = known.get(at).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
-                match known.get(at + 1) {
-                    Some((until, y)) => {
-                        let s = (instant - since) / (until - since);
-                        for (own, (x, y)) in own.iter_mut().zip(x.iter().zip(y)) {
-                            *own = x + s * (y - x);
-                        }
-                    }
-                    None => own.copy_from_slice(x),
+                let neighbour = |number: Option<usize>, point: usize| {
+                    let x = known.get(number?)?.1[point];
+                    x.is_finite().then_some(x)
+                };
+                let Some((until, y)) = known.get(at + 1) else {
+                    own.copy_from_slice(x);
+                    continue;
+                };
+                let share = (instant - since) / (until - since);
+                for (point, (own, ends)) in own.iter_mut().zip(x.iter().zip(y)).enumerate() {
+                    let before = neighbour(at.checked_sub(1), point);
+                    let after = neighbour(Some(at + 2), point);
+                    *own = between(share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

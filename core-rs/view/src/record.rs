@@ -75,6 +75,8 @@ pub struct Recorder {
     /// Displacements of the points of modal parts, as of their last evaluation   (n_points)
     shaped: Vec<f64>,
     peaks: Vec<f64>,
+    /// Least and largest displacement so far of each point that is sampled   (n_points)
+    extremes: Vec<(f64, f64)>,
     /// Index of the point of each MAT.
     points: HashMap<usize, usize>,
     frame: u64,
@@ -128,6 +130,7 @@ impl Recorder {
             glance: Glance::new(simulation, &look),
             shaped: vec![0.0; look.points.len()],
             peaks: vec![0.0; runs.len()],
+            extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); look.points.len()],
             points,
             rate: simulation.rate(),
             frame: 0,
@@ -309,6 +312,10 @@ impl Recorder {
         for ((run, rows), peak) in all.filter(|((run, _), _)| run.kind == "sampled") {
             let row = &seen[run.points.clone()];
             *peak = row.iter().fold(*peak, |peak, x| peak.max(x.abs()));
+            let extremes = &mut self.extremes[run.points.clone()];
+            for ((low, high), x) in extremes.iter_mut().zip(row) {
+                (*low, *high) = (low.min(*x), high.max(*x));
+            }
             rows.extend_from_slice(row);
         }
         self.segment.count += 1;
@@ -415,6 +422,11 @@ impl Recorder {
                     break;
                 }
                 let n = run.points.len();
+                let extremes = &self.extremes[run.points.clone()];
+                let amplitudes: Vec<f64> = extremes
+                    .iter()
+                    .map(|(low, high)| 0.5 * (high - low))
+                    .collect();
                 let frames = Frames {
                     part: part as u16,
                     hop: 1.0 / self.setup.fps,
@@ -422,7 +434,7 @@ impl Recorder {
                     count: some.len(),
                 };
                 let at = segment.start + some.start as f64 / self.setup.fps;
-                put(&mut self.out, kind::FRAMES, at, &frames.bytes(true));
+                put(&mut self.out, kind::FRAMES, at, &frames.packed(&amplitudes));
             }
         }
         segment

@@ -1,10 +1,9 @@
 //! Flights: oscillations that a reader continues by itself, written when the engine differs from them.
 
 use super::Recorder;
+use crate::packed::BOUND;
 use crate::payload::{Bytes, kind};
 
-/// Largest difference from the last flight, relative to the amplitude, for which no new flight is written.
-const TOLERANCE: f64 = 2e-3;
 /// A displacement too small to be seen [m].
 const FAINT: f64 = 1e-12;
 /// If an oscillation has decayed since the strike by this exponent σt, it is not followed back to the strike.
@@ -45,7 +44,7 @@ impl Recorder {
                     size(actual)
                 });
             }
-            if difference.is_nan() || difference <= TOLERANCE * largest + FAINT {
+            if difference.is_nan() || difference <= BOUND.flight * largest + FAINT {
                 continue;
             }
             // A strike at the instant of a look acts after it.

@@ -50,7 +50,7 @@ impl Recorder {
                     rows,
                     count: 1,
                 };
-                put(&mut latest, kind::FRAMES, now, &frames.bytes(false));
+                put(&mut latest, kind::FRAMES, now, &frames.plain());
             }
         }
         LiveChunks {
