@@ -141,7 +141,7 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
         assert np.abs(engine[:, own] - seen[:, own]).max() <= 1e-9 * np.max(swing) + 1e-15
 
 
-def test_frames_hold_ten_bits(filmed: tuple) -> None:
+def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
     data, net, timeline, _ = filmed
     replica = Replica(data)
     mats = _mats(net, replica)
@@ -157,9 +157,11 @@ def test_frames_hold_ten_bits(filmed: tuple) -> None:
         own = slice(part["first"], part["first"] + part["count"])
         is_truth = np.array(truth)[:, own]
         assert np.allclose(times[:n_frames], np.arange(n_frames) / FPS, atol=1e-6)
-        most = np.abs(is_truth).max(axis=1, keepdims=True)
-        # Half a step of 511, and what the plan differs by.
-        assert (np.abs(values[:n_frames] - is_truth) <= 0.51 / 511 * most + 1e-4 * most.max()).all()
+        amplitude = 0.5 * np.ptp(is_truth, axis=0)
+        # The stated bound, and what the plan differs by.
+        planned = 1e-4 * np.abs(is_truth).max()
+        share = _core.motion_bound()["amplitude"]
+        assert (np.abs(values[:n_frames] - is_truth) <= share * amplitude + planned).all()
 
 
 def test_ergons_make_flights_and_nothing_else_does(filmed: tuple) -> None:

@@ -298,10 +298,10 @@ def test_damage_is_told_and_what_came_before_is_drawn(
     cut = tmp_path / "cut.motion"
     cut.write_bytes(motion.read_bytes()[: len(whole) // 2])
     newer = tmp_path / "newer.motion"
-    newer.write_bytes(motion.read_bytes() + chunk(8, 4.0, b"", version=2))
+    newer.write_bytes(motion.read_bytes() + chunk(8, 4.0, b"", version=3))
     none = tmp_path / "none.motion"
     none.write_bytes(b"RIFF1234WAVEfmt ")
-    told = {spoilt: "check sum", cut: "", newer: "version 2", none: "no .motion file"}
+    told = {spoilt: "check sum", cut: "", newer: "version 3", none: "no .motion file"}
     for path, words in told.items():
         server = _core.ViewServer(path, key=browser.KEY)
         with chromium.page(WIDTH, HEIGHT) as page:

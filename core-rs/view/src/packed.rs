@@ -139,7 +139,7 @@ impl Learnt {
             self.firsts.code(coder, 0, size)?
         } else {
             let [last, before] = self.sizes;
-            let bits = u64::BITS - ((2 * last + before + 1) / 2).leading_zeros();
+            let bits = u64::BITS - (2 * last + before).div_ceil(2).leading_zeros();
             let size = (self.differences).code(coder, (bits as usize).min(CONTEXTS - 1), size)?;
             self.sizes = [size, last];
             size
