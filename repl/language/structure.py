@@ -64,7 +64,8 @@ def pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
             message = f"'{name[:40]}' needs a value, such as K=4kN/m"
             raise TextError(message, offset=offset + word.start(), length=len(word.group()))
         if not (equals and name):
-            message = f"{quote(word.group())} is not a field: write one such as K=4kN/m"
+            message = f"{quote(word.group())} is not a field with its value: write one such as "
+            message += "K=4kN/m, or notes=C3..C5"
             raise TextError(message, offset=offset + word.start(), length=len(word.group()))
         yield name, value, offset + word.start()
 

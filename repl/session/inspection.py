@@ -182,7 +182,9 @@ def _tempo_row(entry: TempoEntry) -> str:
     if entry.tempos:
         count = len(entry.tempos)
         return f"1|1: {count:,} tempo{'s' if count > 1 else ''} of a MIDI file"
-    return f"{entry.at.text}: {entry.bpm or ''} bpm"
+    words = [f"{entry.bpm} bpm"] if entry.bpm else []
+    words += [str(entry.meter)] if entry.meter else []
+    return f"{entry.at.text}: {', '.join(words)}"
 
 
 def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:

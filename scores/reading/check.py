@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import accumulate, chain
 from typing import Any
@@ -18,6 +18,8 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.memory import Memory
 from ergon.scores.reading import build, melodies, phrase_do, rhythm_strikes
+from ergon.scores.reading.above_rate import without_modes_above
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
@@ -106,7 +108,7 @@ class Checker:
             tempo=times.entries,
             marks=times.marks,
             keys=self.matter.keys,
-            instruments=self.matter.instruments,
+            instruments=self._computable(strikes, changes, duet, memory),
             gestures=self.gestures_and_takes.gestures,
             takes=self.gestures_and_takes.takes,
             strikes=strikes,
@@ -130,6 +132,26 @@ class Checker:
         if self.collector.has_errors():
             return piece
         return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
+
+    def _computable(
+        self,
+        strikes: Iterable[Strikes],
+        changes: Iterable[Automation],
+        duet: Iterable[Coupling],
+        memory: Memory | None,
+    ) -> dict[str, Instrument]:
+        """The instruments of the piece, without modes that no rate of the piece computes."""
+        notes = self.part_names.families
+        transposed = {part: name for name, parts in notes.items() for part in parts.values()}
+        for name, entry in self.names.tables["instruments"].items():
+            if isinstance(entry.values, Values) and entry.values.written("like", "from"):
+                transposed.setdefault(name, name)
+        used = [target for struck in strikes for target in struck.to]
+        used += [target for line in changes for target in (line.target, *line.other_notes)]
+        used += [end for coupling in duet for end in (coupling.a, coupling.b)]
+        rate = self.matter.rate
+        instruments = self.matter.instruments
+        return without_modes_above(instruments, transposed, used, rate, self.collector, memory)
 
     def _available(self) -> dict[str, Instrument]:
         """Instruments that a file brings and nothing plays, or the first note of one with notes;

@@ -1,0 +1,114 @@
+"""Modes of transposed instruments that lie above half the rate: they are left out.
+
+A mode there cannot be computed at this rate, nor heard. An instrument that is written at one pitch
+has them at its higher notes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+
+from ergon.instruments import following, proxies
+from ergon.instruments.model import Instrument, Module, Target
+from ergon.instruments.module_kinds import LINKS
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.memory import Memory
+
+_Where = tuple[str, str]  # a part and a module
+
+
+def without_modes_above(
+    instruments: Mapping[str, Instrument],
+    transposed: Mapping[str, str],
+    used: Iterable[Target],
+    rate: float,
+    collector: Collector,
+    memory: Memory | None,
+) -> dict[str, Instrument]:
+    """The instruments without CELs of `transposed` ones that lie above half the `rate` [Hz], and
+    without the links to them; reports N405 for what is left out.
+
+    `transposed` are instruments, each with the name under which it is reported. What is `used`
+    (struck, automated, joined by other instruments) stays, and is refused by the engine.
+    """
+    joined = {(target.part, target.module) for target in used}
+    for name, instrument in instruments.items():
+        joined |= {
+            (target.part, target.module)
+            for module in instrument.modules
+            for target in _ends(module)
+            if target.part != name or module.kind not in LINKS
+        }
+    result, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
+    for name in transposed:
+        pitched = instruments.get(name)
+        if pitched is None or pitched.ca_rate is not None or pitched.space:
+            continue
+        high = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
+        high = {module: f for module, f in high.items() if (name, module) not in joined}
+        if high and (thinner := _without(pitched, frozenset(high), memory)) is not None:
+            result[name] = thinner
+            rows = ((f"{name}.{module}", f) for module, f in high.items())
+            reported.setdefault(transposed[name], []).extend(rows)
+    for name, modes in reported.items():
+        _report(name, modes, instruments, rate, collector)
+    return result
+
+
+def _frequency(module: Module) -> float:
+    """The frequency of a CEL [Hz]; 0 of what has none."""
+    return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
+
+
+def _ends(module: Module) -> list[Target]:
+    ends = [end for end in module.fields.get("between", ()) if isinstance(end, Target)]
+    ends += following.targets(module)
+    return ends + (proxies.targets(module.fields) if module.kind == "PROXY" else [])
+
+
+def _without(
+    instrument: Instrument, names: Collection[str], memory: Memory | None
+) -> Instrument | None:
+    """An instrument without some modules; None if an output would have nothing left to hear."""
+    place = f"thinner {instrument.name}"
+    known = None if memory is None else memory.held(place, names)
+    if known is not None and known[0] is instrument:
+        return known[1]  # type: ignore[no-any-return]
+
+    def is_there(target: Target) -> bool:
+        return target.part != instrument.name or target.module not in names
+
+    modules = tuple(
+        module
+        for module in instrument.modules
+        if module.name not in names and all(map(is_there, _ends(module)))
+    )
+    outputs = tuple(
+        replace(output, targets=tuple(filter(is_there, output.targets)))
+        for output in instrument.outputs
+    )
+    if not all(output.targets for output in outputs):
+        return None
+    thinner = replace(instrument, modules=modules, outputs=outputs)
+    if memory is not None:
+        memory.hold(place, names, (instrument, thinner))
+    return thinner
+
+
+def _report(
+    name: str,
+    modes: list[tuple[str, float]],
+    instruments: Mapping[str, Instrument],
+    rate: float,
+    collector: Collector,
+) -> None:
+    lowest, frequency = min(modes, key=lambda mode: mode[1])
+    part = lowest.rpartition(".")[0]
+    what = "1 mode lies" if len(modes) == 1 else f"{len(modes)} modes lie"
+    message = (
+        f"instrument {quote(name)}: {what} above half the rate of {rate:g} Hz and "
+        f"{'is' if len(modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
+        f"{frequency / 1e3:.3g} kHz"
+    )
+    collector.error("N405", message, instruments[part].place)
