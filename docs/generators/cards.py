@@ -7,6 +7,7 @@ of the sounds become rows of `cards.csv`, a page for each family, and a picture.
 from __future__ import annotations
 
 import csv
+import re
 import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -24,7 +25,8 @@ from ergon.scores.staging.stage import stage
 Samples = NDArray[np.float64]
 
 HERE = Path(__file__).parent
-BESIDE = HERE.parents[1] / "scores" / "library" / "card.yaml"  # where such a score would lie
+ROOT = HERE.parents[1]
+BESIDE = ROOT / "scores" / "library" / "card.yaml"  # where such a score would lie
 STROKES = ("soft", "middle", "hard")
 SECONDS = 1.5  # of each stroke, which falls at 50 ms
 _HEARD = 0.55  # s, in which spectra are taken
@@ -267,6 +269,11 @@ def _known(card: Card, known: dict[str, Any]) -> list[str]:
     ]
 
 
+def counted(page: str, instruments: int) -> str:
+    """Return a page with the number of measured instruments where it counts them."""
+    return re.sub(r"\b\d+ instruments(?=, (?:a page|measured))", f"{instruments} instruments", page)
+
+
 def main() -> None:
     """Measure the named families (all by default), and write their pages."""
     folder = Path(sys.argv[1])
@@ -297,6 +304,13 @@ def main() -> None:
         writer.writeheader()
         for family in families:
             writer.writerows(kept.get(family, []))
+    instruments = sum(len(kept.get(family, [])) for family in families)
+    pages = [folder / "README.md"]
+    if folder.resolve() == ROOT / "docs" / "instruments":
+        pages.append(ROOT / "README.md")
+    for page in pages:
+        if page.exists():
+            page.write_text(counted(page.read_text(encoding="utf-8"), instruments), "utf-8")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from sweep import few
 
-from docs.generators.cards import centroid, described, measured, play, score
+from docs.generators.cards import centroid, counted, described, measured, play, score
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "instruments"
@@ -27,6 +27,13 @@ def test_every_instrument_of_a_family_has_a_card() -> None:
         page = (FOLDER / f"{family}.md").read_text(encoding="utf-8")
         assert all(f"## {name}\n" in page for name in said["cards"])
     assert list(ROWS) == [name for _, name in CARDS]
+
+
+@pytest.mark.parametrize("page", [FOLDER / "README.md", ROOT / "README.md"], ids=["docs", "root"])
+def test_a_page_counts_the_instruments_that_have_cards(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert counted(text, len(ROWS)) == text
+    assert counted(text, len(ROWS) + 1) != text
 
 
 def test_pictures_are_small() -> None:
