@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ergon.api.sweep_table import SweepRow
     from ergon.api.take_stats import ForceStats, HandStats, TakeStatsOptions, take_stats
     from ergon.api.tune import Tuned, TunedValue, TuneOptions, tune
+    from ergon.api.version import __version__ as __version__
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
@@ -166,7 +167,6 @@ _PLACES = {
     "TuneOptions": "api.tune",
     "Tuned": "api.tune",
     "TunedValue": "api.tune",
-    "__version__": "api.version",
     "admittance": "api.admittance",
     "bell": "workshop.api.bell",
     "check": "api.check",
@@ -185,11 +185,12 @@ _PLACES = {
 
 
 def __getattr__(name: str) -> object:
-    if name not in _PLACES:
+    place = "api.version" if name == "__version__" else _PLACES.get(name)
+    if place is None:
         raise AttributeError(f"module 'ergon' has no attribute '{name}'", name=name)
     from importlib import import_module
 
-    found: object = getattr(import_module(f"ergon.{_PLACES[name]}"), name)
+    found: object = getattr(import_module(f"ergon.{place}"), name)
     globals()[name] = found
     return found
 
