@@ -1680,6 +1680,14 @@ class Mixer:
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """Mix frames (n_frames, n_out) into mixed (n_frames, n_channels). Raises EngineError."""
 
+def waveform_errors(sound: _Floats, reference: _Floats, ends: Sequence[int]) -> list[float]:
+    """‖sound - reference‖/‖reference - mean‖ [dB] of the worst output, from the first frame to each
+    of `ends` [frames], which do not fall.
+
+    Both are (n_frames, n_out). -inf where they are equal within rounding, inf where only the
+    reference is silent. Raises EngineError for another shape.
+    """
+
 @final
 class Derivatives:
     """SOV and SOA of a network, from positions at `rate` [Hz]; before the first position everything

@@ -36,6 +36,7 @@ mod stop;
 mod take;
 mod timeline;
 mod view_server;
+mod waveform;
 mod words;
 mod work;
 
@@ -111,6 +112,8 @@ mod _core {
     use super::timeline::Timeline;
     #[pymodule_export]
     use super::view_server::ViewServer;
+    #[pymodule_export]
+    use super::waveform::waveform_errors;
     #[pymodule_export]
     use super::work::{StoppedError, Work, poll};
     #[pymodule_init]

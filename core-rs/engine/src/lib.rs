@@ -92,6 +92,7 @@ mod start;
 mod state;
 pub mod timeline;
 pub mod units;
+pub mod waveform;
 
 pub use network::Network;
 pub use plan::{Budget, Plan};

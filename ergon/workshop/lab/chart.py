@@ -25,6 +25,9 @@ from ergon.workshop.lab.scene import Scene
 ROUNDS = 3  # timed, after one that warms up and makes the sound
 _LOOKS = 20  # into the ledger, to see a drift
 _DOUBLINGS = 2  # of the reference, beyond all that is charted
+# A plan for this error becomes the reference where it is surer than any fixed method: what judges
+# the planner's choices is to be finer than they are.
+_EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
 Progress = Callable[[int], None]
@@ -40,7 +43,8 @@ class Point:
 
     None means not measured. `t60` [%] and `cents` are the worst among the strongest partials;
     `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
-    `drift_db_s` its trend.
+    `drift_db_s` its trend. `is_bounded`: in the metric of the chart the error is below that of the
+    reference, so that only this bound is known.
     """
 
     setting: Setting
@@ -57,6 +61,7 @@ class Point:
     energy_db: float | None = None
     drift_db_s: float | None = None
     on_front: bool = False
+    is_bounded: bool = False
 
     def error(self, metric: Metric) -> float | None:
         """The error in a metric; smaller is better."""
@@ -184,7 +189,9 @@ def measure(
         played = _play_with(players, bench, wanted, has_energy=has_energy)
     heard = {one.point.setting: one.sound for one in played if one.sound is not None}
     sounds = dict(heard)
-    reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
+    has_plans = any(setting.method is None for setting in wanted)
+    rival = _EXACT_PLAN if has_plans else None
+    reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
     points = [one.point for one in played]
     floor = None
     doubtful: tuple[str, ...] = ()
@@ -370,7 +377,15 @@ def _marked(
     alike: Sequence[Sequence[str]] = (),
 ) -> list[Point]:
     front = set(_front(points, metric, floor, alike))
-    return [replace(point, on_front=point.setting in front) for point in points]
+
+    def is_bounded(point: Point) -> bool:
+        error = point.error(metric)
+        return floor is not None and error is not None and error < floor
+
+    return [
+        replace(point, on_front=point.setting in front, is_bounded=is_bounded(point))
+        for point in points
+    ]
 
 
 def _front(

@@ -64,11 +64,12 @@ def lines(chart: Chart) -> str:
     for point in chart.points:
         error = point.error(chart.metric)
         star = "*" if point.on_front else " "
-        if point.status != "ok" or error is None or point.cost is None:
+        note = f"  {point.reason}" if point.reason else ""
+        if point.status != "ok":
             rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
-        else:
-            note = f"  {point.reason}" if point.reason else ""
-            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {error:9.3g}{note}\n")
+        elif point.cost is not None:
+            shown = _shown(chart, point, error)
+            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {shown:>9}{note}\n")
     if chart.reference is not None:
         order = chart.reference.order
         seen = "" if order is None else f", order {order:.1f} seen"
@@ -76,5 +77,16 @@ def lines(chart: Chart) -> str:
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{seen}\n"
         )
+        if any(point.is_bounded for point in chart.points):
+            rows.append("  <: below the error of the reference itself, so no more is known\n")
     rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
+
+
+def _shown(chart: Chart, point: Point, error: float | None) -> str:
+    """The error in the metric of the chart, no smaller than the reference's own."""
+    if error is None:
+        return "unknown"
+    if point.is_bounded and chart.floor is not None:
+        return f"<{chart.floor:.3g}"
+    return f"{error:.3g}"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _IN_DB = ("waveform", "energy")
 _LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
 _LEAST_DB = -320.0
+_ROW = 0.045  # of the height of the axes: a row of failures
 
 
 def draw(chart: Chart, title: str, machine: str) -> Figure:
@@ -23,7 +24,7 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
-    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
+    figure = Figure(figsize=(7.5, 6.0), layout="constrained")
     ax = figure.subplots()
     ax.set_title(f"{title}: the first {chart.seconds:g} s", loc="left", fontweight="bold", pad=14)
     ax.set_xscale("log")
@@ -50,7 +51,8 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     _limits(ax, chart, told)
     _failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="best", frameon=False)
+        # Below the axes it lies on no data.
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
@@ -91,7 +93,7 @@ def _planner(ax: Axes, chart: Chart, point: Point) -> None:
             ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
                        label=f"{budget:g} dB, as asked for")  # fmt: skip
     ax.plot(*at, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4)
-    _word(ax, point.reason, at, "black")
+    _word(ax, point.reason, at, "black", below=True)
 
 
 def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
@@ -113,7 +115,8 @@ def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
         known = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
         low, high = min(known), max(heights)
         room = max(6.0, 0.08 * (high - low))
-        ax.set_ylim(low - room, high + 2 * room)
+        rows = len(_failed_methods(chart))
+        ax.set_ylim(low - room, high + 2 * room + rows * _ROW * (high - low + 3 * room))
     costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
     ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
     if ax.get_xlim()[0] < 1.0 < ax.get_xlim()[1]:
@@ -129,26 +132,47 @@ def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
     ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
     said = f"the reference ({chart.reference.setting}) is itself no surer than this"
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-    ax.annotate(said, (0.0, floor), xycoords=ax.get_yaxis_transform(), xytext=(6, -4),
-                textcoords="offset points", fontsize=8, va="top", bbox=paper)  # fmt: skip
+    # At the lower edge, where no point is: the floor is the lowest height of a point.
+    ax.annotate(said, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
+                textcoords="offset points", fontsize=8, va="bottom", bbox=paper)  # fmt: skip
 
 
 def _failures(ax: Axes, chart: Chart) -> None:
-    """Draw failures on the upper edge, at the cost that each would have."""
+    """Draw failures at the upper edge, a row for each method, at the cost that each would have; the
+    legend says what happened.
+    """
     left = ax.get_xlim()[0]
-    failed = [p for p in chart.points if p.status != "ok"]
-    for point in failed:
-        at = likely_cost(chart, point) or left
-        method = point.setting.method
+    for row, method in enumerate(_failed_methods(chart)):
+        failed = [p for p in chart.points if p.status != "ok" and p.setting.method == method]
+        height = 1.0 - _ROW * row
         colour = COLOURS[METHODS.index(method)] if method else "black"
-        ax.plot(at, 1.0, "X", color=colour, markersize=9, transform=ax.get_xaxis_transform(),
-                clip_on=False, zorder=5)  # fmt: skip
-        ax.annotate(
-            f"{point.setting}: {point.status}", (at, 1.0), xycoords=ax.get_xaxis_transform(),
-            xytext=(4, -6), textcoords="offset points", rotation=-60, va="top", fontsize=7,
-            color=colour,
-        )  # fmt: skip
+        costs = [likely_cost(chart, point) or left for point in failed]
+        label = f"{method or 'the planner'}: {_what_failed(failed)}"
+        ax.plot(costs, [height] * len(costs), "X", color=colour, markersize=8, label=label,
+                transform=ax.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip
 
 
-def _word(ax: Axes, word: str, at: tuple[float, float], colour: str) -> None:
-    ax.annotate(word, at, xytext=(5, 4), textcoords="offset points", fontsize=8, color=colour)
+def _failed_methods(chart: Chart) -> list[str | None]:
+    """Methods of which a run failed; None is the planner."""
+    failed = (point.setting.method for point in chart.points if point.status != "ok")
+    return list(dict.fromkeys(failed))
+
+
+def _what_failed(failed: list[Point]) -> str:
+    """`×1, ×2 refused, ×4 diverged`."""
+    words = []
+    for status in dict.fromkeys(point.status for point in failed):
+        settings = (point.setting for point in failed if point.status == status)
+        names = [str(setting).split(" ", 1)[1] if setting.method else "" for setting in settings]
+        words.append(f"{', '.join(filter(None, names))} {status}".strip())
+    return ", ".join(words)
+
+
+def _word(
+    ax: Axes, word: str, at: tuple[float, float], colour: str, *, below: bool = False
+) -> None:
+    """A word beside a point: above it, or below it where other words are above."""
+    shift = (8, -12) if below else (5, 4)
+    paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
+    ax.annotate(word, at, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
+                bbox=paper if below else None, zorder=6)  # fmt: skip

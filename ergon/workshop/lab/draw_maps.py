@@ -22,6 +22,8 @@ _STAYS, _RUNS_AWAY, _NOT_RUN = "#cfe6f5", "#eda06f", "#d9d9d9"
 _HAPPENED = {True: _STAYS, False: _RUNS_AWAY, None: _NOT_RUN}
 _FINE = 160  # points a side on which a formula's border is drawn
 _COLUMNS = 2
+_PANEL = 4.6  # width of a panel [in]
+_WIDE = 1.5 * _PANEL  # from this width on four keys of the legend stand side by side
 _AS_WRITTEN: dict[str, Any] = {
     "marker": "D", "linestyle": "", "markersize": 9, "markerfacecolor": "none",
     "markeredgecolor": "#b3261e", "markeredgewidth": 1.6,
@@ -34,7 +36,9 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
 
     columns = min(_COLUMNS, len(surveyed))
     rows = -(-len(surveyed) // columns)
-    figure = Figure(figsize=(4.6 * columns, 3.4 * rows + 1.0), layout="constrained")
+    # The keys of the legend take more rows below a single panel.
+    legend = 1.0 if columns > 1 else 1.5
+    figure = Figure(figsize=(_PANEL * columns, 3.4 * rows + legend), layout="constrained")
     figure.suptitle(title, fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, (one, spots) in zip(grid, surveyed.values(), strict=False):
@@ -151,4 +155,5 @@ def _legend(figure: Figure, ax: Axes | None, has_written: bool) -> None:
     if ax is not None:
         ax.legend(handles=handles, loc="center", frameon=False)
     else:
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        columns = 2 if figure.get_figwidth() < _WIDE else 4
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)

@@ -14,12 +14,11 @@ from ergon.workshop.lab import canonical, slow_key_scene
 from ergon.workshop.lab.canonical import RATE
 from ergon.workshop.lab.map_point import MapPoint, Stepped
 from ergon.workshop.lab.maps import Map
-from ergon.workshop.lab.metrics import Floats
 from ergon.workshop.lab.names import PLAN, SLOW, MapMetric
 from ergon.workshop.lab.runs import Setting
 from ergon.workshop.lab.scene import Bare, Scene, Score
 from ergon.workshop.lab.stiffness import has_contacts, stiffer
-from ergon.workshop.lab.truth import EXACT_DB, Truth, converged
+from ergon.workshop.lab.truth import EXACT_DB, UNKNOWN, Motion, Truth, converged, motion
 
 _TIMES = (1.0, 2.0, 4.0, 8.0)
 _OVERSAMPLED = "oversampling"
@@ -212,18 +211,14 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
         return Score(replace(changed, rate=piece.rate * times))
 
     @cache
-    def finest(factor: float) -> Truth:
+    def finest(factor: float) -> Motion | None:
         n_frames = round(seconds * piece.rate * top) + 1
-        return converged(scene(factor, top), n_frames, finer=4)
+        return motion(scene(factor, top), n_frames, finer=4)
 
     def case(factor: float, times: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
             found = finest(factor)
-            if found.frames is None:
-                return found
-            stride = round(top / times)
-            frames: Floats = found.frames[::stride][:n_frames]
-            return Truth(frames, found.change_db)
+            return UNKNOWN if found is None else found.sampled(piece.rate * times, n_frames)
 
         return Stepped(scene(factor, times), _setting(method), truth)
 

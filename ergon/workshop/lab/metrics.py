@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf, log10
+from math import inf
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+from ergon import _core
 
 Floats = NDArray[np.float64]
 
@@ -26,25 +28,18 @@ _WORST_DB = 100.0  # a bin that is missing altogether differs by this
 
 
 def waveform_db(y: Floats, x: Floats) -> float:
-    """20·log10(‖y - x‖/‖x - mean‖) of the worst channel, the measure that plans use.
+    """20·log10(‖y - x‖/‖x - mean‖) of the worst channel, by the measure of plans.
 
-    -inf if the sounds are equal, inf if only x is silent. A channel that is silent beside the
-    others, within rounding, is not counted.
+    -inf if the sounds are equal within rounding, inf if only x is silent. A channel that is silent
+    beside the others, within rounding, is not counted.
     """
     ours, theirs = _columns(y), _columns(x)
-    differences = np.linalg.norm(ours - theirs, axis=0)
-    sizes = np.linalg.norm(theirs - theirs.mean(axis=0), axis=0)
-    told = differences > _ROUNDED * np.linalg.norm(theirs)
-    if not told.any():
-        return _ratio_db(float(differences.max(initial=0.0)), float(sizes.max(initial=0.0)))
-    pairs = zip(differences[told].tolist(), sizes[told].tolist(), strict=True)
-    return max(_ratio_db(difference, size) for difference, size in pairs)
-
-
-def _ratio_db(difference: float, size: float) -> float:
-    if difference == 0.0:
+    least = _ROUNDED * np.linalg.norm(theirs)
+    counted = np.linalg.norm(ours - theirs, axis=0) > least
+    if not counted.any():
         return -inf
-    return 20.0 * log10(difference / size) if size > 0.0 else inf
+    ours, theirs = (np.ascontiguousarray(sound[:, counted]) for sound in (ours, theirs))
+    return _core.waveform_errors(ours, theirs, [len(theirs)])[0]
 
 
 def onset(x: Floats) -> int | None:

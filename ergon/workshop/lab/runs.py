@@ -39,9 +39,10 @@ class Setting:
     budget_db: float | None = None
 
     def __str__(self) -> str:
-        """`ca ×4`, `ca ×4 f32`, `planner`, `planner -60 dB`."""
+        """`ca ×4`, `ca ×4 f32`, `planner`, `planner -60 dB`, `planner -120 dB ×2`."""
         if self.method is None:
-            return "planner" if self.budget_db is None else f"planner {self.budget_db:g} dB"
+            budget = "" if self.budget_db is None else f" {self.budget_db:g} dB"
+            return f"planner{budget}" + (f" ×{self.oversampling}" if self.oversampling > 1 else "")
         precision = "" if self.precision == "f64" else f" {self.precision}"
         return f"{self.method} ×{self.oversampling}{precision}"
 

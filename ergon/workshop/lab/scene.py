@@ -65,6 +65,27 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
+class Undifferentiated:
+    """A scene whose outputs of speed and acceleration are heard as positions."""
+
+    scene: Scene
+
+    @property
+    def rate(self) -> float:
+        """The scene's own rate."""
+        return self.scene.rate
+
+    def at(self, rate: float) -> NetworkAndTimeline:
+        """The scene at a rate, with positions alone."""
+        made = self.scene.at(rate)
+        return NetworkAndTimeline(made.network.undifferentiated(), made.timeline)
+
+    def hear(self, frames: Floats) -> Floats:
+        """As the scene hears them."""
+        return self.scene.hear(frames)
+
+
+@dataclass(frozen=True, slots=True)
 class Bare:
     """A network of the laboratory, started by its X0 and V0; its outputs are heard directly."""
 

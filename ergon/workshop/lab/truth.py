@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+import numpy as np
+
 from ergon import _core
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import runs
 from ergon.workshop.lab.metrics import Floats, early_db
 from ergon.workshop.lab.runs import Setting
-from ergon.workshop.lab.scene import Scene
+from ergon.workshop.lab.scene import Scene, Undifferentiated
 
 _FINER = 16  # times what is just stable
 _HIGHEST = 1024  # times the scene's own rate
@@ -31,16 +33,52 @@ class Truth:
 UNKNOWN = Truth(None, inf)
 
 
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Positions of all outputs (n_frames, n_out) at `rate`, by a run and one with half its steps.
+
+    `network` says which outputs are speeds and accelerations.
+    """
+
+    fine: Floats
+    rough: Floats
+    network: _core.Network
+    rate: float
+
+    def sampled(self, rate: float, n_frames: int) -> Truth:
+        """The outputs at a rate that divides that of the motion.
+
+        Speeds and accelerations derive from positions at that rate, as in every run that is judged
+        there: a derivative is late by 7.5 or 8 frames of the rate from whose frames it derives.
+        """
+        stride = round(self.rate / rate)
+        fine, rough = (
+            np.ascontiguousarray(positions[::stride][:n_frames])
+            for positions in (self.fine, self.rough)
+        )
+        for frames in (fine, rough):
+            _core.Derivatives(self.network, rate).process(frames)
+        return Truth(fine, early_db(rough, fine, rate))
+
+
 def converged(scene: Scene, n_frames: int, finer: int = _FINER) -> Truth:
     """The scene by the CA scheme, `finer` times as oversampled as it needs to run at all."""
+    found = motion(scene, n_frames, finer)
+    return UNKNOWN if found is None else found.sampled(scene.rate, n_frames)
+
+
+def motion(scene: Scene, n_frames: int, finer: int = _FINER) -> Motion | None:
+    """The same as positions, to be sampled at any rate that divides the scene's; None if nothing
+    could be run.
+    """
     oversampling = 1
     while oversampling < _HIGHEST and not _stable(scene, oversampling):
         oversampling *= 2
     top = min(_HIGHEST, oversampling * finer)
-    rough, fine = _frames(scene, top // 2, n_frames), _frames(scene, top, n_frames)
+    rough, fine = _positions(scene, top // 2, n_frames), _positions(scene, top, n_frames)
     if rough is None or fine is None:
-        return UNKNOWN
-    return Truth(fine, early_db(rough, fine, scene.rate))
+        return None
+    return Motion(fine, rough, scene.at(scene.rate).network, scene.rate)
 
 
 def _stable(scene: Scene, oversampling: int) -> bool:
@@ -52,8 +90,9 @@ def _stable(scene: Scene, oversampling: int) -> bool:
     return True
 
 
-def _frames(scene: Scene, oversampling: int, n_frames: int) -> Floats | None:
+def _positions(scene: Scene, oversampling: int, n_frames: int) -> Floats | None:
     try:
-        return runs.start(scene, Setting("ca", oversampling)).frames(n_frames)
+        run = runs.start(Undifferentiated(scene), Setting("ca", oversampling))
+        return run.frames(n_frames)
     except (_core.EngineError, StageError):
         return None
