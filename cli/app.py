@@ -106,7 +106,11 @@ COMMANDS: Table = {
     ),
     "view": ("view", "view", "Show in a browser what moves in a piece, with its sound."),
     "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
-    "info": ("info", "info", "Say what a render, a take, a MIDI file, a motion file or a score contains."),
+    "info": (
+        "info",
+        "info",
+        "Say what a render, a take, a MIDI file, a motion file or a score contains.",
+    ),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
     "lsp": ("lsp", "lsp", "Serve an editor: mistakes as one types, completion, explanations."),
     "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),

@@ -41,11 +41,11 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     if page is not None:
         _show(page)
         return
-    found = manual.with_heading(topic, known)
-    if len(found) == 1:
-        _show(found[0][0])
-    elif found:
-        rows = "\n".join(f"  ergon help {page.name:24} {head}" for page, head in found[:_SHOWN])
+    matches = manual.with_heading(topic, known)
+    if len(matches) == 1:
+        _show(matches[0][0])
+    elif matches:
+        rows = "\n".join(f"  ergon help {page.name:24} {head}" for page, head in matches[:_SHOWN])
         click.echo(f"Pages about {clean(topic)}:\n{rows}")
     else:
         raise Refused(_unknown(topic, known, root))
@@ -74,10 +74,10 @@ def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | Non
     for word in words:
         if not isinstance(command, click.Group):
             return None
-        found = command.get_command(context, word)
-        if found is None:
+        subcommand = command.get_command(context, word)
+        if subcommand is None:
             return None
-        command = found
+        command = subcommand
         context = click.Context(command, parent=context, info_name=word)
     return context
 

@@ -33,14 +33,14 @@ class Page:
 
 def pages() -> dict[str, Page]:
     """All pages by name, in the order of their names."""
-    found: dict[str, Page] = {}
+    result: dict[str, Page] = {}
     for folder in _FOLDERS:
         for path in sorted((_PAGES / folder).glob("*.md")):
             name = path.stem if folder in ("", "errors") else f"{folder}/{path.stem}"
             if path.stem == "README":
                 name = folder or "start"
-            found[name] = Page(name, path)
-    return found
+            result[name] = Page(name, path)
+    return result
 
 
 def with_heading(word: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
@@ -48,11 +48,11 @@ def with_heading(word: str, known: dict[str, Page]) -> list[tuple[Page, str]]:
     errors.
     """
     wanted = re.compile(rf"\b{re.escape(word)}", re.IGNORECASE)
-    found = []
+    result = []
     for page in known.values():
         if page.path.parent.name == "errors":
             continue
         heading = next((heading for heading in page.headings if wanted.search(heading)), None)
         if heading is not None:
-            found.append((page, heading))
-    return found
+            result.append((page, heading))
+    return result

@@ -167,7 +167,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
         console.record(
             "stage",
             name=stage.name,
-            kept=stage.kept,
+            kept=stage.is_accepted,
             removal=stage.is_removal,
             rms_m=fit.rms,
             replay_m=stage.replay,
@@ -179,11 +179,11 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
     sign = "- " if stage.is_removal else "+ "
     name = stage.name if stage.name == "M K Z" else sign + stage.name
     what = _added_part(stage)
-    if stage.score is not None and not stage.kept and stage.score < SCORE_MIN:
+    if stage.score is not None and not stage.is_accepted and stage.score < SCORE_MIN:
         what = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
     elif stage.is_removal:
-        what = "taken away" if stage.kept else "stays"
-    elif not stage.kept:
+        what = "taken away" if stage.is_accepted else "stays"
+    elif not stage.is_accepted:
         what += ", not kept"
     left, off = (
         f"{x * 1e6:7.4g} um" + ("" if step is None else f"{x / step:9.3g}")

@@ -63,8 +63,8 @@ def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, in
     return text[:end], end, {name: word.text for name, word in options.items()}
 
 
-def _reader(scope: Scope, given: Mapping[str, Any]) -> ReadAmount:
-    target = given["target"]
+def _reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
+    target = fields["target"]
     return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
 
 

@@ -74,8 +74,8 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
         options = tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
         return (*options, *PATTERNS)
     if verb == "do":
-        of_plays = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
-        return (*of_plays, *((example, f"of strikes: {line}") for example, line in OF_RHYTHMS))
+        plays_words = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
+        return (*plays_words, *((example, f"of strikes: {line}") for example, line in OF_RHYTHMS))
     return NOTATION if verb == "=" else ()
 
 

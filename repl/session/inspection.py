@@ -147,7 +147,7 @@ def definition_lines(version: Version, name: str, sounding: Piece, now: float) -
     `sounding`, which waiting lines have not changed yet.
     """
     head, _, parameter = name.rpartition(".")
-    found = automatable.of_name(head, sounding.keys, sounding.instruments) if head else None
+    found = automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
         return _lines_of_score(version.texts, name)
     part, module, is_ca = found

@@ -73,7 +73,7 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
     part, module, _ = _known(piece, head)[0]
     if module.kind == "BANK":
         return f"x{value:.12g}"
-    if automatable.of_name(head, piece.keys, piece.instruments) is not None:
+    if automatable.named_module(head, piece.keys, piece.instruments) is not None:
         return said(value, parameter, is_ca=False)
     unchanged = replace(piece, automation=(), strikes=())
     return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
@@ -92,7 +92,7 @@ def check(piece: Piece, target: str) -> None:
 
 
 def _known(piece: Piece, head: str) -> list[automatable.Automatable]:
-    return automatable.all_of_name(head, piece.keys, piece.instruments, piece.families)
+    return automatable.named_modules(head, piece.keys, piece.instruments, piece.families)
 
 
 def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:

@@ -230,7 +230,7 @@ def _automated(
         if (
             begin >= scene.beats - SAME
             or at + begin >= last
-            or automatable.of_name(head, piece.keys, piece.instruments) is None
+            or automatable.named_module(head, piece.keys, piece.instruments) is None
         ):
             continue
         said = edit.tree(node)

@@ -236,9 +236,9 @@ def passed_over(
     for kind, noun in NOUNS.items():
         if file.others[kind] and kind not in used:
             yield plural(file.others[kind], noun)
-    of_notes = {SUSTAIN} if has_pedal else set()
-    of_wheel = set(RANGE_CONTROLLERS) if m.PITCH_BEND in used else set()
-    played = of_notes | of_wheel
+    note_controllers = {SUSTAIN} if has_pedal else set()
+    wheel_controllers = set(RANGE_CONTROLLERS) if m.PITCH_BEND in used else set()
+    played = note_controllers | wheel_controllers
     controllers = {n: c for n, c in file.controllers.items() if n not in played}
     if controllers:
         numbers = ", ".join(str(number) for number in sorted(controllers))

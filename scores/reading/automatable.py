@@ -37,7 +37,7 @@ class Automatable(NamedTuple):
     is_ca: bool
 
 
-def of_name(
+def named_module(
     name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
 ) -> Automatable | None:
     """The module of a name such as `bell.s`; None if there is no such module."""
@@ -57,7 +57,7 @@ def of_name(
     return None
 
 
-def all_of_name(
+def named_modules(
     name: str,
     keys: Mapping[str, Any],
     instruments: Mapping[str, Any],
@@ -67,13 +67,13 @@ def all_of_name(
 
     `families` are the instruments with notes, each with the names of its notes.
     """
-    if (known := of_name(name, keys, instruments)) is not None:
+    if (known := named_module(name, keys, instruments)) is not None:
         return [known]
     words = name.split(".")
     for count in range(len(words), 0, -1):
         notes = families.get(".".join(words[:count]), ())
         names = (".".join((note, *words[count:])) for note in notes)
-        if played := [k for n in names if (k := of_name(n, {}, instruments)) is not None]:
+        if played := [k for n in names if (k := named_module(n, {}, instruments)) is not None]:
             return played
     return []
 

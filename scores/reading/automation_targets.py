@@ -44,8 +44,8 @@ class AutomationTargets:
         is_family = self.part_names.family(head) is not None
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
         first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
-        made = automation.made(values, first, parameter, read)
-        return made and replace(made, other_notes=tuple(others))
+        automated = automation.made(values, first, parameter, read)
+        return automated and replace(automated, other_notes=tuple(others))
 
     def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
@@ -59,7 +59,7 @@ class AutomationTargets:
         """Report an instrument whose pitch a wheel cannot move."""
         for glide in struck.glides:
             part = glide.target.part
-            known = automatable.of_name(part, {}, self.matter.instruments)
+            known = automatable.named_module(part, {}, self.matter.instruments)
             why = "has no pitch of its own; write its `f`"
             if known is not None:
                 why = automatable.refusal(known.module, "f", is_ca=known.is_ca) or ""
@@ -74,8 +74,8 @@ class AutomationTargets:
         instrument of which it plays none.
         """
         names, instruments = self.part_names.members(head), self.matter.instruments
-        found = (automatable.of_name(str(name), {}, instruments) for name in names)
-        played = [known for known in found if known is not None]
+        candidates = (automatable.named_module(str(name), {}, instruments) for name in names)
+        played = [known for known in candidates if known is not None]
         if not played:
             problem = f"automation: the piece plays no note of {quote(head)}, or the notes have no "
             message = f"{problem}such module; write an instrument that is struck, or a module of it"
@@ -85,14 +85,14 @@ class AutomationTargets:
     def _changed(self, name: Name, head: str, parameter: str) -> Automatable | None:
         """The module of a name; reports a name without one."""
         keys, instruments = self.matter.keys, self.matter.instruments
-        known = automatable.of_name(head, keys, instruments)
+        known = automatable.named_module(head, keys, instruments)
         if known is None and head and parameter in automatable.ALL:
             # Find the target of `head`, or report what is wrong with it.
             target = self.part_names.target(Name(head, name.place), "mat", "automation")
             if target is None:
                 return None
             path = f"{target.part}.{target.module}".rstrip(".")
-            known = automatable.of_name(path, keys, instruments)
+            known = automatable.named_module(path, keys, instruments)
             if known is not None and KINDS[known.module.kind].family == "generator":
                 message = f"automation: {quote(head)} is a member; its body changes as a whole"
                 self.collector.error("E304", message, name.place)
@@ -100,7 +100,7 @@ class AutomationTargets:
         if known is None:
             words = ", ".join(automatable.ALL)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
-            self.collector.error("E301", message, name.place, help=_of_level(name))
+            self.collector.error("E301", message, name.place, help=_level_help(name))
         return known
 
     def _may_change(self, known: Automatable, name: Name, head: str, parameter: str) -> bool:
@@ -108,11 +108,11 @@ class AutomationTargets:
         why = automatable.refusal(known.module, parameter, is_ca=known.is_ca)
         if why:
             message = f"automation: {quote(head)} {why}"
-            self.collector.error("E304", message, name.place, help=_of_level(name))
+            self.collector.error("E304", message, name.place, help=_level_help(name))
         return not why
 
 
-def _of_level(name: str) -> str | None:
+def _level_help(name: str) -> str | None:
     """Help for automation that was asked to change a level; None for other names."""
     if "gain" not in str(name).replace(".", " ").split():
         return None

@@ -85,7 +85,7 @@ class KnownAutomation:
         struck = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
         gone_notes = [self._notes.pop(id(line)) for line in struck.before]
-        new_notes = [(line, [*_of_strikes(piece.tempo_map, line)]) for line in struck.now]
+        new_notes = [(line, [*_strike_automation(piece.tempo_map, line)]) for line in struck.now]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
         changed = chain(lines.before, lines.now, *notes)
@@ -210,16 +210,16 @@ def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
     )
 
 
-def _of_strikes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
+def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of what is struck."""
     if line.pattern is not None:
         yield from _notes(tempo, line)
     for beat in line.rounds(tempo) if line.glides else ():
         for glide in line.glides:
-            yield from _of_wheel(tempo, line, glide, beat)
+            yield from _wheel_automation(tempo, line, glide, beat)
 
 
-def _of_wheel(
+def _wheel_automation(
     tempo: TempoMap, line: Strikes, glide: NoteGlide, start: float
 ) -> Iterator[Automation]:
     """Automation by a pitch wheel in a phrase that begins on beat `start`: a glide for each value,

@@ -195,7 +195,11 @@ def test_a_fit_counts_the_step_of_a_motor(capsys: Capture):
     measured = []
     for step in ([], ["--force-step", "50mN"]):
         app.run(["metrology", "fit", "coarse.take", "--json", *step])
-        stages = [one for one in records(capsys) if one["event"] == "stage" and one["kept"]]
+        stages = [
+            calibration
+            for calibration in records(capsys)
+            if calibration["event"] == "stage" and calibration["kept"]
+        ]
         measured.append(stages[-1])
     assert measured[0]["rms_m"] > 20e-6
     assert measured[1]["rms_m"] < 4.6e-6

@@ -147,9 +147,9 @@ def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
     mats = _mats(net, replica)
     plain = _core.Simulation(net, timeline)
     n_frames = int(SECONDS * FPS)
-    at = (np.arange(n_frames) * RATE / FPS + 0.5).astype(int)
+    instants = (np.arange(n_frames) * RATE / FPS + 0.5).astype(int)
     truth = []
-    for frame in at:
+    for frame in instants:
         plain.process(np.zeros((frame - plain.frame, plain.n_out)))
         truth.append(plain.positions()[mats] - replica.places[3])
     for number, (times, values) in replica.frames().items():

@@ -70,12 +70,12 @@ def filmed(text: str, seconds: float, path: Path) -> tuple[Replica, Floats, Floa
     """
     read = check(text)
     assert read.piece is not None, read.diagnostics
-    made = stage(read.piece, planned=True, is_seen=True)
-    simulation = made.simulation
+    prepared = stage(read.piece, planned=True, is_seen=True)
+    simulation = prepared.simulation
     mats = _core.MotionLook(simulation).mats()
-    recorder = film.recorder(made, simulation, seconds)
+    recorder = film.recorder(prepared, simulation, seconds)
     truth, data = [], []
-    while recorder.next <= seconds * made.rate:
+    while recorder.next <= seconds * prepared.rate:
         simulation.process(np.empty((recorder.next - simulation.frame, simulation.n_out)))
         truth.append(simulation.positions()[mats])
         recorder.look(simulation)
@@ -122,8 +122,12 @@ def test_a_falling_stone_leaves_the_pendulum_beside_it_right(own_folder: Path) -
     Path("stone.yaml").write_text(STONE)
     assert app.run(["render", "-q", "--motion", "stone.yaml", "-o", "stone.wav"]) == 0
     assert app.run(["motion", "export", "-q", "stone.motion", "-o", "stone.npz"]) == 0
-    with np.load("stone.npz") as found:
-        names, places, all_frames = found["names"].tolist(), found["places"], found["displacement"]
+    with np.load("stone.npz") as decoded:
+        names, places, all_frames = (
+            decoded["names"].tolist(),
+            decoded["places"],
+            decoded["displacement"],
+        )
     sound, _ = soundfile.read("stone.wav")
     frames = np.sort(np.random.default_rng(1).integers(0, len(sound) - 1, 1000))
     file = _core.read_motion("stone.motion")

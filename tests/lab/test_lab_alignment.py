@@ -47,9 +47,9 @@ render: {{tail: 1s}}
 
 
 def piece_of(text: str, output: str) -> Piece:
-    found = load("scene.yaml", text=text.format(output=output)).piece
-    assert found is not None
-    return found
+    piece = load("scene.yaml", text=text.format(output=output)).piece
+    assert piece is not None
+    return piece
 
 
 def closed_form(t: np.ndarray, order: int) -> np.ndarray:
@@ -65,11 +65,11 @@ def closed_form(t: np.ndarray, order: int) -> np.ndarray:
 def test_truth_of_maps_is_closed_form_at_each_rate(output: str):
     """A derivative is late by frames of the rate at which it is heard, at each rate of a map."""
     late, order = OUTPUTS[output]
-    one = map_catalogue.of_score(piece_of(OSCILLATOR, output), SECONDS, "ca")["springs"]
-    for times in one.ys:
+    springs = map_catalogue.of_score(piece_of(OSCILLATOR, output), SECONDS, "ca")["springs"]
+    for times in springs.ys:
         rate = RATE * times
         n_frames = round(SECONDS * rate)
-        truth = one.case(1.0, times).truth(n_frames)
+        truth = springs.case(1.0, times).truth(n_frames)
         assert truth.frames is not None
         assert truth.change_db < -60.0
         expected = closed_form((np.arange(n_frames) - late) / rate - STRUCK, order)[:, None]
@@ -85,11 +85,11 @@ def test_truth_of_maps_is_closed_form_at_each_rate(output: str):
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_maps_and_charts_judge_each_output_alike(output: str):
     piece = piece_of(STRING, output)
-    one = map_catalogue.of_score(piece, 0.5, "ca")["springs"]
-    spot = maps.compute_spot(one, 1.0, 1.0)
+    springs = map_catalogue.of_score(piece, 0.5, "ca")["springs"]
+    spot = maps.compute_spot(springs, 1.0, 1.0)
     wanted = [*chart.settings(["ca", "modal"], ["f64"], 4)]
-    found = chart.measure(Score(piece), wanted, 0.5, "waveform", lambda done: None)
-    point = next(p for p in found.points if p.setting == Setting("ca", 1))
+    measured = chart.measure(Score(piece), wanted, 0.5, "waveform", lambda done: None)
+    point = next(p for p in measured.points if p.setting == Setting("ca", 1))
     assert point.early_db is not None
     assert spot.error_db == pytest.approx(point.early_db, abs=2.0)
 
@@ -99,9 +99,9 @@ def test_waveform_errors_to_each_end_beside_numpy():
     reference = np.cumsum(rng.normal(size=(500, 3)), axis=0) + np.array([0.0, 5.0, -1e3])
     sound = reference + rng.normal(size=(500, 3)) * [1e-3, 1e-2, 1e-4]
     ends = [0, 20, 100, 500]
-    found = _core.waveform_errors(sound, reference, ends)
-    assert found[0] == -math.inf
-    for error, end in zip(found[1:], ends[1:], strict=True):
+    errors = _core.waveform_errors(sound, reference, ends)
+    assert errors[0] == -math.inf
+    for error, end in zip(errors[1:], ends[1:], strict=True):
         x = reference[:end] - reference[:end].mean(axis=0)
         ratio = np.linalg.norm((sound - reference)[:end], axis=0) / np.linalg.norm(x, axis=0)
         assert error == pytest.approx(20.0 * math.log10(ratio.max()), abs=1e-6)

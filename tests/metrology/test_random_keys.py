@@ -20,7 +20,9 @@ HIDDEN = Key(
 def test_a_part_that_was_refused_is_tried_again():
     measured_key = outcome(HIDDEN, 11)
     stages = measured_key.measured.stages
-    tries = [stage.kept for stage in stages if stage.name == "Stribeck" and not stage.is_removal]
+    tries = [
+        stage.is_accepted for stage in stages if stage.name == "Stribeck" and not stage.is_removal
+    ]
     assert tries == [False, True]
     assert measured_key.replay < WITHIN
     fit = measured_key.measured.fit

@@ -23,7 +23,7 @@ def measured(row: Floats, seed: int) -> tuple[Measured, float]:
 
 
 def kept(found: Measured) -> list[str]:
-    return [stage.name for stage in found.stages if stage.kept]
+    return [stage.name for stage in found.stages if stage.is_accepted]
 
 
 def deviations(found: Measured, row: Floats) -> dict[int, float]:
@@ -98,8 +98,8 @@ def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
     strokes = np.repeat(chance.uniform(-1.0, 1.0, n // 250), 250)
     force = wire(0.18 * ticks + 0.42 * strokes)
     found = measure([gesture(row, force, 4)])
-    added = [stage.name for stage in found.stages if stage.kept and not stage.is_removal]
-    removed = [stage.name for stage in found.stages if stage.kept and stage.is_removal]
+    added = [stage.name for stage in found.stages if stage.is_accepted and not stage.is_removal]
+    removed = [stage.name for stage in found.stages if stage.is_accepted and stage.is_removal]
     assert added[:4] == ["M K Z", "dry", "presliding", "delay"]
     assert removed[-1] == "presliding"
     assert not found.fit.row[INDEX["presliding"] :].any()

@@ -42,12 +42,12 @@ def text(**changes: str) -> str:
 
 
 def test_modes_above_half_the_rate_are_left_out_and_named():
-    found = load("s.yaml", text=text(notes="C4, C6", played="C4 C6"))
-    assert found.piece is not None
-    modules = {part: [m.name for m in i.modules] for part, i in found.piece.instruments.items()}
+    result = load("s.yaml", text=text(notes="C4, C6", played="C4 C6"))
+    assert result.piece is not None
+    modules = {part: [m.name for m in i.modules] for part, i in result.piece.instruments.items()}
     assert modules["bar.C6"] == ["hammer", "low", "b1"]
     assert modules["bar.C4"] == ["hammer", "low", "high", "b1", "b2"]
-    (note,) = [d for d in found.diagnostics if d.code == "N405"]
+    (note,) = [d for d in result.diagnostics if d.code == "N405"]
     assert "1 mode lies above half the rate of 44100 Hz" in note.message
     assert "bar.C6.high at 36 kHz" in note.message
 
@@ -74,18 +74,18 @@ def test_what_is_left_sounds_as_an_instrument_without_that_mode():
     ],
 )
 def test_modes_that_something_plays_are_kept(changes):
-    found = load("s.yaml", text=text(**changes))
-    assert found.piece is not None, found.diagnostics
-    assert "high" in [m.name for m in found.piece.instruments["bar.C6"].modules]
-    assert "N405" not in [d.code for d in found.diagnostics]
+    result = load("s.yaml", text=text(**changes))
+    assert result.piece is not None, result.diagnostics
+    assert "high" in [m.name for m in result.piece.instruments["bar.C6"].modules]
+    assert "N405" not in [d.code for d in result.diagnostics]
 
 
 def test_an_instrument_at_its_written_pitch_is_not_thinned():
     written = (
         text(high="30kHz").replace("    notes: [C6]\n", "").replace(", notes: C6, every: 1", "")
     )
-    found = load("s.yaml", text=written)
-    assert "high" in [m.name for m in found.piece.instruments["bar"].modules]
+    result = load("s.yaml", text=written)
+    assert "high" in [m.name for m in result.piece.instruments["bar"].modules]
 
 
 def test_a_session_with_modes_above_is_its_render(tmp_path):

@@ -151,8 +151,8 @@ def test_split_do(text, words, rest):
     ],
 )
 def test_mistakes(fields, code, part):
-    at = "" if "entries" in fields else ", at: 0"
-    loaded = check(f"{SCORE}strikes: {{s: {{{fields}{at}}}}}\n")
+    position = "" if "entries" in fields else ", at: 0"
+    loaded = check(f"{SCORE}strikes: {{s: {{{fields}{position}}}}}\n")
     (error,) = [each for each in loaded.diagnostics if each.severity == "error"]
     assert part in error.message
     assert error.code == code

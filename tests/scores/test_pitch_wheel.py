@@ -124,17 +124,17 @@ def test_pitches_are_those_of_the_file_in_every_meter(tmp_path: Path, meter: str
     events = [wheel(tick, draw.randrange(-8192, 8192)) for tick in ticks]
     save(tmp_path / "tune.mid", note(0, 62, 21 * TICKS), events)
     unit = int(meter.partition("/")[2])
-    found = score(tmp_path, meter=meter, bpm=75 * unit / 4)
-    assert found.piece is not None, found.diagnostics
-    points = automation_points(found.piece, -math.inf, 200.0, Collector())
+    result = score(tmp_path, meter=meter, bpm=75 * unit / 4)
+    assert result.piece is not None, result.diagnostics
+    points = automation_points(result.piece, -math.inf, 200.0, Collector())
     curve = points.points["bars.D4", "low"]
-    own = curve[0][1]
+    unbent = curve[0][1]
     file, now, value = mido.MidiFile(tmp_path / "tune.mid"), 0.0, 0
     compared = 0
     for message in mido.merge_tracks(file.tracks):
         later = now + message.time * 0.8 / TICKS
         if later - now > 0.03:  # the wheel stands, but for the time in which the next is reached
-            factor = (value_at(curve, later - 0.015)[0] / own) ** 0.5
+            factor = (value_at(curve, later - 0.015)[0] / unbent) ** 0.5
             cents = 1200.0 * math.log2(factor)
             assert cents == pytest.approx(200.0 * value / 8192, abs=0.01)
             compared += 1
@@ -158,11 +158,11 @@ def test_a_bent_note_is_heard_at_its_pitch(tmp_path: Path, monkeypatch: pytest.M
 
 def test_transposed_and_repeated_phrases_are_bent_alike(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0, 60), [wheel(TICKS, 8191), wheel(3 * TICKS, 0)])
-    found = score(tmp_path, more=", transpose: 2st, every: 1bar, times: 2")
-    assert found.piece is not None, found.diagnostics
-    (glide,) = found.piece.strikes[0].glides
+    result = score(tmp_path, more=", transpose: 2st, every: 1bar, times: 2")
+    assert result.piece is not None, result.diagnostics
+    (glide,) = result.piece.strikes[0].glides
     assert glide.target.part == "bars.D4"
-    points = automation_points(found.piece, -math.inf, 20.0, Collector()).points
+    points = automation_points(result.piece, -math.inf, 20.0, Collector()).points
     curve = points["bars.D4", "low"]
     for start in (0.0, 4.0):
         high, low = (value_at(curve, start + later)[0] for later in (2.0, 3.9))

@@ -135,4 +135,6 @@ def errors(fit: Fit, row: Floats) -> dict[str, float]:
 
 def kept_parts(stages: tuple[Stage, ...]) -> list[str]:
     """The names of the stages that were kept, removals too."""
-    return [("- " if stage.is_removal else "") + stage.name for stage in stages if stage.kept]
+    return [
+        ("- " if stage.is_removal else "") + stage.name for stage in stages if stage.is_accepted
+    ]

@@ -63,8 +63,8 @@ class Motion:
 
 def converged(scene: Scene, n_frames: int, finer: int = _FINER) -> Truth:
     """The scene by the CA scheme, `finer` times as oversampled as it needs to run at all."""
-    found = motion(scene, n_frames, finer)
-    return UNKNOWN if found is None else found.sampled(scene.rate, n_frames)
+    run = motion(scene, n_frames, finer)
+    return UNKNOWN if run is None else run.sampled(scene.rate, n_frames)
 
 
 def motion(scene: Scene, n_frames: int, finer: int = _FINER) -> Motion | None:

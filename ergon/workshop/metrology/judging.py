@@ -28,13 +28,13 @@ class Stage:
     `replay` is the rms [m] of the difference from the held-out positions, their noise included.
     `is_worth` says that the part explains the takes well enough, whatever the held-out gesture
     says. For a mode that was not tried, `fit` is the fit before, and `score` says why.
-    `is_removal` says that the part was removed on trial; `kept` then says that it stays removed.
+    `is_removal` says that the part was removed on trial; `is_accepted` then that it stays removed.
     """
 
     name: str
     fit: Fit
     replay: float
-    kept: bool
+    is_accepted: bool
     score: float | None = None
     is_removal: bool = False
     is_worth: bool = False
@@ -82,8 +82,8 @@ class Judge:
             fit.bic < before.fit.bic - _WORTH
             and all(_is_known(fit, index) for index in set(columns) - set(before.fit.columns))
         )
-        kept = is_worth and (before is None or replay < before.replay)
-        return Stage(name, fit, replay, kept, score, is_worth=is_worth)
+        is_accepted = is_worth and (before is None or replay < before.replay)
+        return Stage(name, fit, replay, is_accepted, score, is_worth=is_worth)
 
     def _replay(self, fit: Fit) -> float:
         """Rms of the difference from the held-out positions [m]."""
@@ -101,7 +101,7 @@ class Judge:
         columns = tuple(index for index in before.fit.columns if index not in removed)
         row = with_values(before.fit.row, dict.fromkeys(parameters, 0.0))
         stage = self.stage(name, row, columns, before)
-        return replace(stage, kept=stage.fit.bic < before.fit.bic + _WORTH, is_removal=True)
+        return replace(stage, is_accepted=stage.fit.bic < before.fit.bic + _WORTH, is_removal=True)
 
     def best_of(
         self,
@@ -126,7 +126,7 @@ class Judge:
         if rough.rms**2 < np.mean(left**2):
             return self.stage(name, rough.row, columns, before, score)
         stage = self.stage(name, rough.row, columns, before, score, iterations=0)
-        return replace(stage, kept=False, is_worth=False)
+        return replace(stage, is_accepted=False, is_worth=False)
 
 
 def with_values(row: Floats, values: dict[str, float]) -> Floats:

@@ -154,11 +154,11 @@ def _linear(
     """Derivatives of the positions that count by the scaled variables of a gesture (n, variables),
     and the errors (n,).
     """
-    own, row = [*columns, START], row.copy()
+    fitted, row = [*columns, START], row.copy()
     row[START] = start
-    x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=own)
+    x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=fitted)
     counts = gesture.counts
-    scaled = jacobian[counts] * scale(row, own)
+    scaled = jacobian[counts] * scale(row, fitted)
     return np.concatenate([scaled, by_force], 1), (gesture.position - x)[counts]
 
 
@@ -226,15 +226,15 @@ def _covariance(
     p, n = len(columns), sum(int(g.counts.sum()) for g in gestures)
     variance = left / max(n - p - len(starts), 1)
     each = _columns(p, starts, gestures)
-    size = max(int(own.max()) for own in each) + 1
+    size = max(int(indices.max()) for indices in each) + 1
     square, scores = np.zeros((size, size)), np.zeros((coloured.N_WINDOWS, size, size))
-    for i, (gesture, own) in enumerate(zip(gestures, each, strict=True)):
+    for i, (gesture, indices) in enumerate(zip(gestures, each, strict=True)):
         jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
-        square[np.ix_(own, own)] += jacobian.T @ jacobian
-        scores[:, own[:, None], own] += coloured.long_run(
+        square[np.ix_(indices, indices)] += jacobian.T @ jacobian
+        scores[:, indices[:, None], indices] += coloured.long_run(
             jacobian * error[:, None], gesture.rate, n
         )
-        forces, spread = own[p + 1 :], gesture.unknown.spread
+        forces, spread = indices[p + 1 :], gesture.unknown.spread
         square[forces, forces] += variance / spread**2
         scores[:, forces, forces] += variance**2 / spread**2
     in_si = scale(row, columns)

@@ -123,11 +123,11 @@ class _Search:
         """Keep a stage or not."""
         self.stages.append(stage)
         self.tell(stage)
-        if stage.kept:
+        if stage.is_accepted:
             self.best, self.refused = stage, []
         else:
             self.refused.append(stage)
-        return stage.kept
+        return stage.is_accepted
 
     def _was_refused(self, name: str) -> bool:
         """Whether adding or removing a part was refused since a part was kept."""
@@ -189,11 +189,11 @@ class _Search:
         if not worth:
             return False
         best = min(worth, key=lambda stage: stage.fit.bic)
-        self._decide(replace(best, kept=True))
+        self._decide(replace(best, is_accepted=True))
         self.add_parts()
         if self.best.replay < before.replay:
             return True
-        self._decide(replace(before, name=best.name, kept=True, is_removal=True))
+        self._decide(replace(before, name=best.name, is_accepted=True, is_removal=True))
         return False
 
     def remove_doubtful(self) -> bool:
