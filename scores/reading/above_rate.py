@@ -21,7 +21,7 @@ _Where = tuple[str, str]  # a part and a module
 def without_modes_above(
     instruments: Mapping[str, Instrument],
     transposed: Mapping[str, str],
-    used: Iterable[Target],
+    used: Iterable[_Where],
     rate: float,
     collector: Collector,
     memory: Memory | None,
@@ -30,9 +30,10 @@ def without_modes_above(
     without the links to them; reports N405 for what is left out.
 
     `transposed` are instruments, each with the name under which it is reported. What is `used`
-    (struck, automated, joined by other instruments) stays, and is refused by the engine.
+    (struck, automated, joined by other instruments, written at its own pitch) stays, and is refused
+    by the engine.
     """
-    joined = {(target.part, target.module) for target in used}
+    joined = {*used}
     for name, instrument in instruments.items():
         joined |= {
             (target.part, target.module)

@@ -143,12 +143,15 @@ class Checker:
         """The instruments of the piece, without modes that no rate of the piece computes."""
         notes = self.part_names.families
         transposed = {part: name for name, parts in notes.items() for part in parts.values()}
+        used: list[tuple[str, str]] = []
         for name, entry in self.names.tables["instruments"].items():
             if isinstance(entry.values, Values) and entry.values.written("like", "from"):
                 transposed.setdefault(name, name)
-        used = [target for struck in strikes for target in struck.to]
-        used += [target for line in changes for target in (line.target, *line.other_notes)]
-        used += [end for coupling in duet for end in (coupling.a, coupling.b)]
+                used += [(name, module) for module in entry.values["modules"] or ()]
+        targets = [target for struck in strikes for target in struck.to]
+        targets += [end for coupling in duet for end in (coupling.a, coupling.b)]
+        used += [(target.part, target.module) for target in targets]
+        used += [where for line in changes for where in line.modules]
         rate = self.matter.rate
         instruments = self.matter.instruments
         return without_modes_above(instruments, transposed, used, rate, self.collector, memory)

@@ -161,7 +161,7 @@ def test_nothing_is_left_of_a_take_that_begins_after_its_end():
 
 def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):
     score = tmp_path / "score.yaml"
-    score.write_text("ergon: 1\ninstruments:\n  small: {from: bell/bell, transpose: 60st}\n")
+    score.write_text("ergon: 1\ninstruments:\n  small: {from: bell/bell, transpose: 96st}\n")
     piece = load(score).piece
     assert piece is not None
     with pytest.raises(StageError) as refused:
@@ -170,8 +170,8 @@ def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_pa
     assert {(one.code, one.place.file, one.place.line) for one in found} == {
         ("E309", str(score), 3)
     }
-    high = ("nominal", "nominal-2", "tenth", "twelfth", "octave")
-    assert [one.message.split(":")[0] for one in found] == [f"small.{name}" for name in high]
+    names = {one.message.split(":")[0] for one in found}
+    assert {"small.hum", "small.octave"} < names  # all are too high, so that none is left out
 
 
 HIGH = """\
