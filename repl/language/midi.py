@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.strengths import level
+from ergon.notation.tables.velocities import LAWS
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
@@ -27,12 +27,6 @@ SOURCES = {
     "pressure": "the pressure on the keys (channel pressure)",
     "pressure C4": "the pressure on one key (polyphonic pressure)",
     c.LEARN: "the next of these that moves",
-}
-# How strengths follow the velocity, both from 0 to 1.
-CURVES: Mapping[str, Callable[[float], float]] = {
-    c.EVEN: lambda x: x,
-    "square": lambda x: x * x,  # the keyboard plays softer
-    "root": math.sqrt,  # the keyboard plays stronger
 }
 _CONTROLLERS = 128
 _PAIR = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
@@ -244,8 +238,8 @@ def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> st
 
 
 def _read_curve(text: str, *_: Any) -> str:
-    if text not in CURVES:
-        raise v.unknown_name(text, "a curve", CURVES)
+    if text not in LAWS:
+        raise v.unknown_name(text, "a curve", LAWS)
     return text
 
 
@@ -274,7 +268,7 @@ IMPULSES = Value(
 CURVE = Value(
     "a curve (square, root or even)",
     _read_curve,
-    lambda _: v.name_completions(dict.fromkeys(CURVES, "how strengths follow the velocity")),
+    lambda _: v.name_completions(dict.fromkeys(LAWS, "how strengths follow the velocity")),
 )
 
 

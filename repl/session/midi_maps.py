@@ -9,8 +9,9 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from ergon.notation.tables.strengths import MEZZO_FORTE
+from ergon.notation.tables.velocities import LAWS
 from ergon.repl.language.commands import BPM_UNIT, EVEN, Hear, MapControl, MapNotes
-from ergon.repl.language.midi import CURVES, is_source
+from ergon.repl.language.midi import is_source
 from ergon.repl.session.struck_places import maps_of, struck_by, struck_once
 from ergon.repl.session.version import NotTakenError
 
@@ -158,7 +159,7 @@ def _read_row(event: JournalEvent, row: object) -> Map:
             and _WORD.fullmatch(target)
             and _WORD.fullmatch(gesture or "none")
             and isfinite(sum(impulse or ()))
-            and curve in CURVES
+            and curve in LAWS
         ):
             ends = None if impulse is None else (impulse[0], impulse[1])
             return MapNotes(low, high, target, ends, gesture, curve)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables.notes import number
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Level, Reach
+from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.velocities import Curve
 from ergon.notation.text.errors import Collector
 from ergon.repl.language.commands import Hear, MapNotes
-from ergon.repl.language.midi import CURVES
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import StrikePoints
 
 _MAX_STRUCK = 128  # as many as there are notes
-_MIDI_MAX = 127
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
 Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
@@ -168,16 +167,14 @@ def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
 def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
     """The places that a note strikes, each with its impulse [N·s]."""
     for notes in maps_of(version, note):
-        curve = CURVES[notes.curve]
+        curve = Curve(notes.curve)
         with contextlib.suppress(NotTakenError):
             for place, reach in _sounding(version, notes, note):
                 if notes.impulse is None:
-                    strength = curve(velocity / _MIDI_MAX)
-                    yield place, Level(strength, strength, True).impulse(reach, max)
+                    yield place, curve.level(velocity).impulse(reach, max)
                 else:
                     weak, strong = notes.impulse
-                    share = curve((velocity - 1) / (_MIDI_MAX - 1))
-                    yield place, weak + (strong - weak) * share
+                    yield place, weak + (strong - weak) * float(curve.share(velocity, 1))
 
 
 def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:

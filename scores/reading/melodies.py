@@ -210,8 +210,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     place, impulse, rows = take.place_of("file"), take["velocity"], []
     curve = take["curve"] or EVEN
     for note in found.notes:
-        strength = float(curve.share(note.velocity))
-        level = Level(strength, strength, is_strength=True)
+        level = curve.level(note.velocity)
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse, curve),) * 2)
         what = (Name(notes.name(note.number), place),)

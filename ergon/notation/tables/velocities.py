@@ -11,6 +11,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from ergon.notation.tables.shapes import Text
+from ergon.notation.tables.strengths import Level
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
@@ -18,7 +19,7 @@ HARDEST = 127
 MAX_POINTS = 127
 _POINT = re.compile(r"([01]?\.?[0-9]{1,8}|[01]\.)@([0-9]{1,3})")
 _WORD = re.compile(r"\S+")
-_LAWS: Mapping[str, Callable[[Fraction], Fraction]] = {
+LAWS: Mapping[str, Callable[[Fraction], Fraction]] = {
     "even": lambda x: x,
     "square": lambda x: x * x,
     "root": lambda x: Fraction(math.sqrt(x)),
@@ -36,13 +37,18 @@ class Curve:
     def share(self, velocity: int, softest: int = 0) -> Fraction:
         """The share from 0 to 1 of a velocity from 1 to 127; a law is 0 at the `softest`."""
         if not self.velocities:
-            return _LAWS[self.law](Fraction(velocity - softest, HARDEST - softest))
+            return LAWS[self.law](Fraction(velocity - softest, HARDEST - softest))
         number = bisect_right(self.velocities, velocity)
         if number in (0, len(self.velocities)):
             return self.shares[min(number, len(self.velocities) - 1)]
         low, high = self.velocities[number - 1 : number + 1]
         first, last = self.shares[number - 1 : number + 1]
         return first + (last - first) * Fraction(velocity - low, high - low)
+
+    def level(self, velocity: int) -> Level:
+        """The strength of a velocity."""
+        strength = float(self.share(velocity))
+        return Level(strength, strength, is_strength=True)
 
 
 EVEN = Curve()
@@ -51,10 +57,10 @@ EVEN = Curve()
 def parse_curve(text: str) -> Curve:
     """Read `square`, or points such as `0.2@1 0.6@64 1@127`. Raises TextError."""
     words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
-    if len(words) == 1 and words[0][0] in _LAWS:
+    if len(words) == 1 and words[0][0] in LAWS:
         return Curve(words[0][0])
     if not words or len(words) > MAX_POINTS:
-        message = f"a curve is {', '.join(_LAWS)}, or 1 to {MAX_POINTS} points: 0.2@1 1@127"
+        message = f"a curve is {', '.join(LAWS)}, or 1 to {MAX_POINTS} points: 0.2@1 1@127"
         raise TextError(message, length=max(1, len(text)))
     velocities: list[int] = []
     shares: list[Fraction] = []
@@ -63,9 +69,9 @@ def parse_curve(text: str) -> Curve:
         share = Fraction(match[1]) if match else None
         velocity = int(match[2]) if match else 0
         if share is None or share > 1 or not 1 <= velocity <= HARDEST:
-            message = f"{quote(word)} is neither {', '.join(_LAWS)} nor a point: a strength from 0 "
+            message = f"{quote(word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
             message += "to 1 at a velocity from 1 to 127, such as 0.6@64"
-            near = nearest(word, _LAWS)
+            near = nearest(word, LAWS)
             raise TextError(message, offset=place, length=len(word), suggestion=near)
         if velocities and velocity <= velocities[-1]:
             message = f"the velocity of {quote(word)} is not above {velocities[-1]}, that of the "
