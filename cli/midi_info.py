@@ -22,7 +22,6 @@ _LINE_MAX = 2_000  # characters
 
 def midi(console: Console, path: Path) -> None:
     """Say what a MIDI file holds, what of it a score can play, and what is passed over."""
-    from ergon.scores.gesture.midi_bytes import PITCH_BEND
     from ergon.scores.gesture.midi_survey import passed_over, survey
     from ergon.scores.gesture.take_file import TakeError
 
@@ -33,8 +32,8 @@ def midi(console: Console, path: Path) -> None:
     duration = file.seconds(file.length)
     tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
-    everything = {"has_pedal": True, "has_tempo": True, "has_meter": True}
-    left_out = [*passed_over(file, **everything, used=(PITCH_BEND,))]
+    everything = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
+    left_out = [*passed_over(file, **everything)]
     if extra := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(extra, "byte") + " after the end of tracks")
     played = [*_understood(file)]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -18,13 +18,13 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import midi_bytes as m
 from ergon.scores.gesture.midi_bytes import MidiEvent
 from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
+from ergon.scores.gesture.midi_wheels import CONTROLLERS
 from ergon.scores.gesture.take_file import TakeError
 
 MAX_CHANGES = 100_000  # tempos, or meters, that a score takes over
 QUARTER = 500_000  # [us] of a quarter note where a file says no tempo (RP-001, "Set Tempo")
 _MINUTE = 60e6  # [us]
 _LARGEST_UNIT = 6  # a power of two: 1/64
-RANGE_CONTROLLERS = (6, 38, 100, 101)  # of the pitch wheel (RP-001, registered parameter 0)
 # What is counted, by the kind of event, in the order in which it is said: singular and plural.
 NOUNS = {
     m.PITCH_BEND: ("pitch bend", "pitch bends"),
@@ -224,21 +224,17 @@ def passed_over(
     has_pedal: bool,
     has_tempo: bool,
     has_meter: bool,
-    used: Container[int] = (),
+    has_wheel: bool,
 ) -> Iterator[str]:
-    """What is in a file beside notes and what is used of it, in words; `used` are further kinds of
-    events. With the wheel the controllers of its range are used.
-    """
+    """What is in a file beside notes and what is used of it, in words."""
     if file.n_tempos and not has_tempo:
         yield plural(file.n_tempos, ("tempo", "tempos"))
     if file.n_meters and not has_meter:
         yield plural(file.n_meters, ("meter", "meters"))
     for kind, noun in NOUNS.items():
-        if file.others[kind] and kind not in used:
+        if file.others[kind] and not (has_wheel and kind == m.PITCH_BEND):
             yield plural(file.others[kind], noun)
-    note_controllers = {SUSTAIN} if has_pedal else set()
-    wheel_controllers = set(RANGE_CONTROLLERS) if m.PITCH_BEND in used else set()
-    played = note_controllers | wheel_controllers
+    played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
     controllers = {n: c for n, c in file.controllers.items() if n not in played}
     if controllers:
         numbers = ", ".join(str(number) for number in sorted(controllers))

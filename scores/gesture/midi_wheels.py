@@ -18,7 +18,8 @@ from ergon.scores.gesture.take_file import TakeError
 
 MAX_POINTS = 100_000  # movements of notes
 _CENTRE = 8192  # of the wheel, which has 14 bits
-_DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101  # controllers
+# The controllers that say the range of a wheel, and zones.
+CONTROLLERS = _DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101
 _RANGE, _ZONE = 0, 6  # registered parameters
 _MASTERS = {1: range(2, 17), 16: range(15, 0, -1)}  # of the zones, with the channels that they take
 _OF_MEMBERS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)

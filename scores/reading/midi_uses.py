@@ -11,7 +11,6 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import midi_bytes as m
 from ergon.scores.gesture.midi_file import channel_number
 from ergon.scores.gesture.midi_survey import MidiSurvey, passed_over, plural, survey
 from ergon.scores.gesture.take_file import TakeError
@@ -112,7 +111,10 @@ def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
         noun = "channel" if len(channels) == 1 else "channels"
         count = plural(sum(unplayed.values()), ("note", "notes"))
         yield f"{count} of {noun} {', '.join(channels)}"
-    used = {m.PITCH_BEND} if use.has_wheel else set()
     yield from passed_over(
-        file, has_pedal=use.has_lengths, has_tempo=use.has_tempo, has_meter=use.has_meter, used=used
+        file,
+        has_pedal=use.has_lengths,
+        has_tempo=use.has_tempo,
+        has_meter=use.has_meter,
+        has_wheel=use.has_wheel,
     )
