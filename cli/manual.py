@@ -6,9 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-_PAGES = (
-    Path(__file__).parents[1] / "manual"
-)  # beside the folder of commands, whose links it shares
+_PAGES = Path(__file__).parents[1] / "manual"  # a link to docs/, beside that to the commands
 _FOLDERS = ("", "howto", "errors", "instruments", "design")
 _HEADING = re.compile(r"^#{1,4} +(.+?) *#*$", re.MULTILINE)
 

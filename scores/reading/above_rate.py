@@ -6,7 +6,7 @@ has them at its higher notes.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from ergon.instruments import following, proxies
@@ -19,7 +19,7 @@ _Where = tuple[str, str]  # a part and a module
 
 
 def without_modes_above(
-    instruments: Mapping[str, Instrument],
+    instruments: dict[str, Instrument],
     transposed: Mapping[str, str],
     used: Iterable[_Where],
     rate: float,
@@ -33,24 +33,21 @@ def without_modes_above(
     (struck, automated, joined by other instruments, written at its own pitch) stays, and is refused
     by the engine.
     """
-    joined = {*used}
-    for name, instrument in instruments.items():
-        joined |= {
-            (target.part, target.module)
-            for module in instrument.modules
-            for target in _ends(module)
-            if target.part != name or module.kind not in LINKS
-        }
-    result, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
+    too_high: dict[str, dict[str, float]] = {}
     for name in transposed:
         pitched = instruments.get(name)
-        if pitched is None or pitched.ca_rate is not None or pitched.space:
-            continue
-        high = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
-        high = {module: f for module, f in high.items() if (name, module) not in joined}
-        if high and (thinner := _without(pitched, frozenset(high), memory)) is not None:
+        if pitched is not None and pitched.ca_rate is None and not pitched.space:
+            high = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
+            too_high |= {name: high} if high else {}
+    if not too_high:
+        return instruments
+    joined = {*used, *_joined(instruments)}
+    result, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
+    for name, high in too_high.items():
+        names = frozenset(module for module in high if (name, module) not in joined)
+        if names and (thinner := _without(instruments[name], names, memory)) is not None:
             result[name] = thinner
-            rows = ((f"{name}.{module}", f) for module, f in high.items())
+            rows = ((f"{name}.{module}", high[module]) for module in high if module in names)
             reported.setdefault(transposed[name], []).extend(rows)
     for name, modes in reported.items():
         _report(name, modes, instruments, rate, collector)
@@ -60,6 +57,15 @@ def without_modes_above(
 def _frequency(module: Module) -> float:
     """The frequency of a CEL [Hz]; 0 of what has none."""
     return float(module.fields.get("f") or 0.0) if module.kind == "CEL" else 0.0
+
+
+def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_Where]:
+    """The modules that other instruments join, and those that something follows."""
+    for name, instrument in instruments.items():
+        for module in instrument.modules:
+            for target in _ends(module):
+                if target.part != name or module.kind not in LINKS:
+                    yield target.part, target.module
 
 
 def _ends(module: Module) -> list[Target]:

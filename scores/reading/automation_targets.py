@@ -34,14 +34,14 @@ class AutomationTargets:
             return None
         name = values["set"] or values["lfo"]
         head, _, parameter = str(name).rpartition(".")
-        if parameter in automatable.ALL and self.part_names.family(head) is not None:
+        is_family = parameter in automatable.ALL and self.part_names.family(head) is not None
+        if is_family:
             notes = self._played_notes(Name(head, name.place))
         else:
             known = self._changed(name, head, parameter)
             notes = [] if known is None else [known]
         if not notes or not self._may_change(notes[0], name, head, parameter):
             return None
-        is_family = self.part_names.family(head) is not None
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
         first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
         automated = automation.made(values, first, parameter, read)

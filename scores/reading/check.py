@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import accumulate, chain
 from typing import Any
@@ -141,20 +141,25 @@ class Checker:
         memory: Memory | None,
     ) -> dict[str, Instrument]:
         """The instruments of the piece, without modes that no rate of the piece computes."""
-        notes = self.part_names.families
+        notes, entries = self.part_names.families, self.names.tables["instruments"].items()
         transposed = {part: name for name, parts in notes.items() for part in parts.values()}
-        used: list[tuple[str, str]] = []
-        for name, entry in self.names.tables["instruments"].items():
-            if isinstance(entry.values, Values) and entry.values.written("like", "from"):
-                transposed.setdefault(name, name)
-                used += [(name, module) for module in entry.values["modules"] or ()]
-        targets = [target for struck in strikes for target in struck.to]
-        targets += [end for coupling in duet for end in (coupling.a, coupling.b)]
-        used += [(target.part, target.module) for target in targets]
-        used += [where for line in changes for where in line.modules]
-        rate = self.matter.rate
-        instruments = self.matter.instruments
-        return without_modes_above(instruments, transposed, used, rate, self.collector, memory)
+        written = {
+            name: entry.values
+            for name, entry in entries
+            if isinstance(entry.values, Values) and entry.values.written("like", "from")
+        }
+        transposed = {**{name: name for name in written}, **transposed}
+
+        def used() -> Iterator[tuple[str, str]]:
+            for name, values in written.items():
+                yield from ((name, module) for module in values["modules"] or ())
+            struck = (target for line in strikes for target in line.to)
+            ends = (end for coupling in duet for end in (coupling.a, coupling.b))
+            yield from ((target.part, target.module) for target in chain(struck, ends))
+            yield from (where for line in changes for where in line.modules)
+
+        parts, rate = self.matter.instruments, self.matter.rate
+        return without_modes_above(parts, transposed, used(), rate, self.collector, memory)
 
     def _available(self) -> dict[str, Instrument]:
         """Instruments that a file brings and nothing plays, or the first note of one with notes;
@@ -267,17 +272,18 @@ class Checker:
         if kind in melodies.MELODIES:
             phrases = self._phrases()
             phrase = phrases.get(values["play"]) if kind == "play" else None
-            if isinstance(phrase, Values) and melodies.is_midi(phrase):
-                self.uses.midi.play(phrase, has_lengths=True)
+            take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
+            if take is not None:
+                self.uses.midi.play(take, has_lengths=True)
             found = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
             if found is not None and not self._has_quarters and isinstance(phrase, Values):
                 found = melodies.in_quarters(phrase, *found)
             if found is None:
                 return None
             melody = self._melody(build.melody(values, *found), values)
-            if melody is not None and isinstance(phrase, Values) and melodies.is_midi(phrase):
-                return with_wheels(melody, values, phrase, self.uses.files)
-            return melody
+            if melody is None or take is None:
+                return melody
+            return with_wheels(melody, values, take, self.uses.files)
         if kind == "rhythm":
             return rhythm_strikes.strikes_of_rhythm(values, self.part_names)
         who = f"strikes {quote(values.context.name)}"

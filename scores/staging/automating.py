@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
@@ -139,8 +139,7 @@ def _points(led: Led, curves: Mapping[str, Curve], whole: Curve | None) -> Point
     all_curves = [*curves.values(), *([] if whole is None else [whole])]
     known: dict[tuple[float, ...], tuple[float, ...]] = {}
     points = []
-    for t in sorted({t for curve in all_curves for t in curve.t}):
-        values = tuple(curve.at(t) for curve in all_curves)
+    for t, values in _values(all_curves):
         if values not in known:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
             if whole is not None:
@@ -149,6 +148,15 @@ def _points(led: Led, curves: Mapping[str, Curve], whole: Curve | None) -> Point
         points.append((max(0.0, t), *known[values]))
     within = set().union(*(curve.within for curve in all_curves))
     return _chords(points, within) if within else points
+
+
+def _values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
+    """The values of curves at each instant at which one of them has a point."""
+    if len(curves) == 1:
+        (curve,) = curves
+        return ((t, (x,)) for t, x in dict(zip(curve.t, curve.x, strict=True)).items())
+    instants = sorted({t for curve in curves for t in curve.t})
+    return ((t, tuple(curve.at(t) for curve in curves)) for t in instants)
 
 
 def _chords(points: Points, within: Container[float]) -> Points:
