@@ -16,7 +16,7 @@ use crate::plan::trial::candidates::{Candidate, TIMES_MAX};
 use crate::plan::trial::chaos::{Pair, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
-use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt, is_still, longer};
+use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt, longer};
 use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::reference::{Reference, is_plain_first, reference};
 use crate::plan::trial::runs::Runs;
@@ -24,6 +24,7 @@ use crate::plan::trial::search::{Search, Tried};
 use crate::plan::trial::waveform_error::{
     PARTED, PARTS, Spans, amplitude_difference, error_beside, power_sum,
 };
+use crate::waveform::is_still;
 
 /// Work of a search in multiples of its first run, if contacts dominate the cost: the reference takes 14, candidates
 /// with up to four times as many substeps 7.

@@ -7,6 +7,7 @@ use crate::network::Error;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::Silence;
 use crate::plan::{IslandPlan, cost};
+use crate::waveform::is_still;
 
 /// Time that a pilot plays after the first contact or event [s]: long enough to hear it, short enough to cost little.
 pub(in crate::plan) const AFTER: f64 = 0.3;
@@ -79,13 +80,6 @@ impl Created {
             *first = first.max(laws);
         }
     }
-}
-
-/// Whether nothing changes in a sound, (n_frames · n_out).
-pub(in crate::plan) fn is_still(sound: &[f64], n_out: usize) -> bool {
-    let mut frames = sound.chunks_exact(n_out.max(1));
-    let first = frames.next();
-    frames.all(|frame| Some(frame) == first)
 }
 
 /// Work that depends on the motion: that of contacts and laws [ns a frame].

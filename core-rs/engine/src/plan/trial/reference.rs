@@ -12,9 +12,10 @@ use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::candidates::{Candidate, Family, TIMES_MAX, has_fine};
-use crate::plan::trial::pilot_run::{PilotRun, is_affordable, is_still};
+use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{DOUBLING, Spans, difference};
+use crate::waveform::is_still;
 
 /// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
 /// candidate by 2.5 dB at most.

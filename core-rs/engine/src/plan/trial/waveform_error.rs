@@ -2,7 +2,8 @@
 
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
-use crate::plan::trial::pilot_run::{AFTER, frames_a_second, is_still};
+use crate::plan::trial::pilot_run::{AFTER, frames_a_second};
+use crate::waveform::worst_ratio;
 
 /// What an error of order 1 falls by when the step is halved [dB].
 pub(in crate::plan) const DOUBLING: f64 = 6.02;
@@ -146,22 +147,8 @@ impl<'a> EarlyComparison<'a> {
 
 /// ‖a − b‖ / ‖b‖ [dB], the worst over outputs and spans; the mean of `b` does not count as sound.
 pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
-    let of = |output: usize, n_frames: usize| {
-        let own = |x: &[f64]| -> Vec<f64> {
-            let own = x.iter().skip(output).step_by(spans.n_out);
-            own.take(n_frames).copied().collect()
-        };
-        let (a, b) = (own(a), own(b));
-        if is_still(&b, 1) && is_still(&a, 1) {
-            return 0.0; // at a place that is the same but for rounding, which is no sound
-        }
-        let mean = b.iter().sum::<f64>() / b.len().max(1) as f64;
-        let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
-        let whole: f64 = b.iter().map(|b| (b - mean) * (b - mean)).sum();
-        if apart > 0.0 { apart / whole } else { 0.0 }
-    };
-    let all = (0..spans.n_out).flat_map(|output| spans.frames.map(|n| of(output, n)));
-    20.0 * log10(sqrt(all.fold(0.0, f64::max)).max(1e-15))
+    let ratios = spans.frames.map(|n| worst_ratio(a, b, spans.n_out, n));
+    20.0 * log10(sqrt(ratios.into_iter().fold(0.0, f64::max)).max(1e-15))
 }
 
 #[cfg(test)]
