@@ -72,7 +72,7 @@ def test_help_of_an_unknown_topic_suggests(answer):
 
 
 @pytest.mark.parametrize("topic", ["../pyproject", "/etc/passwd", "\x1b[31m", "a" * 10_000])
-def test_help_reads_no_other_file(answer, topic):
+def test_help_of_path_outside_manual_is_refused(answer, topic):
     code, out, err = answer("help", topic)
     assert code == 2
     assert "\x1b" not in err
@@ -87,18 +87,18 @@ def test_explain_a_mistake(answer, code):
 
 
 @pytest.mark.parametrize("code", ["E999", "rhythm", "start", ""])
-def test_explain_what_is_no_code(answer, code):
+def test_explain_unknown_code(answer, code):
     status, _, err = answer("explain", code)
     assert status == 2
     assert "is not the code of a mistake" in err
 
 
-def test_every_page_is_read():
+def test_manual_lists_all_pages():
     for page in manual.pages().values():
         assert page.headings, page.name
 
 
-def test_the_package_is_a_program_with_a_version():
+def test_python_m_ergon_version():
     command = [sys.executable, "-m", "ergon", "--version"]
     printed = subprocess.run(command, capture_output=True, check=True, text=True, cwd=ROOT).stdout
     assert printed == f"ergon {ergon.__version__}\n"

@@ -177,7 +177,7 @@ modes:
 """
 
 
-def test_a_replay_counts_the_step_of_a_motor(capsys: Capture):
+def test_replay_with_force_step(capsys: Capture):
     """What the motor rounds away moves the model, unless the step is known."""
     take("coarse.take", knocks(KEY), 2, force_step=50e-3)
     Path("key.yaml").write_text(CALIBRATION)
@@ -190,7 +190,7 @@ def test_a_replay_counts_the_step_of_a_motor(capsys: Capture):
 
 
 @pytest.mark.slow
-def test_a_fit_counts_the_step_of_a_motor(capsys: Capture):
+def test_fit_with_force_step(capsys: Capture):
     take("coarse.take", rain(KEY), 1, force_step=50e-3)
     measured = []
     for step in ([], ["--force-step", "50mN"]):
@@ -208,7 +208,7 @@ def test_a_fit_counts_the_step_of_a_motor(capsys: Capture):
         assert abs(figure["value"] - true) < 5 * figure["deviation"]
 
 
-def test_a_step_that_no_force_reaches_is_refused(capsys: Capture):
+def test_force_step_above_all_forces_is_refused(capsys: Capture):
     assert app.run(["metrology", "fit", "rain.take", "--force-step", "5N"]) == 2
     assert "a motor with a step of 5000 mN makes no force of this take" in capsys.readouterr().err
 

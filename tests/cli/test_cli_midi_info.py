@@ -68,7 +68,7 @@ def test_info_of_damaged_file(tmp_path):
 
 
 @pytest.mark.parametrize("command", [("check",), ("plan",), ("render", "-o", "sound.wav")])
-def test_what_is_passed_over_is_said_once(folder, command):
+def test_passed_over_events_in_one_note(folder, command):
     verb, *options = command
     done = forked([verb, "s.yaml", *options], folder)
     assert done.returncode == 0

@@ -117,7 +117,7 @@ def check_bound(replica: Replica, read: Floats, truth: Floats) -> None:
     assert (wrong <= SHARE * amplitude + bound["least"]).all()
 
 
-def test_a_falling_stone_leaves_the_pendulum_beside_it_right(own_folder: Path) -> None:
+def test_motion_of_pendulum_beside_falling_stone(own_folder: Path) -> None:
     """At 1,000 instants within and between frames, beside the sound, which is the position."""
     Path("stone.yaml").write_text(STONE)
     assert app.run(["render", "-q", "--motion", "stone.yaml", "-o", "stone.wav"]) == 0
@@ -144,7 +144,7 @@ def test_a_falling_stone_leaves_the_pendulum_beside_it_right(own_folder: Path) -
 
 
 @pytest.mark.parametrize(("text", "seconds"), [(TEAR, 3.0), (STRING, 3.0)])
-def test_every_point_is_within_the_stated_bound(text: str, seconds: float, tmp_path: Path) -> None:
+def test_motion_error_of_all_points(text: str, seconds: float, tmp_path: Path) -> None:
     replica, instants, truth = filmed(text, seconds, tmp_path / "a.motion")
     points = sampled(replica)
     assert len(points) > 10
@@ -155,7 +155,7 @@ def test_every_point_is_within_the_stated_bound(text: str, seconds: float, tmp_p
     np.testing.assert_allclose(engine, read, rtol=1e-6, atol=1e-9)
 
 
-def test_a_string_rests_before_and_after_it_is_struck(tmp_path: Path) -> None:
+def test_motion_of_resting_string(tmp_path: Path) -> None:
     replica, instants, truth = filmed(STRING, 3.0, tmp_path / "a.motion")
     points = sampled(replica)
     frames = np.sort(np.random.default_rng(2).uniform(0, 3.0 - 1 / FPS, 1000))
@@ -173,7 +173,7 @@ SIZES = {"near-and-far": 56_719, "one-rope": 61_623, "change-ringing": 85_483}
 
 
 @pytest.mark.parametrize("piece", SIZES)
-def test_files_are_hardly_longer_than_those_of_format_1(piece: str, own_folder: Path) -> None:
+def test_motion_size_beside_format_1(piece: str, own_folder: Path) -> None:
     score = str(LIBRARY / f"{piece}.yaml")
     assert app.run(["render", "-q", "--motion", "--to", "8s", "-o", "a.wav", score]) == 0
     assert Path("a.motion").stat().st_size <= 1.3 * SIZES[piece]
@@ -199,7 +199,7 @@ def test_info_states_the_bound_and_counts_points_in_space_once(
     assert record["bound"] == _core.motion_bound()
 
 
-def test_a_file_of_format_1_is_refused_with_what_to_do(
+def test_motion_of_format_1_is_refused(
     own_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("old.motion").write_bytes(b"ERGM\x01\0\0\0")

@@ -97,7 +97,7 @@ def test_a_session_is_heard_through_it() -> None:
         ),
     ],
 )
-def test_what_cannot_be_heard_is_refused(
+def test_hear_of_unknown_place_is_refused(
     words: list[str], changed: tuple[str, str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = SCORE.replace(*changed) if changed[0] else SCORE

@@ -17,7 +17,7 @@ HIDDEN = Key(
 )
 
 
-def test_a_part_that_was_refused_is_tried_again():
+def test_metrology_retries_refused_terms():
     measured_key = outcome(HIDDEN, 11)
     stages = measured_key.measured.stages
     tries = [

@@ -16,7 +16,7 @@ def _distance(a: str, b: str) -> int:
     return table[len(a), len(b)]
 
 
-def test_is_one_slip_is_a_distance_of_at_most_one():
+def test_is_one_slip_with_random_words():
     words = ["".join(word) for n in range(5) for word in itertools.product("abc", repeat=n)]
     pairs = [*itertools.product(words, words)]
     assert sum(_distance(a, b) == 1 for a, b in pairs) > 500

@@ -44,7 +44,7 @@ def _is_replayed(session):
     return np.array_equal(session.again(), session.sound)
 
 
-def test_a_block_has_a_value_by_default_and_another_when_it_is_run(session):
+def test_def_with_default_and_with_number(session):
     session.ok("def fill n=8: d1 strikes low every 1/4 times $n")
     assert session.ok("show fill").lines[1].endswith("- $n = 8")
     session.ok("fill")
@@ -77,7 +77,7 @@ def test_several_values_are_taken_in_their_order_or_by_name(session):
     assert (d1.parts, d1.times, d1.every.beats) == ({"low"}, 2, 1.0)
 
 
-def test_tick_counts_the_runs_of_a_rule(session):
+def test_tick_of_rule(session):
     session.ok("def turn: d1 strikes $tick[low high high] every 1/4 times 2")
     session.ok("play")
     session.run(0.2)
@@ -96,7 +96,7 @@ def test_tick_counts_the_runs_of_a_rule(session):
         assert lines == ["run turn tick=8"]
 
 
-def test_tick_is_a_number_and_may_be_given(session):
+def test_tick_as_number(session):
     session.ok("def up: tempo 12$tick")
     session.ok("up")
     assert session.session.schedule.head.piece.tempo_map.bpm(100.0) == 120.0
@@ -140,7 +140,7 @@ def test_count_of_a_trigger_is_the_number_of_its_beats(text, begin):
         ("still 3", "takes no value"),
     ],
 )
-def test_values_that_cannot_be_are_refused(session, line, why):
+def test_invalid_values_are_refused(session, line, why):
     session.ok("def fill n=8: d1 strikes low every 1/4 times $n\ndef still: hush")
     text = session.session.schedule.head.texts.text
     reply = session.type(line)

@@ -67,7 +67,7 @@ def _peak(session, seconds, channel):
         ("hear bar C4 bb4 v127", [("bar.C4", "", 4.0), ("bar.A#4", "", 4.0)]),
     ],
 )
-def test_hear_strikes_once_before_and_while_the_piece_plays(session, line, struck):
+def test_hear_before_and_during_play(session, line, struck):
     expected = [(part, module, pytest.approx(1e-3 * mns)) for part, module, mns in struck]
     channel = 1 if struck[0][0] == "drum" else 0
     session.ok(line)
@@ -84,7 +84,7 @@ def test_hear_strikes_once_before_and_while_the_piece_plays(session, line, struc
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_hear_lifts_the_damper_for_a_second(tmp_path):
+def test_hear_lifts_damper(tmp_path):
     with closing(Stepped(DAMPED, tmp_path)) as session:
         session.ok("hear bar C4 f")
         rings = _peak(session, 0.8, 0)
@@ -95,7 +95,7 @@ def test_hear_lifts_the_damper_for_a_second(tmp_path):
         assert np.array_equal(session.again(), session.sound)
 
 
-def test_hear_brings_an_instrument_of_a_family_in_use_in(tmp_path):
+def test_hear_instrument_of_used_family(tmp_path):
     with closing(Stepped(SCORE.replace("8kHz", "44.1kHz"), tmp_path)) as session:
         refused = session.type("hear skins/kick")
         assert not refused.taken
@@ -154,7 +154,7 @@ def test_hear_together_with_other_lines(tmp_path):
         assert np.array_equal(session.again(), session.sound)
 
 
-def test_many_places_can_be_heard_one_after_the_other(session):
+def test_hear_many_places_in_succession(session):
     for note in ("C4", "C#4", "D4", "D#4", "E4", "F4", "F#4", "G4", "G#4", "A4", "A#4", "B4"):
         session.ok(f"hear bar {note}")
         session.ok(f"hear bar {note} C5")
@@ -164,7 +164,7 @@ def test_many_places_can_be_heard_one_after_the_other(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_hear_in_a_panic_is_refused(session):
+def test_hear_in_panic_is_refused(session):
     session.session.panic()
     assert "type `release`" in session.type("hear drum").text
     session.ok("release")
@@ -191,7 +191,7 @@ def test_hear_in_a_panic_is_refused(session):
         ("hear", "is missing"),
     ],
 )
-def test_what_cannot_be_heard_is_refused(session, line, why):
+def test_hear_of_unknown_place_is_refused(session, line, why):
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
@@ -206,7 +206,7 @@ def test_words_of_hear_are_completed(session):
     assert {"mf", "fff"} <= offers("hear drum ")
 
 
-def test_what_is_heard_live_is_what_its_journal_renders(tmp_path):
+def test_phrasing_live_equals_journal(tmp_path):
     """Over the real engine, where a version and a stroke are on their way at once."""
     sound_file = tmp_path / "sound_file.wav"
     port = ProcessPort()

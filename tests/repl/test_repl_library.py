@@ -77,7 +77,7 @@ def test_use_family_is_played_by_plain_name(session: Stepped):
         "link kick.hammer snare.hammer REF K=1N/m",
     ],
 )
-def test_all_instruments_of_a_line_are_routed(session: Stepped, line: str):
+def test_route_of_all_instruments_in_line(session: Stepped, line: str):
     """All but the last were not heard."""
     session.ok("use skins")
     session.ok(line)

@@ -266,7 +266,7 @@ def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
         ("unmap cc 3", "nothing is mapped to cc 3"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused(played, line, why):
+def test_map_of_impossible_target_is_refused(played, line, why):
     own, _ = played
     reply = own.type(line)
     assert not reply.taken

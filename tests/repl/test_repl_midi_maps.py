@@ -54,7 +54,7 @@ def _is_replayed(session):
         ([], None),
     ],
 )
-def test_parse_message_of_all_that_moves(data, message):
+def test_parse_message_of_all_kinds(data, message):
     assert parse_message(bytes(data)) == message
 
 
@@ -73,9 +73,7 @@ def test_parse_message_of_all_that_moves(data, message):
         ("pressure C4", [[0xA0, 61, 127], [0xA0, 60, 64]], 64 / 127),
     ],
 )
-def test_a_controller_leads_a_parameter_and_the_journal_renders_to_the_bit(
-    played, source, messages, share
-):
+def test_map_cc_live_equals_journal(played, source, messages, share):
     session, port = played
     session.ok("map note 60 bell.m 5mNs")
     session.ok(f"map {source} bell.m.M 1g..3g")
@@ -95,7 +93,7 @@ def test_a_controller_leads_a_parameter_and_the_journal_renders_to_the_bit(
         assert f"{line}" in resumed.ok("maps").lines
 
 
-def test_the_wheel_sets_the_tempo_and_pressure_levels(played):
+def test_map_bend_to_tempo_and_pressure_to_gain(played):
     session, port = played
     session.ok("map bend tempo 60..180")
     session.ok("map pressure gain bell -40dB..0dB")
@@ -110,7 +108,7 @@ def test_the_wheel_sets_the_tempo_and_pressure_levels(played):
 
 
 @pytest.mark.parametrize(("curve", "power"), [("square", 2.0), ("root", 0.5), ("even", 1.0)])
-def test_a_curve_of_velocity(tmp_path, curve, power):
+def test_map_note_with_curve(tmp_path, curve, power):
     with closing(Stepped(PLAYED, tmp_path)) as session:
         port = ProcessPort(lambda: 0.0)
         port.listen(session.session.midi.receive)
@@ -127,7 +125,7 @@ def test_a_curve_of_velocity(tmp_path, curve, power):
             assert resumed.ok("maps").lines == session.ok("maps").lines
 
 
-def test_a_note_lets_a_player_play_a_gesture(played):
+def test_map_note_to_gesture(played):
     session, port = played
     session.ok("map note D2 ada knock")
     session.ok("play")
@@ -146,7 +144,7 @@ def test_a_note_lets_a_player_play_a_gesture(played):
     assert _is_replayed(session)
 
 
-def test_learn_takes_the_next_controller_that_moves(played):
+def test_learn_of_controller(played):
     session, port = played
     assert "move a controller" in session.ok("map learn bell.m.M 1g..3g").text
     _send(session, port, [0x90, 60, 100], [0xB0, 22, 127], [0xB0, 22, 0], [0xB0, 23, 127])
@@ -163,7 +161,7 @@ def test_learn_takes_the_next_controller_that_moves(played):
     assert _is_replayed(session)
 
 
-def test_learn_of_a_note_and_its_end(played):
+def test_learn_of_note_on_and_off(played):
     session, port = played
     session.ok("def fill: rain strikes bell.m every 1/4 times 4 impulse 1mNs")
     session.ok("map learn note fill")
@@ -178,7 +176,7 @@ def test_learn_of_a_note_and_its_end(played):
     assert _is_replayed(session)
 
 
-def test_maps_counts_what_has_no_map(played):
+def test_maps_without_map_are_counted(played):
     session, port = played
     session.ok("map cc 21 bell.m.M 1g..3g now")
     session.run(0.1)
@@ -188,7 +186,7 @@ def test_maps_counts_what_has_no_map(played):
     assert line == "not mapped: cc 22 (3 times), note 35, bend, program 5"
 
 
-def test_monitor_prints_what_comes(played):
+def test_monitor_prints_messages(played):
     session, port = played
     session.ok("map cc 21 bell.m.M 1g..3g now")
     _send(session, port, [0x90, 60, 1])
@@ -208,7 +206,7 @@ def test_monitor_prints_what_comes(played):
     assert session.session.messages() == []
 
 
-def test_monitor_of_a_flood_prints_some_lines_and_counts_the_rest(played):
+def test_monitor_of_flood(played):
     session, port = played
     session.ok("monitor on")
     for _ in range(50):
@@ -242,7 +240,7 @@ def test_monitor_of_a_flood_prints_some_lines_and_counts_the_rest(played):
         ("monitor", "'on' is missing"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused(played, line, why):
+def test_map_of_impossible_target_is_refused(played, line, why):
     session, _ = played
     reply = session.type(line)
     assert not reply.taken
@@ -289,7 +287,7 @@ def test_maps_of_earlier_journals_are_read(played):
         )
 
 
-def test_what_moves_is_completed(played):
+def test_completion_of_map_sources(played):
     session, _ = played
 
     def offers(line):

@@ -69,7 +69,7 @@ def test_saved_score_has_the_file_and_the_line(folder: Path) -> None:
     assert piece.tempo_map.bpm(0.0) == pytest.approx(2 * 60 / 0.3)
 
 
-def test_show_tells_where_tempos_come_from(folder: Path) -> None:
+def test_show_names_file_of_tempos(folder: Path) -> None:
     session = Stepped(SCORE, folder)
     lines = session.type("show").lines
     session.close()

@@ -114,7 +114,7 @@ def test_do_makes_strikes_by_the_clock_a_rhythm(stepped: Stepped):
     same_again(stepped)
 
 
-def test_do_makes_a_walk_a_rhythm(stepped: Stepped):
+def test_do_of_walk(stepped: Stepped):
     stepped.ok("bar notes walk C4 E4 G4 every 1")
     stepped.ok("play")
     stepped.run(1.0)

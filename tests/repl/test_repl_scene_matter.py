@@ -85,7 +85,7 @@ def _brought(path: Path, folder: Path) -> tuple[Stepped, np.ndarray]:
         ("use kit/mine.yaml; use skins", 'd1 = "plink*2 ~ plink"'),
     ],
 )
-def test_a_scene_brings_what_it_is_played_on(tmp_path, lines):
+def test_scene_brings_instruments(tmp_path, lines):
     folder, verse = _keep_verse(tmp_path, lines)
     second, again = _brought(tmp_path, folder)
     with closing(second):
@@ -111,14 +111,14 @@ def test_a_scene_brings_what_it_is_played_on(tmp_path, lines):
             assert np.array_equal(resumed.again(), resumed.sound)
 
 
-def test_a_scene_that_lacks_nothing_brings_nothing(tmp_path):
+def test_scene_with_nothing_missing(tmp_path):
     folder, _ = _keep_verse(tmp_path, ("bell2 = bell transpose 7st", "leo plays lean every 2"))
     second, _ = _brought(tmp_path, folder)
     with closing(second):
         assert "bell2" not in second.session.schedule.head.piece.instruments
 
 
-def test_a_scene_whose_prefix_is_another_file_here_is_refused(tmp_path):
+def test_scene_with_prefix_of_other_file_is_refused(tmp_path):
     folder, _ = _keep_verse(tmp_path, ("use kit/mine.yaml", "d1 strikes plink f every 1"))
     with closing(_folder(tmp_path, "second", SCORE)) as second:
         shutil.copytree(folder / "kit", tmp_path / "second" / "kit")
@@ -131,7 +131,7 @@ def test_a_scene_whose_prefix_is_another_file_here_is_refused(tmp_path):
         assert second.session.schedule.head.texts.text == text
 
 
-def test_from_one_scene_to_another_both_bring_their_matter(tmp_path):
+def test_scenes_in_succession_bring_instruments(tmp_path):
     folder, _ = _keep_verse(
         tmp_path, ("bell2 = bell transpose 7st", "d1 strikes bell2.m every 1 impulse 1mNs")
     )

@@ -40,7 +40,7 @@ def session(tmp_path):
         ("ada plays knock ~ knock every 1 times 30", [7.0, 10.0, 13.0]),
     ],
 )
-def test_sync_waits_for_the_next_beginning(session, line, beats):
+def test_sync_with_next_beginning(session, line, beats):
     session.ok("phrase tune 0 low.m 2mNs, 1 low.m length 3")
     session.ok("play")
     session.run(0.3)
@@ -58,7 +58,7 @@ def test_sync_waits_for_the_next_beginning(session, line, beats):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_a_rhythm_that_syncs_begins_with_the_other(session):
+def test_sync_with_rhythm(session):
     session.ok("play")
     session.run(0.3)
     session.ok('d1 = "low*2" cycle 3/2 now')
@@ -76,7 +76,7 @@ def test_a_rhythm_that_syncs_begins_with_the_other(session):
         resumed.ok("rest d2 sync d1")
 
 
-def test_a_voice_that_is_gone_when_the_line_acts(session):
+def test_transformation_of_removed_voice(session):
     session.ok("play")
     session.run(0.3)
     session.ok("d1 strikes low every 3 now")
@@ -89,7 +89,7 @@ def test_a_voice_that_is_gone_when_the_line_acts(session):
     assert np.array_equal(session.again(), session.sound)
 
 
-def test_sync_before_the_piece_plays_waits_for_its_beat(session):
+def test_sync_before_play(session):
     session.ok("d1 strikes low every 3 at 2|1")
     assert session.ok("set low.m.M 6g sync d1").text == "ok 2|1"
     session.ok("play")
@@ -109,7 +109,7 @@ def test_sync_before_the_piece_plays_waits_for_its_beat(session):
         ("panic sync rain", "'panic' acts at once: leave out 'sync'"),
     ],
 )
-def test_what_cannot_be_waited_for_is_refused(session, line, why):
+def test_sync_with_unknown_voice_is_refused(session, line, why):
     session.ok("rain strikes low rate 3Hz")
     reply = session.type(line)
     assert not reply.taken

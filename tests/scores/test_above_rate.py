@@ -52,7 +52,7 @@ def test_modes_above_half_the_rate_are_left_out_and_named():
     assert "bar.C6.high at 36 kHz" in note.message
 
 
-def test_what_is_left_sounds_as_an_instrument_without_that_mode():
+def test_modes_above_half_rate_sound_as_without_them():
     without = text().replace("      high: {CEL: {M: 200g, f: 9kHz, t60: 1s}}\n", "")
     without = without.replace(
         "      b2: {BUT: {between: [hammer, high], K: 1e5, gap: 0.1mm}}\n", ""
@@ -73,14 +73,14 @@ def test_what_is_left_sounds_as_an_instrument_without_that_mode():
         },
     ],
 )
-def test_modes_that_something_plays_are_kept(changes):
+def test_modes_above_half_rate_that_are_played_stay(changes):
     result = load("s.yaml", text=text(**changes))
     assert result.piece is not None, result.diagnostics
     assert "high" in [m.name for m in result.piece.instruments["bar.C6"].modules]
     assert "N405" not in [d.code for d in result.diagnostics]
 
 
-def test_an_instrument_at_its_written_pitch_is_not_thinned():
+def test_modes_above_half_rate_at_written_pitch():
     written = (
         text(high="30kHz").replace("    notes: [C6]\n", "").replace(", notes: C6, every: 1", "")
     )
@@ -88,7 +88,7 @@ def test_an_instrument_at_its_written_pitch_is_not_thinned():
     assert "high" in [m.name for m in result.piece.instruments["bar"].modules]
 
 
-def test_a_session_with_modes_above_is_its_render(tmp_path):
+def test_modes_above_half_rate_live_equals_render(tmp_path):
     session = Stepped(text(notes="C4, C6", played="C4 C6"), tmp_path)
     session.ok("play")
     session.run(0.3)

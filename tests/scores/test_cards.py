@@ -30,7 +30,7 @@ def test_every_instrument_of_a_family_has_a_card() -> None:
 
 
 @pytest.mark.parametrize("page", [FOLDER / "README.md", ROOT / "README.md"], ids=["docs", "root"])
-def test_a_page_counts_the_instruments_that_have_cards(page: Path) -> None:
+def test_count_of_instruments_in_pages(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert counted(text, len(ROWS)) == text
     assert counted(text, len(ROWS) + 1) != text

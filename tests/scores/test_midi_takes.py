@@ -338,7 +338,7 @@ def test_a_damaged_file_is_refused_with_the_byte(tmp_path, data, message):
     assert [(code, line) for code, line, _ in said(tmp_path, text)] == [("E310", 6)]
 
 
-def test_running_status_goes_on_over_meta_events_alone(tmp_path):
+def test_running_status_over_meta_events(tmp_path):
     path = tmp_path / "run.mid"
     path.write_bytes(track(b"\x00\x90\x40\x40\x60\x41\x41\x60\x40\x00\x00\xff\x2f\x00"))
     assert [(n.number, n.velocity) for n in read_notes(path).notes] == [(64, 64), (65, 65)]

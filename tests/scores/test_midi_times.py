@@ -186,7 +186,7 @@ def test_files_of_times_are_inputs(tmp_path):
         ),
     ],
 )
-def test_times_that_cannot_be_taken_over(tmp_path, lines, report):
+def test_tempos_of_invalid_files(tmp_path, lines, report):
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "s.yaml").write_text(CELLS)

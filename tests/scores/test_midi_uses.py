@@ -76,13 +76,13 @@ REST = (
         ),
     ],
 )
-def test_what_is_passed_over_is_said_once(tmp_path, text, message):
+def test_passed_over_events_in_one_note(tmp_path, text, message):
     rich(tmp_path / "tune.mid")
     ((_, reported),) = reports(tmp_path, text, "N404")
     assert reported == f"tune.mid: {message} are passed over"
 
 
-def test_two_takes_of_file_are_told_of_together(tmp_path):
+def test_two_takes_of_file_share_a_note(tmp_path):
     rich(tmp_path / "tune.mid")
     takes = "takes:\n  a: {file: tune.mid, channel: 1, velocity: 1mNs}\n"
     takes += "  b: {file: tune.mid, channel: 5, velocity: 1mNs}\n"
@@ -99,7 +99,7 @@ def test_file_of_tempos_alone_names_its_notes(tmp_path):
     assert reported == [(5, "clock.mid: 1 note of channel 1 is passed over")]
 
 
-def test_file_that_is_played_whole_is_not_told_of(tmp_path):
+def test_complete_use_of_file_gives_no_note(tmp_path):
     midi_files.save(tmp_path / "tune.mid", midi_files.note(0))
     assert reports(tmp_path, TAKE + STRIKES, "N404") == []
 

@@ -55,13 +55,13 @@ def test_notes_together_as_one_by_one(line, parameter):
     assert not np.array_equal(together, sound(""))
 
 
-def test_a_swing_of_all_notes_as_one_by_one():
+def test_lfo_of_all_notes_equals_single_ones():
     line = "{{at: 1|1, lfo: {}, range: -50cents..50cents, period: 1/4}}"
     by_note = ", ".join(line.format(f"bars.{note}.f") for note in ("C4", "E4"))
     assert np.array_equal(sound(line.format("bars.f")), sound(by_note))
 
 
-def test_an_interval_is_the_factor_of_its_semitones():
+def test_interval_in_automation():
     line = "{{at: 1|1, set: bars.f, to: {}, over: 2}}"
     ratio = 2.0 ** (3 / 12)
     assert np.array_equal(sound(line.format("3st")), sound(line.format(f"x{ratio!r}")))
@@ -77,13 +77,13 @@ def test_an_interval_is_the_factor_of_its_semitones():
         ("{at: 1|1, set: bars.low.t60, to: 2st, over: 1}", "unknown unit 'st'"),
     ],
 )
-def test_what_notes_cannot_do_is_refused(line, words):
+def test_impossible_gestures_of_notes_are_refused(line, words):
     errors = loaded(line).diagnostics
     assert words in errors[0].message
     assert errors[0].place is not None
 
 
-def test_a_session_glides_all_notes_as_its_render(tmp_path):
+def test_set_of_all_notes_live_equals_render(tmp_path):
     session = Stepped(SESSION, tmp_path)
     session.ok("play")
     session.run(0.3)
@@ -105,7 +105,7 @@ def test_notes_are_transposed_at_the_prompt(tmp_path):
     session.close()
 
 
-def test_a_pitch_for_all_notes_is_refused_with_the_right_line(tmp_path):
+def test_set_pitch_of_all_notes_is_refused(tmp_path):
     session = Stepped(SESSION, tmp_path)
     reply = session.type("set bars.f 2st")
     assert not reply.taken

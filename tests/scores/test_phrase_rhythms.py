@@ -171,7 +171,7 @@ def transformed(fields: str, beat: float, do: str) -> tuple[str, Piece]:
     return after.text, score
 
 
-def test_do_goes_on_from_the_next_round():
+def test_do_from_next_round():
     fields = "play: call, at: 1|1, times: 4, transpose: 12st, do: [scale 0.5]"
     text, score = transformed(fields, 6.0, "rev")
     beats = sorted(

@@ -206,7 +206,7 @@ def test_do_of_strikes_by_the_clock(fields, expected):
         "to: bar, notes: D4, euclid: 3 8, every: 1/2, until: 7|2.5",
     ],
 )
-def test_do_that_changes_nothing_strikes_the_same(fields):
+def test_do_without_effect_on_strikes(fields):
     ergons = []
     for do in ("", ", do: fast 1"):
         staged = stage(piece(f"{fields}, at: 1|2{do}"))
@@ -219,7 +219,7 @@ def test_do_that_changes_nothing_strikes_the_same(fields):
         )
 
 
-def test_names_of_values_in_do():
+def test_do_with_named_values():
     text = PLAYED + "let: {fifth: 7st}\n"
     for fields in ("rhythm: c4", "notes: C4, every: 1", "play: call"):
         do = "transpose fifth, legato 0.5"

@@ -217,7 +217,7 @@ def test_windows_see_the_same_strokes(text, do):
 
 
 @pytest.mark.parametrize("do", WORDS)
-def test_a_cycle_alone_is_that_of_the_piece(do):
+def test_strokes_of_cycle_alone(do):
     text = "c4.min7? [e4|g4]*2 <c4 | e4 | g4>, a4(3,8)"
     fresh = apply(compiled(text, ""), parse_transforms(do))
     alone = fresh.onsets(11, CHANCE)
@@ -232,7 +232,7 @@ def test_a_cycle_alone_is_that_of_the_piece(do):
 # --- random walks ---------------------------------------------------------------------------------
 
 
-def test_walk_steps_to_neighbours():
+def test_walk_to_neighbours():
     walked = ["abcd".index(strokes("<a | b | c | d>", "", n)[0].what.word) for n in range(3000)]
     assert walked[0] == 0
     assert {b - a for a, b in pairwise(walked)} == {-1, 0, 1}
@@ -241,7 +241,7 @@ def test_walk_steps_to_neighbours():
     assert shares == pytest.approx([1 / 6, 1 / 3, 1 / 3, 1 / 6], abs=0.08)
 
 
-def test_walk_alone_and_from_the_beginning():
+def test_walk_without_do():
     text = "<a | [b b] | c>(3,8)"
     fresh = compiled.__wrapped__(text, "early 1/8")
     alone = fresh.onsets(500, chance_from(8, "strikes/w"))
@@ -288,6 +288,6 @@ def test_mistakes_in_their_place(do, place, part, near):
     assert error.suggestion == near
 
 
-def test_too_many_strokes():
+def test_strokes_above_maximum_are_refused():
     with pytest.raises(TextError, match="up to 4,160"):
         compiled("c4*16", "legato 1, tremolo 65")

@@ -60,7 +60,7 @@ def score(folder: Path, bend: str = "2st", meter: str = "4/4", bpm: float = 60, 
     return load(path)
 
 
-def test_the_wheel_moves_what_its_channel_plays(tmp_path: Path):
+def test_bend_of_each_channel(tmp_path: Path):
     file = save(
         tmp_path / "tune.mid",
         note(0, 60, channel=0) + note(0, 64, channel=1),
@@ -73,13 +73,13 @@ def test_the_wheel_moves_what_its_channel_plays(tmp_path: Path):
     assert read_wheels(file, "1", 1200.0) == {60: ((0.0, 0.0), (1.0, 600.0))}
 
 
-def test_a_note_begins_where_the_wheel_is(tmp_path: Path):
+def test_bend_before_note(tmp_path: Path):
     events = [*note(TICKS, 60), wheel(TICKS, 8191), wheel(TICKS // 2, -8192)]
     file = save(tmp_path / "tune.mid", events)
     assert read_wheels(file, None, 100.0) == {60: ((1.0, 100.0 * 8191 / 8192),)}
 
 
-def test_the_file_says_the_range(tmp_path: Path):
+def test_bend_range_from_file(tmp_path: Path):
     events = [*wheel_range(0, 12), *note(1, 60), wheel(TICKS, 4096)]
     file = save(tmp_path / "tune.mid", events)
     assert read_wheels(file, None, 200.0)[60][-1] == (1.0, 600.0)
@@ -91,7 +91,7 @@ def test_other_registered_parameters_set_no_range(tmp_path: Path):
     assert read_wheels(file, None, 200.0)[60][-1] == (1.0, 100.0)
 
 
-def test_zones_bend_each_note_by_itself(tmp_path: Path):
+def test_bend_of_notes_in_zones(tmp_path: Path):
     events = [
         *mpe_zone(0, 3),
         *note(10, 60, channel=1),
@@ -110,7 +110,7 @@ def test_zones_bend_each_note_by_itself(tmp_path: Path):
     }
 
 
-def test_the_range_of_a_channel_is_that_of_its_zone(tmp_path: Path):
+def test_bend_range_of_zone(tmp_path: Path):
     events = [*mpe_zone(0, 3), *wheel_range(1, 24, 2), *note(10, 60, channel=1)]
     file = save(tmp_path / "tune.mid", [*events, wheel(TICKS, 4096, 1)])
     assert read_wheels(file, None, 200.0)[60][-1] == (1.0, 1200.0)
@@ -143,7 +143,7 @@ def test_pitches_are_those_of_the_file_in_every_meter(tmp_path: Path, meter: str
     assert compared > 40
 
 
-def test_a_bent_note_is_heard_at_its_pitch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_bend_pitch_in_the_sound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     save(tmp_path / "tune.mid", note(0, 60, 8 * TICKS), [wheel(TICKS, 4096), wheel(4 * TICKS, 0)])
     monkeypatch.chdir(tmp_path)
     score(tmp_path, "3st")
@@ -156,7 +156,7 @@ def test_a_bent_note_is_heard_at_its_pitch(tmp_path: Path, monkeypatch: pytest.M
         assert 1200 * math.log2(peak / expected) == pytest.approx(0.0, abs=1.5)
 
 
-def test_transposed_and_repeated_phrases_are_bent_alike(tmp_path: Path):
+def test_bend_of_transposed_and_repeated_phrases(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0, 60), [wheel(TICKS, 8191), wheel(3 * TICKS, 0)])
     result = score(tmp_path, more=", transpose: 2st, every: 1bar, times: 2")
     assert result.piece is not None, result.diagnostics
@@ -169,7 +169,7 @@ def test_transposed_and_repeated_phrases_are_bent_alike(tmp_path: Path):
         assert (high / low) ** 0.5 == pytest.approx(2 ** (2 * 8191 / 8192 / 12), rel=1e-6)
 
 
-def test_without_bend_the_wheel_is_passed_over_and_named(tmp_path: Path):
+def test_wheel_without_bend_is_named(tmp_path: Path):
     save(tmp_path / "tune.mid", note(0, 60), [wheel(TICKS, 100)], wheel_range(0, 2))
     with_bend = score(tmp_path)
     assert [d.code for d in with_bend.diagnostics] == []
@@ -189,7 +189,7 @@ def test_without_bend_the_wheel_is_passed_over_and_named(tmp_path: Path):
         (("bend: 2st", "bend: 2"), "2st"),
     ],
 )
-def test_what_cannot_be_bent_is_refused(tmp_path: Path, change, words):
+def test_bend_of_unsuitable_instrument_is_refused(tmp_path: Path, change, words):
     save(tmp_path / "tune.mid", note(0, 60), [wheel(TICKS, 100)])
     score(tmp_path)
     path = tmp_path / "s.yaml"

@@ -52,7 +52,7 @@ def chromium() -> Iterator[browser.Browser]:
         yield found
 
 
-def test_the_page_reads_what_the_engine_wrote(
+def test_page_decodes_engine_motion(
     chromium: browser.Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -95,9 +95,7 @@ def test_the_page_reads_what_the_engine_wrote(
     assert (np.ptp(moved, axis=0) > 1e-6).sum() > 50
 
 
-def test_a_factor_is_written_so_that_it_can_be_read(
-    chromium: browser.Browser, tmp_path: Path
-) -> None:
+def test_format_long_factor(chromium: browser.Browser, tmp_path: Path) -> None:
     """Of a part whose displacements are too small to be seen, and of one that moves by 1 nm."""
     server = _core.ViewServer(PIECE.write(tmp_path / "a.motion"), key=browser.KEY)
     try:
@@ -128,7 +126,7 @@ LATE_SOUND = """
 
 
 @pytest.mark.parametrize("presses", [0, 2])
-def test_keys_pressed_while_the_sound_loads_count(
+def test_page_keys_while_sound_loads(
     chromium: browser.Browser, tmp_path: Path, presses: int
 ) -> None:
     """Space runs and then stops it: so it stands when the sound is there; else it begins to run."""

@@ -169,7 +169,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_frames_or_none(coding in 0..3_u8, bytes: Vec<u8>, n in 0..100_usize) {
+        fn decode_of_random_bytes(coding in 0..3_u8, bytes: Vec<u8>, n in 0..100_usize) {
             let _ = Frames::read(&bytes, |_| Some(n));
             let head = Frames { rows: Vec::new(), count: 3, ..frames(Vec::new()) }.head(coding);
             let _ = Frames::read(&[head.0, bytes].concat(), |_| Some(n));
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_rests_after_a_long_way_is_where_it_is() {
+    fn decode_of_point_at_rest() {
         let rows: Vec<f64> = (0..120)
             .flat_map(|t| {
                 let fallen = 0.123_456_789 * f64::from(t.min(40));
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn between_frames_a_cubic_is_exact_and_rest_is_straight() {
+    fn interpolate_cubic_and_rest() {
         let cubic = |t: f64| 1.0 + t * (2.0 - t * (0.5 - 0.25 * t));
         let parabola = |t: f64| 1.0 - t * (2.0 + t);
         for share in [0.0, 0.1, 0.5, 0.9] {

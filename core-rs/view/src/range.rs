@@ -191,7 +191,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn numbers_come_back(values in prop::collection::vec((0..3_usize, 0..60_u32, any::<u64>()), 0..300)) {
+        fn range_coder_round_trip(values in prop::collection::vec((0..3_usize, 0..60_u32, any::<u64>()), 0..300)) {
             let values: Vec<(usize, u64)> =
                 values.into_iter().map(|(context, bits, x)| (context, x & ((1 << bits) - 1))).collect();
             let (mut writer, mut chances) = (Writer::new(), Numbers::new(3));
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_likely_takes_little() {
+    fn range_coder_size_of_likely_symbols() {
         let (mut writer, mut chance) = (Writer::new(), EVEN);
         for _ in 0..8_000 {
             writer.bit(&mut chance, false);
