@@ -9,7 +9,7 @@ import json
 import sys
 
 import numpy as np
-from random_keys import Outcome, kept_parts, outcome, random_key
+from random_keys import Outcome, accepted_parts, outcome, random_key
 
 from benches.measure import Row
 
@@ -47,9 +47,10 @@ def _measured(seed: int) -> Outcome:
     key = random_key(seed)
     each = outcome(key, seed)
     farthest = max(map(abs, each.errors.values()), default=0.0)
+    parts = ", ".join(accepted_parts(each.measured.stages))
     print(
         f"key {seed} ({', '.join(sorted(key.parts)) or 'nothing'}): replay {each.replay:.3f}, "
-        f"figures within {farthest:.1f} deviations, {', '.join(kept_parts(each.measured.stages))}",
+        f"figures within {farthest:.1f} deviations, {parts}",
         file=sys.stderr,
         flush=True,
     )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @executes(c.Maps)
 def _maps(session: SessionCore, command: c.Maps) -> Reply:
     maps = midi_maps.player_maps(session.schedule.head.maps).values()
-    lines = tuple(own.line.removeprefix("map ") for own in maps)
+    lines = tuple(row.line.removeprefix("map ") for row in maps)
     if (unmapped := session.midi.monitor.unmapped_line()) is not None:
         lines = (*lines, unmapped)
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)

@@ -129,16 +129,16 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
     seen = replica.at(frames / RATE)
     engine = _core_displacements(data, frames / RATE)
     for part in replica.manifest["parts"]:
-        own = slice(part["first"], part["first"] + part["count"])
+        columns = slice(part["first"], part["first"] + part["count"])
         if part["kind"] == "sampled":
             continue
-        # Of a point alone its own amplitude; of a body that of its largest swing.
+        # Of a point alone its columns amplitude; of a body that of its largest swing.
         is_free = part["kind"] == "free"
-        wrong = np.abs(seen[:, own] - truth[:, own])
-        swing = np.abs(truth[:, own]).max(axis=0 if is_free else None)
+        wrong = np.abs(seen[:, columns] - truth[:, columns])
+        swing = np.abs(truth[:, columns]).max(axis=0 if is_free else None)
         assert wrong.max() <= 0.005 * np.max(swing), part["name"]
         assert (wrong <= 0.005 * swing + 1e-12).mean() > 0.999, part["name"]
-        assert np.abs(engine[:, own] - seen[:, own]).max() <= 1e-9 * np.max(swing) + 1e-15
+        assert np.abs(engine[:, columns] - seen[:, columns]).max() <= 1e-9 * np.max(swing) + 1e-15
 
 
 def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
@@ -154,8 +154,8 @@ def test_frames_hold_each_point_by_its_own_amplitude(filmed: tuple) -> None:
         truth.append(plain.positions()[mats] - replica.places[3])
     for number, (times, values) in replica.frames().items():
         part = replica.manifest["parts"][number]
-        own = slice(part["first"], part["first"] + part["count"])
-        is_truth = np.array(truth)[:, own]
+        columns = slice(part["first"], part["first"] + part["count"])
+        is_truth = np.array(truth)[:, columns]
         assert np.allclose(times[:n_frames], np.arange(n_frames) / FPS, atol=1e-6)
         amplitude = 0.5 * np.ptp(is_truth, axis=0)
         # The stated bound, and what the plan differs by.
@@ -232,14 +232,14 @@ def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
     data, *_ = filmed
     replica = Replica(data)
     states = [(t, at) for kind, t, _, at in replica.chunks if kind == STATE]
-    kind, _, index, at = replica.chunks[-1]
+    kind, _, index, offset = replica.chunks[-1]
     assert kind == INDEX
     n, parts = np.frombuffer(index, "<u4", 2)
     assert (n, parts) == (len(states), len(replica.manifest["parts"]))
     rows = np.frombuffer(index, [("t", "<f8"), ("at", "<u8")], n, 16 + 4 * int(parts))
     assert [(float(t), int(byte)) for t, byte in rows] == states
-    assert np.frombuffer(index[-8:], "<u8") == at
-    assert np.frombuffer(data[-12:-4], "<u8") == at
+    assert np.frombuffer(index[-8:], "<u8") == offset
+    assert np.frombuffer(data[-12:-4], "<u8") == offset
     # From a key state on a reader knows all that one knows who has read from the beginning.
     t0, byte = states[1]
     head = next(at for kind, _, _, at in replica.chunks if kind == STATE)

@@ -121,11 +121,11 @@ def errors(fit: Fit, row: Floats) -> dict[str, float]:
     """Errors of the figures that a fit shares with a key, in their standard deviations."""
     pairs = {name: (index, index) for name, index in INDEX.items() if index in fit.columns}
     for mode in range(n_modes(row)):
-        own = of_mode(mode)
-        for other in map(of_mode, range(n_modes(fit.row))):
-            if abs(np.log(fit.row[other[1]] / row[own[1]])) < _ALIKE:
+        true_columns = of_mode(mode)
+        for fitted in map(of_mode, range(n_modes(fit.row))):
+            if abs(np.log(fit.row[fitted[1]] / row[true_columns[1]])) < _ALIKE:
                 names = (f"mode {mode + 1} {what}" for what in ("mass", "frequency", "ratio"))
-                pairs |= dict(zip(names, zip(other, own, strict=True), strict=True))
+                pairs |= dict(zip(names, zip(fitted, true_columns, strict=True), strict=True))
     return {
         name: float(fit.row[measured] - row[true]) / fit.deviation(measured)
         for name, (measured, true) in pairs.items()
@@ -133,7 +133,7 @@ def errors(fit: Fit, row: Floats) -> dict[str, float]:
     }
 
 
-def kept_parts(stages: tuple[Stage, ...]) -> list[str]:
+def accepted_parts(stages: tuple[Stage, ...]) -> list[str]:
     """The names of the stages that were kept, removals too."""
     return [
         ("- " if stage.is_removal else "") + stage.name for stage in stages if stage.is_accepted

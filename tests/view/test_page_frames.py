@@ -48,8 +48,8 @@ render: {tail: 2s}
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[browser.Browser]:
-    with browser.running() as found:
-        yield found
+    with browser.running() as browser_process:
+        yield browser_process
 
 
 def test_page_decodes_engine_motion(
@@ -65,7 +65,7 @@ def test_page_decodes_engine_motion(
     try:
         with chromium.page(320, 240) as page:
             page.open(f"{server.url}?t=0")
-            found = page.run(
+            positions = page.run(
                 """((instants) => instants.map((t) => {
                     const { story } = ergon.page, z = new Float32Array(story.model.n).fill(NaN);
                     story.model.parts.forEach((part, i) => {
@@ -86,7 +86,7 @@ def test_page_decodes_engine_motion(
         server.close()
     assert "±0 m" in lines
     assert not any("?" in line for line in lines)
-    read = np.array(found, dtype=float)
+    read = np.array(positions, dtype=float)
     is_sampled = np.isfinite(read).all(axis=0)
     assert is_sampled.sum() > 100
     assert (np.isfinite(read).any(axis=0) == is_sampled).all()
