@@ -22,6 +22,9 @@ pub fn decay(t60: Option<f64>) -> f64 {
 
 /// A motion that decays by more than e^-BACKWARD_DECAY_MAX is not extrapolated backwards by its own formula.
 const BACKWARD_DECAY_MAX: f64 = 25.0;
+/// The difference of two products that are nearly equal loses digits: with poles at least this far apart [1/step], no
+/// more than four of sixteen.
+const FACTORS_SPREAD_MIN: f64 = 1e-4;
 
 /// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -283,6 +286,35 @@ impl Cell {
         }
     }
 
+    /// [`Self::answer_around`] as two products, `answer_around(to - from)` = later(to)·earlier(from): the factors
+    /// `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep them all within e^±(BACKWARD_DECAY_MAX/2).
+    pub(crate) fn answer_factors(&self, t: f64) -> [[f64; 2]; 2] {
+        match self.poles {
+            Poles::Oscillating { omega } => {
+                let (decay, sine, cosine) = (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
+                let part = decay / (self.mass * omega);
+                [
+                    [part * sine, -part * cosine],
+                    [cosine / decay, sine / decay],
+                ]
+            }
+            Poles::Creeping { slow, fast } => {
+                let part = 1.0 / (self.mass * (fast - slow));
+                let [slow, fast] = [slow, fast].map(|pole| exp(-pole * t));
+                [[part * slow, -part * fast], [1.0 / slow, 1.0 / fast]]
+            }
+        }
+    }
+
+    /// Whether [`Self::answer_factors`] keep the digits of the answer within a step [s].
+    pub(crate) fn has_answer_factors(&self, step: f64) -> bool {
+        let spread = match self.poles {
+            Poles::Oscillating { omega } => omega,
+            Poles::Creeping { slow, fast } => fast - slow,
+        };
+        spread * step >= FACTORS_SPREAD_MIN && self.reach() * step <= BACKWARD_DECAY_MAX
+    }
+
     /// Velocity [m/s] per impulse [N·s], right after it.
     pub(crate) fn jump(&self) -> f64 {
         1.0 / self.mass
@@ -320,6 +352,20 @@ impl Cell {
     /// ```
     pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
         self.split_at(alpha, rate).of(impulse)
+    }
+
+    /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `one_step` is
+    /// the response after a step.
+    pub(crate) fn within_step(
+        &self,
+        part: f64,
+        rate: Rate,
+        one_step: f64,
+    ) -> ((f64, f64), [f64; 2]) {
+        let split = self.split_at(part, rate);
+        let decay = exp(-2.0 * self.sigma * part * rate.step());
+        let weights = (split.now / one_step * decay, split.past / one_step);
+        (weights, split.of(1.0))
     }
 
     /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.

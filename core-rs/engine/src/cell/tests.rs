@@ -239,4 +239,22 @@ proptest! {
             prop_assert!((x - exact).abs() <= 4e-12 * 0.7 / m * rate.step() * 20.0, "{n}: {x} {exact}");
         }
     }
+
+    // Factors of the response, and weights of a step, are those of the functions that they replace.
+    #[test]
+    fn answer_factors_and_weights_of_a_step(
+        (m, k, z) in cells(), from in 0.0..1.0f64, to in 0.0..1.0f64,
+    ) {
+        let rate = rate(1_000.0);
+        let (cell, step) = (Cell::new(m, k, z), rate.step());
+        let within = cell.within_step(from, rate, cell.response(step));
+        prop_assert_eq!(within, (cell.interpolation(from, rate), cell.split(1.0, from, rate)));
+        if cell.has_answer_factors(step) {
+            let [from, to] = [from, to].map(|instant| (instant - 0.5) * step);
+            let ([_, earlier], [later, _]) = (cell.answer_factors(from), cell.answer_factors(to));
+            let answer = later[0] * earlier[0] + later[1] * earlier[1];
+            let size = cell.answer_around(-step).abs().max(cell.answer_around(step));
+            prop_assert!((answer - cell.answer_around(to - from)).abs() <= 1e-11 * size);
+        }
+    }
 }

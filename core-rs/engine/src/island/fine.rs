@@ -75,6 +75,8 @@ pub(crate) struct Fine {
     depths: Vec<f64>,
     /// K and Z of each link at the start of this frame, and at its end   (n_links)
     numbers: Vec<[[f64; 2]; 2]>,
+    /// 1/M, κ and ζ of each joint at the start of this frame and at its end   (n_joints)
+    joint_numbers: Vec<[[f64; 3]; 2]>,
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
     /// Points that steps hold too, where energy may be created.
@@ -105,7 +107,7 @@ impl State for Fine {
             work
         )?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
-            // With NaN, the next frame retunes these joints.
+            // With NaN, the next frame that needs these joints retunes them.
             let joints = &mut Arc::make_mut(&mut self.script).joints;
             let glided = joints.iter_mut().zip(&self.has_glided);
             for (joint, _) in glided.filter(|(_, has_glided)| **has_glided) {
@@ -243,13 +245,24 @@ impl Fine {
 
     /// Set 1/M, κ and ζ of the joint of a MAT that glides, at the start and at the end of this frame.
     pub(super) fn glide(&mut self, mat: usize, numbers: [[f64; 3]; 2]) {
-        let has_changed =
-            |joint: &Joint| joint.mat == mat && joint.cell.is_some() && joint.numbers != numbers;
-        let Some(joint) = self.script.joints.iter().position(has_changed) else {
-            return;
-        };
-        // The script is copied once if another version of this simulation shares it.
-        self.has_glided[joint] |= Arc::make_mut(&mut self.script).retune(joint, numbers);
+        let is_stepped = |joint: &Joint| joint.mat == mat && joint.cell.is_some();
+        if let Some(joint) = self.script.joints.iter().position(is_stepped) {
+            self.joint_numbers[joint] = numbers;
+        }
+    }
+
+    /// Retune the joints that have glided since a frame was last computed: where no contact is near, their tables are
+    /// not used.
+    fn retune(&mut self) {
+        for (joint, &numbers) in self.joint_numbers.iter().enumerate() {
+            let known = &self.script.joints[joint];
+            if known.cell.is_some() && known.numbers != numbers {
+                // The script is copied once if another version of this simulation shares it.
+                let products = Arc::make_mut(&mut self.script).retune(joint, numbers);
+                self.has_glided[joint] |= products.is_some();
+                self.work.products += products.unwrap_or(0);
+            }
+        }
     }
 
     /// K and Z of a link at an instant of this frame, 0 to 1.
@@ -407,6 +420,7 @@ impl Fine {
         if !any && self.laws.is_empty() && self.frictions.is_empty() {
             return;
         }
+        self.retune();
         if any {
             self.spread();
         }

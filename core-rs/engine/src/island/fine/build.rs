@@ -17,7 +17,7 @@ use crate::scheme::{Run, Scheme};
 use crate::timeline::{DriveKind, Timeline};
 
 /// Cost of a mode's response to an impulse, in products: it has an exponential and a sine.
-const RESPONSE: u64 = 200;
+pub(super) const RESPONSE: u64 = 200;
 
 impl Fine {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.
@@ -122,6 +122,7 @@ impl Fine {
             forces: vec![0.0; n_links],
             depths: vec![0.0; n_links],
             numbers: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
+            joint_numbers: script.joints.iter().map(|joint| joint.numbers).collect(),
             has_glided: vec![false; n_joints],
             sprung,
             has_touched: false,

@@ -1,7 +1,8 @@
 //! Points that contacts touch: the free path of each in a frame, and its response to impulses.
 
 use super::Script;
-use super::basis::Basis;
+use super::basis::{Basis, MOST as POLYNOMIALS_MAX};
+use super::build::RESPONSE;
 use crate::cell::{Cell, Ratios};
 use crate::island::inside::RunningBody;
 use crate::network::{MatKind, Network};
@@ -55,34 +56,36 @@ pub(super) fn reach(
 }
 
 impl Script {
-    /// Retune a stepped joint to the means of 1/M, κ and ζ of this frame and the next; false if they do not make a
-    /// cell. Nothing is allocated.
-    pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> bool {
+    /// Retune a stepped joint to the means of 1/M, κ and ζ of this frame and the next; the number of products that this
+    /// takes, or `None` if they do not make a cell. Nothing is allocated.
+    pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> Option<u64> {
         let n_joints = self.joints.len();
         let own = &mut self.joints[joint];
         own.numbers = numbers;
         let [now, next] = numbers;
         let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
         let (rate, step) = (self.rate, self.rate.step());
-        let Some(cell) = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate) else {
-            return false;
-        };
+        let cell = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate)?;
         own.cell = Some(cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let masses = [w / now[0], w / next[0]];
-        for ((way, split), &at) in
+        let one_step = cell.response(step);
+        for ((way, split), &instant) in
             (own.way.iter_mut().zip(&mut own.split)).zip(&self.basis.instants)
         {
-            *way = cell.interpolation(at, rate);
-            let forces = cell.split(1.0, at, rate);
+            let (weights, forces) = cell.within_step(instant, rate, one_step);
+            *way = weights;
             *split = [forces[0] * masses[0], forces[1] * masses[1]];
         }
         let pair = joint * n_joints + joint;
-        answers(&self.basis, &mut self.moves[pair], &|part| {
-            cell.answer_around(part * step)
-        });
         self.jumps[pair] = step * cell.jump();
-        true
+        let (n, moves) = (self.basis.n() as u64, &mut self.moves[pair]);
+        if cell.has_answer_factors(step) {
+            answers_by_factors(&self.basis, moves, &cell, step);
+            return Some(8 * RESPONSE * n + 6 * n * n);
+        }
+        answers(&self.basis, moves, &|part| cell.answer_around(part * step));
+        Some(RESPONSE * n * n + 2 * n * n * n)
     }
 }
 
@@ -95,6 +98,33 @@ fn answers(basis: &Basis, both: &mut [f64], answer: &dyn Fn(f64) -> f64) {
         }
     }
     basis.fit_both(both);
+}
+
+/// The same for a cell whose answer is a sum of two products of a function of each instant: fitted apart, they take n
+/// sines instead of n², and products in proportion to n² instead of n³.
+fn answers_by_factors(basis: &Basis, both: &mut [f64], cell: &Cell, step: f64) {
+    let n = basis.n();
+    let (mut values, mut fitted) = (
+        [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
+        [[[0.0; POLYNOMIALS_MAX]; 2]; 2],
+    );
+    for (m, instant) in basis.instants.iter().enumerate() {
+        let factors = cell.answer_factors((instant - 0.5) * step);
+        for (values, factors) in values.iter_mut().zip(factors) {
+            for (values, factor) in values.iter_mut().zip(factors) {
+                values[m] = factor;
+            }
+        }
+    }
+    for (values, fitted) in values.iter().flatten().zip(fitted.iter_mut().flatten()) {
+        basis.fit(&values[..n], &mut fitted[..n]);
+    }
+    let [later, earlier] = &fitted;
+    for (l, row) in both.chunks_mut(n).enumerate() {
+        for (k, value) in row.iter_mut().enumerate() {
+            *value = later[0][k] * earlier[0][l] + later[1][k] * earlier[1][l];
+        }
+    }
 }
 
 fn cell(mat: usize, network: &Network, scheme: &Scheme) -> Option<Cell> {
