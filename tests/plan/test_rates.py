@@ -100,6 +100,42 @@ def test_what_goes_at_the_audio_rate_all_the_same_is_told():
     assert "its poles need none" in note.message
 
 
+LEVERS = """\
+rates: {audio: 44100Hz, gesture: 8820Hz}
+keys:
+  k1:
+    modules:
+      ground: {SOL: {}}
+      key: {MAS: {M: 300g}}
+      lever: {MAS: {M: 40g}}
+      tip: {MAS: {M: 10g}}
+      a: {REF: {between: [ground, key], K: 60N/m, Z: 1.2Ns/m}}
+      b: {REF: {between: [key, lever], K: 3kN/m, Z: 0.8Ns/m}}
+      c: {REF: {between: [lever, tip], K: 2kN/m, Z: 0.3Ns/m}}
+    struck: key
+instruments:
+  str:
+    modules:
+      s: {STRING: {masses: 60, M: 6g, f: 196Hz, t60: 3s}}
+      hit: {REF: {between: [k1.tip, s.7], K: 4kN/m, Z: 0.05Ns/m}}
+    out: {SOX: s.40}
+gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@140ms}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 0.1s, play: knock, every: 0.5s, times: 1}]}
+mix: {channels: 1, route: [{from: str, to: 1}]}
+accuracy: {error: -60dB}
+render: {tail: 1.5s}
+"""
+
+
+def test_rates_of_a_linear_scene_without_chaos():
+    """Errors of pitch add up in a linear motion; it never parts by chance."""
+    staged = stage(piece(HEAD + LEVERS), planned=True)
+    assert staged.plan is not None
+    assert not staged.diagnostics
+    assert all(row.spectral_db is None for row in staged.plan.rows())
+
+
 @pytest.mark.usefixtures("folder")
 def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
     assert app.run(["plan", "s.yaml"]) == 0

@@ -254,7 +254,8 @@ impl Parting {
     }
 }
 
-/// Whether no law and no contact makes the motion depend on how strongly it is excited.
+/// Whether nothing makes the motion depend on how strongly it is excited: no law, no contact, no link in space, and no
+/// hand whose force is limited.
 pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
     let is_linear = |network: &Network| {
         network
@@ -264,7 +265,12 @@ pub(in crate::plan) fn is_linear(island_plan: &IslandPlan) -> bool {
     };
     let meshes = island_plan.bodies.iter().filter_map(|body| match body {
         BodyPlan::Mesh(mesh) => Some(&*mesh.network),
-        BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
+        BodyPlan::Slow(slow) => (!slow.is_linear()).then_some(&*slow.network),
+        BodyPlan::Modal(_) => None,
     });
-    meshes.chain([&*island_plan.network]).all(is_linear)
+    let gestures = &island_plan.timeline.gestures;
+    gestures
+        .iter()
+        .all(|gesture| gesture.manner.limit.is_none())
+        && meshes.chain([&*island_plan.network]).all(is_linear)
 }

@@ -41,6 +41,8 @@ pub(in crate::plan) struct Growth {
     pub(in crate::plan) radius: f64,
     /// The island was only simulated for a while, or part of it was left out.
     pub(in crate::plan) is_tried: bool,
+    /// It grows only where contacts are closed.
+    pub(in crate::plan) is_by_contacts: bool,
     /// Work of the test [s].
     pub(in crate::plan) work: f64,
 }
@@ -62,6 +64,7 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut found = Growth {
         radius: 0.0,
         is_tried: false,
+        is_by_contacts: false,
         work: 0.0,
     };
     for closed in [false, true] {
@@ -83,8 +86,10 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
         } else {
             map.simulated_growth()
         };
+        let was_stable = found.is_stable();
         found.radius = found.radius.max(radius);
         found.is_tried |= !is_dense || map.is_partial;
+        found.is_by_contacts = closed && was_stable && !found.is_stable();
         found.work += work;
     }
     Some(found)

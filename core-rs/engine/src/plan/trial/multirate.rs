@@ -4,7 +4,8 @@
 use std::collections::BTreeSet;
 
 use crate::island::inside::BodyPlan;
-use crate::network::{Error, Network, Run, Subset, Term};
+use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::cost;
 use crate::plan::passes::assemble::{Assembled, How};
@@ -202,10 +203,31 @@ pub(in crate::plan) fn certify(
     if growth.is_stable() {
         return Ok(Some(growth));
     }
-    Err(format!(
-        "its contacts are too stiff for that rate: motion would grow by a factor of {:.3} from step to step",
-        growth.radius
-    ))
+    Err(too_stiff(&island.island_plan, growth))
+}
+
+/// Why an island grows: the stiffest link at its slow parts, and by how much.
+fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
+    let network = &*island_plan.network;
+    let bodies = island_plan.bodies.iter();
+    let slow = bodies.filter(|body| matches!(body, BodyPlan::Slow(_)));
+    let ports: BTreeSet<usize> = slow.flat_map(BodyPlan::ports).collect();
+    let is_cause = |run: &&Run| matches!(run.kind, LinkKind::But(_)) == growth.is_by_contacts;
+    let links = network.runs().iter().filter(is_cause).flat_map(|run| {
+        let touches = |i: &usize| [run.a + i, run.b + i].iter().any(|mat| ports.contains(mat));
+        let links = (0..run.len).filter(touches);
+        links.map(|i| (run.k, run.first + i))
+    });
+    let stiffest = links.max_by(|(k, _), (other, _)| k.total_cmp(other));
+    let (kind, others) = match growth.is_by_contacts {
+        true => ("contact", "its contacts are"),
+        false => ("link", "its links to other parts are"),
+    };
+    let cause = stiffest.map_or(others.to_owned(), |(k, link)| {
+        format!("the {kind} {} (K {k} N/m) is", network.link_name(link))
+    });
+    let percent = 100.0 * (growth.radius - 1.0);
+    format!("{cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps")
 }
 
 /// What slow parts change in the sound: their error, and how long it holds. The island is compared with the same island
