@@ -11,7 +11,8 @@ from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Act, Module, Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.spread import size as n_links
-from ergon.notation.tables.notes import number
+from ergon.notation.tables import tuning
+from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
 from ergon.notation.tables.value_kinds import AXES
@@ -50,8 +51,8 @@ class PartNames:
     broken: set[str] = field(default_factory=set)  # parts that were refused
     reached: set[str] = field(default_factory=set)  # parts that some name refers to
     searched: set[str] = field(default_factory=set)  # parts in which some name was looked for
-    # Instruments with `notes`: the part of each note, by note number.
-    families: dict[str, dict[int, str]] = field(default_factory=dict)
+    # Instruments with `notes`: the part of each note, by its pitch.
+    families: dict[str, dict[float, str]] = field(default_factory=dict)
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
         """The targets of a name; for an instrument with notes one for each note.
@@ -175,15 +176,16 @@ class PartNames:
         names = (".".join(filter(None, (part, rest))) for part in parts.values())
         return [Name(word, name.place, str(name)) for word in names]
 
-    def family(self, path: str, prefix: str = "") -> tuple[dict[int, str], str] | None:
+    def family(self, path: str, prefix: str = "") -> tuple[dict[float, str], str] | None:
         """The notes of an instrument if a path names it without a note, and the rest of the path;
         else None.
         """
-        for full in _with_prefix(path, prefix) if self.families else ():
+        for full in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
             words = full.split(".")
             for count in range(len(words), 0, -1):
                 parts = self.families.get(".".join(words[:count]))
-                if parts is not None and (count == len(words) or number(words[count]) is None):
+                is_note = count < len(words) and tuning.is_pitch(words[count])
+                if parts is not None and not is_note:
                     return parts, ".".join(words[count:])
         return None
 
@@ -193,14 +195,24 @@ class PartNames:
 
     def spelled(self, path: str, prefix: str = "") -> str:
         """A path with its note spelled as in the instrument: `string.Gb3` for `string.F#3`."""
+        path = tuning.spelled(path)
         for full in _with_prefix(path, prefix) if self.families else ():
             words = full.split(".")
             for count in range(1, len(words)):
                 parts = self.families.get(".".join(words[:count]))
-                note = number(words[count])
-                if parts is not None and note in parts:
-                    return ".".join((parts[note], *words[count + 1 :]))
+                part = None if parts is None else self.note(parts, words[count])
+                if part is not None:
+                    return ".".join((part, *words[count + 1 :]))
         return path
+
+    @staticmethod
+    def note(parts: Mapping[float, str], word: str) -> str | None:
+        """The part of a note of an instrument, by the word of its pitch; None if it has none."""
+        try:
+            height = pitch(word)
+        except TextError:  # a key that the tuning leaves out
+            return None
+        return None if height is None else tuning.nearby(parts, height)
 
     def target(
         self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""

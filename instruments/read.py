@@ -20,7 +20,7 @@ from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.notes import Notes, read_note
+from ergon.notation.tables.notes import Notes, check_note
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
@@ -79,7 +79,7 @@ class Members(Shape):
         found: dict[str, Any] = {}
         for word, (key, child) in node.entries.items():
             try:
-                read_note(word)
+                check_note(word)
             except TextError as error:
                 context.text_error(error, key, name)
                 continue

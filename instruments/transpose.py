@@ -40,6 +40,11 @@ class Interval:
     ratio: float
     cents: float | None = None
 
+    @property
+    def semitones(self) -> float:
+        """The interval in semitones."""
+        return 12.0 * math.log2(self.ratio) if self.cents is None else self.cents / 100.0
+
     def then(self, other: Interval) -> Interval:
         """The sum of this interval and another."""
         if self.cents is not None and other.cents is not None:

@@ -18,6 +18,7 @@ from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
 from ergon.scores.reading.part import PLAY
 
 _SECTIONS: tuple[tuple[str, Record], ...] = (
+    ("tuning", s.TUNING),
     ("rates", s.RATES),
     ("tempo", s.TEMPO),
     ("meter", s.METERS),

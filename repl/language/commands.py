@@ -134,17 +134,17 @@ class StrikeModules(BlockCommand):
 class Hear(Command):
     """`hear kick`, `hear vib C4 E4 f`, `hear bell.m 2mNs`: strike once, at the next tick.
 
-    `notes` are MIDI numbers; none: the note in the middle, if the instrument has notes.
+    `notes` are the words of pitches; none: the note in the middle, if the instrument has notes.
     """
 
     target: str
-    notes: tuple[int, ...]
+    notes: tuple[str, ...]
     level: Level
 
     @property
     def name(self) -> str:
         """The name of what was struck, among the maps of a version."""
-        return " ".join(("hear", self.target, *map(str, self.notes)))
+        return " ".join(("hear", self.target, *self.notes))
 
 
 @dataclass(frozen=True, slots=True)

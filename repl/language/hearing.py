@@ -6,22 +6,22 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from ergon.notation.tables.notes import check_note, word_of
 from ergon.notation.tables.strengths import DYNAMICS, MEZZO_FORTE, Level, is_level, level
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
-from ergon.repl.language.notes import note_number
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import Word
 
 
 class Stroke(NamedTuple):
-    """What is struck, at which notes (MIDI numbers), and how strongly."""
+    """What is struck, at which notes (by their words), and how strongly."""
 
     target: str
-    notes: tuple[int, ...]
+    notes: tuple[str, ...]
     level: Level
 
 
@@ -36,7 +36,7 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
     if rest and rest[-1].text == "now":  # it acts at once anyway
         rest.pop()
     target = _target(first.text, scope)
-    notes: list[int] = []
+    notes: list[str] = []
     strength = None
     for word in rest:
         try:
@@ -46,11 +46,14 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
             if strength is not None:
                 message = "a stroke has one level, behind its notes"
                 raise TextError(f"{message}: hear {target} f", length=len(word.text))
-            if is_level(word.text):
+            note = word_of(word.text[:1].upper() + word.text[1:])
+            if note is not None:
+                notes.append(note)
+            elif is_level(word.text):
                 strength = level(word.text)
                 _check_level(strength, word.text, target, scope)
             else:
-                notes.append(note_number(word.text[:1].upper() + word.text[1:]))
+                check_note(word.text)
         except TextError as error:
             error.offset += word.offset
             raise

@@ -59,7 +59,7 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
         raise TextError(message, offset=begin, length=len(at))
     for word, offset in rest:
-        if notes.number(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
+        if notes.word_of(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
             message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
             raise TextError(message, offset=offset, length=len(word))
     return {**said, "what": " ".join(word for word, _ in rest)}

@@ -8,7 +8,9 @@ from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from ergon.notation.tables.notes import name
 from ergon.notation.tables.strengths import MEZZO_FORTE
+from ergon.notation.tables.tuning import is_pitch
 from ergon.notation.tables.velocities import LAWS
 from ergon.repl.language.commands import BPM_UNIT, EVEN, Hear, MapControl, MapNotes
 from ergon.repl.language.midi import is_source
@@ -134,12 +136,27 @@ def read_maps(event: JournalEvent) -> Mapping[str, Map]:
     return {own.name: own for own in found}
 
 
+def _hear_notes(notes: list[object]) -> tuple[str, ...] | None:
+    """The notes of `hear`: words of pitches, or numbers, as journals had them before there were
+    tunings; None if something else is among them.
+    """
+    words = []
+    for note in notes:
+        if isinstance(note, str) and is_pitch(note):
+            words.append(note)
+        elif isinstance(note, int) and 0 <= note <= _MIDI_MAX:
+            words.append(name(note))
+        else:
+            return None
+    return tuple(words)
+
+
 def _read_row(event: JournalEvent, row: object) -> Map:
     match row:
         case ["hear", str(target), *notes] if _WORD.fullmatch(target):
-            numbers = tuple(note for note in notes if isinstance(note, int))
-            if len(numbers) == len(notes) and all(0 <= note <= _MIDI_MAX for note in numbers):
-                return Hear(target, numbers, MEZZO_FORTE)
+            words = _hear_notes(notes)
+            if words is not None:
+                return Hear(target, words, MEZZO_FORTE)
         case ["note", low, high, target]:  # as journals had it before maps had curves
             return _read_row(event, ["notes", low, high, target, None, None, EVEN])
         case ["note", low, high, target, weak, strong]:

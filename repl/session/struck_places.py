@@ -5,14 +5,17 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from ergon.instruments.names import Part, PartNames
-from ergon.notation.tables.notes import number
+from ergon.notation.tables import tuning
+from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.velocities import Curve
-from ergon.notation.text.errors import Collector
+from ergon.notation.text.errors import Collector, TextError
 from ergon.repl.language.commands import Hear, MapNotes
 from ergon.repl.session.version import NotTakenError
 
@@ -104,15 +107,17 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     if members is None:
         if hear.notes:
             raise NotTakenError(f"{name} has no notes; write `hear {hear.target}`")
-        return _acts(piece, hear.target, 0)
-    middle = number(_note_of(members[len(members) // 2]))
-    notes = hear.notes or (() if middle is None else (middle,))
-    struck = [(note, _acts(piece, hear.target, note)) for note in notes]
-    for note, acts in struck:
-        if not acts:
+        return [_act(piece, hear.target, name)]
+    if not hear.notes:
+        return [_act(piece, hear.target, members[len(members) // 2])]
+    struck = []
+    for note in hear.notes:
+        part = _member_of(piece, name, note)
+        if part is None:
             ends = f"{_note_of(members[0])} to {_note_of(members[-1])}"
             raise NotTakenError(f"{name} has no note {note}; its notes are {ends}")
-    return [act for _, acts in struck for act in acts]
+        struck.append(_act(piece, hear.target, part))
+    return struck
 
 
 def _is_act(piece: Piece, path: str) -> bool:
@@ -220,13 +225,33 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
     """The act by which an instrument is played at a note; none if it does not have the note.
     Raises NotTakenError.
     """
+    name = target.partition(".")[0]
+    part = _member_of(piece, name, note) if name in piece.families else name
+    return [] if part is None else [_act(piece, target, part)]
+
+
+def _member_of(piece: Piece, name: str, note: int | str) -> str | None:
+    """The member of an instrument with notes that has a pitch, or that a MIDI note plays, by the
+    tuning of the piece; None if there is none.
+    """
+    with tuning.used(piece.tuning):
+        try:
+            height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
+        except TextError:  # a key that the keyboard map leaves out
+            return None
+    members = _by_pitch(piece.families[name], piece.tuning)
+    return None if height is None else tuning.nearby(members, height)
+
+
+@lru_cache(64)
+def _by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str]:
+    with tuning.used(tuned):
+        return {pitch(_note_of(member)) or 0.0: member for member in members}
+
+
+def _act(piece: Piece, target: str, part: str) -> Act:
+    """The act by which a part of an instrument is played. Raises NotTakenError."""
     name, _, act_name = target.partition(".")
-    part = name
-    if name in piece.families:
-        numbered = {number(_note_of(member)): member for member in piece.families[name]}
-        if note not in numbered:
-            return []
-        part = numbered[note]
     instrument = piece.instruments.get(part)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     if act_name and act_name not in acts:
@@ -238,7 +263,7 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
     known_modules = {module.name for module in instrument.modules} if instrument else set()
     if not {module.name for module in act.modules} <= known_modules:
         raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
-    return [act]
+    return act
 
 
 def _members(target: Target, text: str) -> list[Place]:
@@ -260,7 +285,8 @@ def _check_target(piece: Piece, text: str) -> Target:
         name: Part(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
-    target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
+    with tuning.used(piece.tuning):
+        target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
     if target is None:
         raise NotTakenError(collector.finish()[0].message)
     return target

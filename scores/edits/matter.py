@@ -14,7 +14,7 @@ from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
 from ergon.instruments.transpose import between, is_mechanics, moved, named_pitch
-from ergon.notation.tables import notes
+from ergon.notation.tables import notes, tuning
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
@@ -84,6 +84,11 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     replaces f and t60 by the equivalent K and Z, and vice versa, so the other one keeps its
     value. Raises EditError.
     """
+    with tuning.used(piece.tuning):
+        return _set_value(texts, piece, target, value)
+
+
+def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     part, _, name = target.rpartition(".")
     if name == TRANSPOSE:
         return _set_transposition(texts, part, value)
@@ -263,14 +268,14 @@ def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
-    wanted = notes.number(word)
+    wanted = notes.pitch(word)
     for note in values["notes"]:
-        if notes.number(note) == wanted:
-            written = overlay.member(own, wanted or 0)
+        if notes.pitch(note) == wanted:
+            written = overlay.member(own, wanted or 0.0)
             if written is None:
                 written = Values(member_table("si"), own.node, own.context)
             else:
-                note = next(w for w in own["members"] if notes.number(w) == wanted)
+                note = next(w for w in own["members"] if notes.pitch(w) == wanted)
             return note, overlay.at(values, note), written
     return None
 

@@ -135,7 +135,7 @@ def _of_words(node: Scalar, found: list[tuple[str, int]], name: str) -> Iterator
     offset.
     """
     for word, offset in found:
-        if re.split("[.:]", word)[0] == name and notes.number(word) is None:
+        if re.split("[.:]", word)[0] == name and notes.word_of(word) is None:
             yield _span(node, offset, len(name))
 
 

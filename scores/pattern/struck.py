@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
-from ergon.notation.tables import notes
+from ergon.notation.tables import notes, tuning
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
@@ -54,15 +54,14 @@ def key_of(struck: Struck) -> str:
 
 def note_of(word: str) -> str | None:
     """The note that a word means, which may begin with a small letter: `c4`; None for a name."""
-    note = word[:1].upper() + word[1:]
-    return note if notes.number(note) is not None else None
+    return notes.word_of(word[:1].upper() + word[1:])
 
 
 def notes_of(word: str) -> tuple[str, ...]:
     """The notes that a word means: of `c4` one, of `c4.min7` those of a chord or a scale, all
     together; none of a name. Raises TextError for a chord that has no name.
     """
-    root, dot, chord = word.partition(".")
+    root, dot, chord = tuning.spelled(word).partition(".")
     low = note_of(root)
     if low is None:
         return ()
@@ -71,9 +70,9 @@ def notes_of(word: str) -> tuple[str, ...]:
     if chord not in notes.SCALES:
         message = f"{quote(chord)} is not the name of a chord or a scale"
         near = nearest(chord, notes.SCALES)
-        raise TextError(message, offset=len(root) + 1, length=len(chord), suggestion=near)
-    number = notes.number(low) or 0
-    return tuple(notes.name(number + step) for step in notes.SCALES[chord])
+        offset = len(word) - len(chord)
+        raise TextError(message, offset=offset, length=len(chord), suggestion=near)
+    return tuple(notes.chord(low, chord))
 
 
 def single_notes(struck: Struck) -> tuple[Struck, ...]:
@@ -96,10 +95,14 @@ def by_pitch(chord: Sequence[Struck]) -> list[Struck]:
     pitches = {struck: _pitch(struck) for struck in single}
     if None in pitches.values():
         return single
-    return sorted(single, key=lambda struck: pitches[struck] or 0)
+    return sorted(single, key=lambda struck: pitches[struck] or 0.0)
 
 
-def _pitch(struck: Struck) -> int | None:
+def _pitch(struck: Struck) -> float | None:
     note = note_of(name_of(struck))
-    number = None if note is None else notes.number(note)
-    return None if number is None else number + struck.semitones
+    if note is None:
+        return None
+    try:
+        return notes.pitch(notes.moved(note, struck.semitones) if struck.semitones else note)
+    except TextError:  # a key that the tuning leaves out
+        return None

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ergon import _core
 from ergon.notation.tables import quantities as q
-from ergon.notation.tables.notes import SCALES
+from ergon.notation.tables import tuning
+from ergon.notation.tables.notes import SCALES, chord
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern.order import Group, parse
@@ -40,7 +41,8 @@ def parse_values(
 
     def called(word: str, offset: int) -> str | tuple[str, ...]:
         try:
-            if is_pitch and word[:1].isalpha() and "." in word and not word.startswith("x"):
+            is_root = word[:1].isalpha() and "." in tuning.spelled(word)
+            if is_pitch and is_root and not word.startswith("x"):
                 some = _scale(word)
                 amounts.update(some)
                 return tuple(some)
@@ -55,12 +57,17 @@ def parse_values(
 
 
 def _scale(word: str) -> dict[str, Amount]:
-    root, _, name = word.partition(".")
+    root, _, name = tuning.spelled(word).partition(".")
     base = q.frequency(root)
     if name not in SCALES:
         message = f"{quote(name)} is not the name of a scale or a chord"
         near = nearest(name, SCALES)
-        raise TextError(message, offset=len(root) + 1, length=max(1, len(name)), suggestion=near)
+        raise TextError(
+            message, offset=len(word) - len(name), length=max(1, len(name)), suggestion=near
+        )
+    if not tuning.current().is_plain:
+        words = zip(SCALES[name], chord(root, name), strict=True)
+        return {f"{word}.{n}": Amount(q.frequency(note)) for n, note in words}
     return {
         f"{word}.{n}": Amount(base * _core.pow(2.0, n / 12.0) if n else base) for n in SCALES[name]
     }

@@ -13,6 +13,7 @@ from ergon.common.changed import changed_part
 from ergon.instruments import rules, spread
 from ergon.instruments.model import Instrument, Target
 from ergon.instruments.names import PartNames
+from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
@@ -126,6 +127,7 @@ class Checker:
             available=self._available(),
             file_meters=times.file.meters,
             used=tuple(self.names.families),
+            tuning=self.names.tuning,
             families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
@@ -189,7 +191,8 @@ class Checker:
                 continue
             file = names.document.file
             if file not in self.uses.pieces:
-                self.uses.pieces[file] = Checker(names, self.uses).piece()
+                with tuning.used(names.tuning):
+                    self.uses.pieces[file] = Checker(names, self.uses).piece()
             piece = self.uses.pieces[file]
             if self.collector.has_errors():
                 continue

@@ -94,7 +94,7 @@ def _text(order: Group, strikes: Strikes) -> tuple[str, int]:
 def _item(item: Leaf | Group, strikes: Strikes) -> str:
     weight = f"@{item.span}" if item.span != 1 else ""
     if isinstance(item, Leaf):
-        name = HERE if strikes.voices == {} else _note(item.name or "")
+        name = HERE if strikes.voices == {} else notes.scale_step(item.name or "")
         return f"{'~' if item.name is None else name}{weight}"
     inner = [_item(part, strikes) for part in item.items]
     if item.way in _BY_CHANCE:
@@ -102,12 +102,3 @@ def _item(item: Leaf | Group, strikes: Strikes) -> str:
     if item.way != "in turn":
         raise TextError(_NOT_WRITTEN.format(item.way))
     return f"[{' '.join(inner)}]{weight}"
-
-
-def _note(word: str) -> str:
-    """A note of a pattern; `A3.minor.7`, a step of a scale in semitones above its root, by name."""
-    root, _, step = word.partition(".")
-    number = notes.number(root)
-    return (
-        notes.name(number + int(step.rpartition(".")[2])) if step and number is not None else word
-    )

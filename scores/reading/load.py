@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ergon.notation.tables import tuning
 from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, Diagnostic, Severity
@@ -72,7 +73,8 @@ def load(
         uses = Uses(files, collector)
         names = uses.read(document)
         if names.score is not None:
-            piece = Checker(names, uses).piece()
+            with tuning.used(names.tuning):
+                piece = Checker(names, uses).piece()
             if not collector.has_errors():
                 uses.midi.report(collector)
     if collector.has_errors():

@@ -17,7 +17,7 @@ from ergon.instruments.space import mesh_file
 from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.notes import number
+from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
@@ -149,10 +149,10 @@ class PartsReader:
             values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
             self._part_names.broken.add(name)
             return
-        self._part_names.families[name] = {number(note) or 0: f"{name}.{note}" for note in notes}
+        self._part_names.families[name] = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
         known = self._part_names.families[name]
         for word, own in (values["members"] or {}).items():
-            if number(word) not in known:
+            if self._part_names.note(known, word) is None:
                 message = f"{values.context.of('members')}: it has no note {quote(word)}"
                 self._collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:

@@ -13,7 +13,7 @@ from typing import Any
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables import notes
+from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
@@ -145,11 +145,8 @@ def played(
         return None
     try:
         if (interval := values["transpose"]) is not None:
-            steps = None if interval.cents is None else interval.cents / 100.0
-            if steps is None or not steps.is_integer():
-                raise TextError("notes move by whole semitones, such as 7st")
             rows = tuple(
-                voices.renamed(row, [voices.moved(word, int(steps)) for word in row.what])
+                voices.renamed(row, [voices.moved(word, interval.semitones) for word in row.what])
                 for row in rows
             )
     except TextError as error:
@@ -168,15 +165,12 @@ def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: 
     place = values.place_of("notes")
     found: dict[str, tuple[Target, ...]] = {}
     for word in made.notes:
-        root, _, step = word.partition(".")
-        note = notes.number(root)
-        if note is None:
+        root = tuning.spelled(word).partition(".")[0]
+        if not tuning.is_pitch(root):
             message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
             voices.part_names.collector.error("E304", message, place)
             continue
-        if step:  # `A3.minor.7`: a step of a scale, in semitones above the root
-            root = notes.name(note + int(step.rpartition(".")[2]))
-        row = Row(Length(), (Name(root, place),), None, place)
+        row = Row(Length(), (Name(notes.scale_step(word), place),), None, place)
         found[word] = voices.targets(row, who)
     targets = dict.fromkeys(target for own in found.values() for target in own)
     return replace(made, to=tuple(targets), notes={}, voices=found)
@@ -213,7 +207,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         level = curve.level(note.velocity)
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse, curve),) * 2)
-        what = (Name(notes.name(note.number), place),)
+        what = (Name(tuning.current().key_word(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
         rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
     return tuple(rows), Length(beats=found.length)

@@ -11,7 +11,7 @@ from typing import Any
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length, Position
-from ergon.notation.tables import notes
+from ergon.notation.tables import notes, tuning
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.expressions import (
     has_name,
@@ -84,7 +84,11 @@ class WhatShape(Reference):
 
 
 def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
-    """Whether the last word of a row is an impulse, not a name of what is struck."""
+    """Whether the last word of a row is an impulse, not a name of what is struck. A ratio is an
+    impulse, unless it is alone.
+    """
+    if notes.word_of(word) is not None and (is_alone or "/" not in word):
+        return False
     if is_level(word) and not (is_alone and word[:1].isalpha()):
         return True
     try:
@@ -331,26 +335,29 @@ class NoteTargets:
 
     def mirrored(self, row: Row, first: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
-        about = next((note for word in first.what if (note := self._note(word)) is not None), None)
+        heights = (self._note(word) for word in first.what)
+        about = next((height for height in heights if height is not None), None)
         if about is None:
             raise TextError(f"{quote(' '.join(first.what))} has no note to mirror about")
-        what = [self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what]
+        what = [self.moved(word, 2.0 * (about - (self._note(word) or 0.0))) for word in row.what]
         return self.renamed(row, what)
 
     def renamed(self, row: Row, what: Sequence[Name]) -> Row:
         """A row with other notes; `before` keeps those that were written."""
         return replace(row, what=tuple(what), before=row.before or row.what)
 
-    def moved(self, word: Name, semitones: int) -> Name:
-        """A note, or a module of one, moved by so many semitones. Raises TextError."""
+    def moved(self, word: Name, semitones: float) -> Name:
+        """A note, or a module of one, moved by so many semitones: keys of a scale, where they are
+        whole. Raises TextError.
+        """
         note = self._note(word)
         if note is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
-        high = note + semitones
-        if not notes.LOWEST <= high <= notes.HIGHEST:
+        if not notes.LOWEST <= note + semitones <= notes.HIGHEST:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
-        words = word.split(".")
-        words[self._place(words)] = notes.name(high)
+        words = tuning.spelled(word).split(".")
+        place = self._place(words)
+        words[place] = notes.moved(words[place], semitones)
         return Name(".".join(words), word.place)
 
     def targets(self, row: Row, who: str) -> tuple[Target, ...]:
@@ -370,8 +377,7 @@ class NoteTargets:
         return found
 
     def _names(self, word: Name, before: Name, who: str) -> list[Name]:
-        note = notes.number(word)
-        if note is None:
+        if notes.word_of(word) is None:
             return [word]
         if not self.to:
             message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
@@ -388,7 +394,8 @@ class NoteTargets:
                     self.part_names.target(to, "mats", who)
                 continue
             parts, rest = family
-            if note not in parts:
+            note = self.part_names.note(parts, word)
+            if note is None:
                 known = [part.rpartition(".")[2] for part in parts.values()]
                 message = f"{who}: {quote(to)} has no note {quote(word)}"
                 if word == before:
@@ -399,20 +406,21 @@ class NoteTargets:
                     message += f", to which {quote(before)} is moved"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
-            found.append(Name(".".join(filter(None, (parts[note], rest))), word.place))
+            found.append(Name(".".join(filter(None, (note, rest))), word.place))
         return found
 
-    def _note(self, word: str) -> int | None:
-        words = word.split(".")
+    def _note(self, word: str) -> float | None:
+        """The note of a name in semitones or keys; None if it has none. Raises TextError."""
+        words = tuning.spelled(word).split(".")
         place = self._place(words)
-        return None if place is None else notes.number(words[place])
+        return None if place is None else notes.step(words[place])
 
     def _place(self, words: list[str]) -> Any:
         """The index of the word in a name that is its note; None if there is none."""
         if len(words) == 1:
-            return 0 if notes.number(words[0]) is not None else None
+            return 0 if tuning.is_pitch(words[0]) else None
         for count in range(1, len(words)):
             is_family = ".".join(words[:count]) in self.part_names.families
-            if is_family and notes.number(words[count]) is not None:
+            if is_family and tuning.is_pitch(words[count]):
                 return count
         return None

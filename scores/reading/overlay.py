@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from ergon.instruments.transpose import at_note, pitch
+from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.notes import number
 
 # Groups of fields that exclude each other: writing one group removes the others of the base (K for
 # f, a table for a line).
@@ -60,10 +60,10 @@ def overlay_fields(base: Values, own: Values) -> Values:
     return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
 
 
-def member(values: Values, note: int) -> Values | None:
-    """The fields that are written for one note of an instrument."""
+def member(values: Values, height: float) -> Values | None:
+    """The fields that are written for one note of an instrument, by its pitch."""
     for word, own in (values["members"] or {}).items():
-        if number(word) == note:
+        if notes.pitch(word) == height:
             assert isinstance(own, Values)
             return own
     return None
@@ -73,7 +73,7 @@ def at(values: Values, note: str) -> Values:
     """An instrument with notes at one of its notes, with the fields that are written for that
     note.
     """
-    base, own = at_note(values, note), member(values, number(note) or 0)
+    base, own = at_note(values, note), member(values, notes.pitch(note) or 0.0)
     if own is None:
         return base
     said = overlay_fields(base, own)

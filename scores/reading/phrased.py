@@ -9,6 +9,7 @@ from math import gcd, lcm
 from typing import NamedTuple
 
 from ergon.notation.clock.positions import Length
+from ergon.notation.tables import tuning
 from ergon.notation.tables.strengths import DYNAMICS, Level, velocity
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.pattern.rhythm_signs import MAX_NUMBER
@@ -82,7 +83,7 @@ def _notes(hits: Sequence[Hit], unit: str, total: Fraction) -> Iterator[_Notes]:
 
 
 def _word(name: str, level: Level) -> str:
-    word = f"{name}:{_level(level)}"
+    word = f"{tuning.spelled(name)}:{_level(level)}"
     if not WORD.fullmatch(word):
         raise TextError(
             f"{quote(word)} is no word of a rhythm; write one level, such as mf or 2mNs"

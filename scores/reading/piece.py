@@ -18,6 +18,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
@@ -568,6 +569,8 @@ class Piece:
     available: Mapping[str, Instrument] = field(default_factory=dict, compare=False, repr=False)
     # The names by which `use:` brings files in: prefixes, or names of files.
     used: tuple[str, ...] = field(default=(), compare=False, repr=False)
+    # Of its notes; what is computed has their frequencies.
+    tuning: Tuning | None = field(default=None, compare=False, repr=False)
 
     @property
     def motion_every(self) -> int:
@@ -668,7 +671,8 @@ _NOT_VALUES = {  # places and texts do not count
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
-    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available", "used"),
+    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available", "used", "tuning"),
+    Rhythm: ("tuning",),
     RenderSpec: ("file",),
 }
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
+from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Levels, Reach
@@ -103,7 +104,7 @@ def _with_words(
             return None
         voices[key_of(leaf)] = voice
     to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
-    rhythm = replace(rhythm, do=do, voices=voices)
+    rhythm = replace(rhythm, do=do, voices=voices, tuning=tuning.written())
     return replace(strikes, to=tuple(to), levels=levels, rhythm=rhythm)
 
 

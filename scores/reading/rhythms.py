@@ -13,8 +13,10 @@ from ergon.instruments.model import Target
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.tables import tuning
 from ergon.notation.tables.shapes import Text
 from ergon.notation.tables.strengths import LEVEL, MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
 from ergon.scores.pattern.cycles import MAX_EVENTS, Cycles, chance_from
@@ -55,6 +57,7 @@ class Rhythm:
     cycle: Length
     voices: Mapping[str, Voice]
     first: int = 0  # the number of the cycle that is played first
+    tuning: Tuning | None = None  # by which the notes of chords are named and ordered
 
     def begin(self, tempo: TempoMap, at: float, number: int) -> float:
         """The beat on which a cycle begins, of a rhythm that begins at a beat."""
@@ -86,7 +89,7 @@ class Rhythm:
         cycles: range,
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
-        source = _cycles_of(self.text, self.do, *draws)
+        source = _cycles_of(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
             begin, end = (self.begin(tempo, at, n) for n in (turn, turn + 1))
             number = self.first + turn
@@ -115,7 +118,7 @@ class Rhythm:
 
     def late(self) -> tuple[int, float]:
         """How much later than in its cycle a stroke may begin: in cycles and in seconds."""
-        return _late(self.text, self.do)
+        return _late(self.text, self.do, self.tuning)
 
 
 _TRIED = 8  # cycles from which the number of strokes is estimated
@@ -171,8 +174,8 @@ def _placed(
 
 
 @lru_cache(256)
-def _late(text: str, do: str) -> tuple[int, float]:
-    leaves = compiled(text, do).leaves
+def _late(text: str, do: str, tuned: Tuning | None) -> tuple[int, float]:
+    leaves = compiled_in(text, do, tuned).leaves
     cycles = int(LONGEST_CYCLES) if any(leaf.repeats for leaf in leaves) else 0
     return cycles, max((leaf.delay for leaf in leaves), default=0.0)
 
@@ -183,28 +186,40 @@ def level_of(struck: Struck) -> Level | None:
     return LEVEL.parse(text) if colon else None  # it remembers what it has read
 
 
-@lru_cache(_REMEMBERED)
 def compiled(text: str, do: str) -> Cycles[Struck]:
-    """The cycles of a text after its transformations. Raises TextError, with offsets into the
-    text, or into the transformations once the text itself has been read.
+    """The cycles of a text after its transformations, in the tuning of the file that is read.
+
+    Raises TextError, with offsets into the text, or into the transformations once the text itself
+    has been read.
     """
+    return compiled_in(text, do, tuning.written())
+
+
+@lru_cache(_REMEMBERED)
+def compiled_in(text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
+    """The cycles of a text after its transformations, in a tuning. Raises TextError."""
     begins = line_begins(text)
 
     def read(word: str, offset: int) -> Struck:
         return Struck(word, offset, line=bisect(begins, offset) - 1)
 
     cycles = parse(text, read)
-    return apply(cycles, parse_transforms(do)) if do else cycles
+    with tuning.used(tuned):
+        return apply(cycles, parse_transforms(do)) if do else cycles
 
 
 @lru_cache(_REMEMBERED)
-def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[_CycleEvent]]:
+def _cycles_of(
+    text: str, do: str, tuned: Tuning | None, seed: int, who: str
+) -> Callable[[int], list[_CycleEvent]]:
     """The events of a cycle by its number; those that were asked for are remembered."""
-    cycles, chance = compiled(text, do), chance_from(seed, who)
+    cycles, chance = compiled_in(text, do, tuned), chance_from(seed, who)
     known: dict[int, list[_CycleEvent]] = {}
 
     def events(number: int) -> list[_CycleEvent]:
         if number not in known:
+            with tuning.used(tuned):
+                onsets = cycles.onsets(number, chance)
             known[number] = [
                 (
                     float(event.begin - number),
@@ -212,7 +227,7 @@ def _cycles_of(text: str, do: str, seed: int, who: str) -> Callable[[int], list[
                     min(float((event.end - event.begin) * event.what.length), LONGEST_CYCLES),
                     event.what,
                 )
-                for event in cycles.onsets(number, chance)
+                for event in onsets
             ]
         return known[number]
 

@@ -44,6 +44,7 @@ from ergon.scores.reading.piece import METHODS
 from ergon.scores.reading.playing_options import DO, OF_GESTURE
 from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
+from ergon.scores.reading.tuned import TUNING
 
 RATE = 44100.0  # default frames a second
 MAX_CHANNELS = 1024
@@ -560,6 +561,7 @@ SCORE = Record(
             ListOf(INCLUDE, single=True),
             "other scores, played from a position on",
         ),
+        Field("tuning", TUNING, "which frequencies notes have; {A4: 442Hz}, {edo: 31}, a scale"),
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),

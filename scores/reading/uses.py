@@ -9,8 +9,10 @@ from typing import Any, TypeVar
 
 from ergon.instruments.model import Instrument
 from ergon.instruments.transpose import at_own_pitch
+from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.value_kinds import PATH
 from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
@@ -21,6 +23,7 @@ from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
 from ergon.scores.reading.sections import SCORE
+from ergon.scores.reading.tuned import tuning_of
 
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
@@ -60,6 +63,7 @@ class Names:
         default_factory=lambda: {section: {} for section in SECTIONS}
     )
     used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
+    tuning: Tuning | None = None  # of the notes that its file writes
     families: list[str] = field(default_factory=list)  # what `use:` names: prefixes, or file stems
     included: list[tuple[Include, Names]] = field(default_factory=list)
 
@@ -88,7 +92,12 @@ class Uses:
         names = self._read[document.file] = Names(document)
         if document.root is None:
             return names
-        score = SCORE.read(document.root, "", Context(self.collector, memory=self.files.memory))
+        names.tuning = tuning_of(document, self.files)
+        memory = self.files.memory
+        if memory is not None:
+            memory.under(document.file, names.tuning)
+        with tuning.used(names.tuning):
+            score = SCORE.read(document.root, "", Context(self.collector, memory=memory))
         if score is MISSING:
             return names
         names.score = score

@@ -8,10 +8,11 @@ from dataclasses import replace
 from ergon.instruments.model import Target
 from ergon.instruments.transpose import of_cents
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables import notes
+from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.text.errors import quote
 from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
 from ergon.scores.gesture.midi_wheels import NoteCurves, read_wheels
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.reading.piece import NoteGlide, Strikes
@@ -37,20 +38,23 @@ def with_wheels(struck: Strikes, values: Values, take: Values, files: Files) -> 
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
         return struck
     interval = values["transpose"]
-    steps = 0 if interval is None or interval.cents is None else round(interval.cents / 100.0)
-    return replace(struck, glides=tuple(_glides(struck, curves, steps)))
+    semitones = 0.0 if interval is None else interval.semitones
+    return replace(struck, glides=tuple(_glides(struck, curves, semitones)))
 
 
-def _glides(struck: Strikes, curves: NoteCurves, steps: int) -> Iterator[NoteGlide]:
-    """The glides of each instrument that is struck; its notes are `steps` above the file's."""
-    targets: dict[int, tuple[Target, ...]] = {}
+def _glides(struck: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
+    """The glides of each instrument that is struck; its notes are so many semitones above the
+    file's.
+    """
+    places: dict[str, dict[str, Place]] = {}
     for hit in struck.hits:
-        if (number := notes.number(hit.what)) is not None:
-            targets[number] = hit.to
-    for number, points in curves.items():
+        places.setdefault(hit.what, {}).update((target.part, target.place) for target in hit.to)
+    for key, points in curves.items():
         moved = tuple(
             (Length(quarters=quarter), of_cents(cents).ratio) for quarter, cents in points
         )
-        places = {target.part: target.place for target in targets.get(number + steps, ())}
-        for part, place in places.items():
+        note = tuning.current().key_word(key)
+        if semitones:
+            note = notes.moved(note, semitones)
+        for part, place in places.get(note, {}).items():
             yield NoteGlide(Target(part, "", 0, 1, part, place), moved)

@@ -14,6 +14,7 @@ from patience import until
 from sessions import Stepped
 
 from ergon.live.midi_ports import ProcessPort
+from ergon.repl.session.journal_content import read_journal
 from tests.repl.test_repl_live import session_on
 
 SCORE = """\
@@ -176,7 +177,7 @@ def test_hear_in_panic_is_refused(session):
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("hear bar C9", "bar has no note 120; its notes are C4 to C5"),
+        ("hear bar C9", "bar has no note C9; its notes are C4 to C5"),
         ("hear drum C4", "drum has no notes"),
         ("hear drum.skin C4 2mNs", "drum.skin is a module, and has no notes"),
         ("hear drum p..f", "'p..f' is a range"),
@@ -237,3 +238,14 @@ def test_phrasing_live_equals_journal(tmp_path):
     played, _ = soundfile.read(sound_file, dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
     assert check_heard(played, again, troubles).equal > 22_050
+
+
+def test_journals_that_number_notes_play_on(session):
+    session.ok("hear bar C4 Bb4")
+    session.run(0.2)
+    session.close()
+    first, *rest = session.journal.read_text().splitlines()
+    fields = json.loads(first) | {"maps": [["hear", "bar", 60, 70], ["hear", "bar", "3to2"]]}
+    session.journal.write_text("\n".join([json.dumps(fields), *rest]) + "\n")
+    assert [*read_journal(session.journal).start.maps] == ["hear bar C4 A#4", "hear bar 3to2"]
+    assert np.array_equal(session.again(), session.sound)

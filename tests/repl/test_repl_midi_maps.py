@@ -257,7 +257,7 @@ def test_map_of_impossible_target_is_refused(played, line, why):
         ["notes", 1, 2, "ada", None, "knock\npanic", "even"],
         ["notes", 1, 2, "bell.m", None, None, "cube"],
         ["hear", "bell.m", 128],
-        ["hear", "bell.m", "C4"],
+        ["hear", "bell.m", "H4"],
     ],
 )
 def test_forged_maps_are_refused(played, row):

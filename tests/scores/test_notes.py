@@ -53,8 +53,8 @@ def test_lists_ranges_scales_chords_and_counts(text, expected):
     [
         ("D3 H3", "E201", 3, 2, "B3"),
         ("c4", "E201", 0, 2, "C4"),
-        ("220Hz", "E201", 0, 5, None),
-        ("A3+5cents", "E201", 0, 9, None),
+        ("220", "E201", 0, 3, None),
+        ("A3+5cent s", "E201", 9, 1, None),
         ("C5..C3", "E202", 0, 6, "C3..C5"),
         ("C3..", "E201", 4, 1, None),
         ("C3..X5", "E201", 4, 2, None),

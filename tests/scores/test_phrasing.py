@@ -14,7 +14,7 @@ from ergon.scores.pattern.cycle_forms import Pattern, apply
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.cycles import Event, Fragment, chance_from
 from ergon.scores.pattern.struck import Struck, single_notes
-from ergon.scores.reading.rhythms import compiled
+from ergon.scores.reading.rhythms import compiled, compiled_in
 
 CHANCE = chance_from(3, "strikes/s")
 
@@ -243,9 +243,9 @@ def test_walk_to_neighbours():
 
 def test_walk_without_do():
     text = "<a | [b b] | c>(3,8)"
-    fresh = compiled.__wrapped__(text, "early 1/8")
+    fresh = compiled_in.__wrapped__(text, "early 1/8", None)
     alone = fresh.onsets(500, chance_from(8, "strikes/w"))
-    again = compiled.__wrapped__(text, "early 1/8")
+    again = compiled_in.__wrapped__(text, "early 1/8", None)
     walked = [again.onsets(cycle, chance_from(8, "strikes/w")) for cycle in range(501)]
     assert walked[500] == alone
     assert len({len(events) for events in walked}) > 1

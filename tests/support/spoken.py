@@ -161,7 +161,7 @@ OTHERS = [
         ),
     ),
     ("hear gong", c.Hear("gong", (), MEZZO_FORTE)),
-    ("hear gong.strike C4 eb4 v127", c.Hear("gong.strike", (60, 63), Level(1.0, 1.0, True))),
+    ("hear gong.strike C4 eb4 v127", c.Hear("gong.strike", ("C4", "Eb4"), Level(1.0, 1.0, True))),
     ("hear bell.m 2mNs", c.Hear("bell.m", (), Level(0.002, 0.002))),
     (
         "map cc 1/33 bell.m.K 1kN/m..9kN/m",

@@ -18,6 +18,7 @@ from typing import TypeVar
 
 from ergon import _core
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import tuning
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import TextError, quote
@@ -76,7 +77,7 @@ _UNIT = re.compile(rf"\s?({'|'.join(map(re.escape, _BY_LENGTH))})(?![\w%])")
 
 @dataclass(frozen=True, slots=True)
 class Amount:
-    """A number with its unit; for the unit `note`, semitones above A4."""
+    """A number with its unit; for the unit `note`, semitones above 440 Hz."""
 
     number: Fraction
     unit: str
@@ -85,7 +86,7 @@ class Amount:
     def literal(self) -> str:
         """The amount as a score writes it."""
         if self.unit == "note":
-            if self.number.denominator == 1:
+            if self.number.denominator == 1 and tuning.written() is None:
                 octaves, step = divmod(int(self.number) + 9, 12)
                 octaves, name = 4 + octaves, _NOTE_NAMES[(step - 9) % 12]
                 if 0 <= octaves <= 9:
@@ -196,6 +197,10 @@ class _Reader:
         if match := _NOTE.match(self.text, start):
             self.at = match.end()
             letter, sign, octave = match.groups()
+            tuned = tuning.written()
+            hertz = None if tuned is None else tuned.hertz(match[0])
+            if hertz is not None:
+                return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
             steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
         if word is not None and word[0] in self.later:

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ergon import _core
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import tuning
 from ergon.notation.tables.shapes import MISSING, Context, Shape, wrong_shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
@@ -81,6 +83,75 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note)
 
 
+def word_of(text: str) -> str | None:
+    """The word of a pitch, as members are called by it: `A4+386_3cents` for `A4+386.3cents`,
+    `3to2` for `3/2`; None if the text is no pitch.
+    """
+    word = tuning.spelled(text)
+    return word if tuning.is_pitch(word) else None
+
+
+def pitch(text: str) -> float | None:
+    """How high a pitch is, in semitones: 69.0 at 440 Hz; None if the text is no pitch. Notes of
+    equal temperament have whole numbers.
+
+    Raises TextError for a key that the tuning leaves out.
+    """
+    word = tuning.spelled(text)
+    if tuning.current().is_plain and (note := number(word)) is not None:
+        return note
+    return tuning.current().pitch(word)
+
+
+def step(text: str) -> float | None:
+    """The number of a note by which it is moved: its key, where semitones are keys, or how high it
+    is in semitones; None if the text is no pitch. Raises TextError.
+    """
+    key = number(text) if tuning.current().has_keys else None
+    return pitch(text) if key is None else key
+
+
+def moved(word: str, semitones: float) -> str:
+    """The word of a pitch moved by semitones; whole ones are keys, where notes are keys. Raises
+    TextError.
+    """
+    key = number(word) if tuning.current().has_keys else None
+    if key is not None and float(semitones).is_integer():
+        return name(key + int(semitones))
+    match = re.fullmatch(r"(.+\d)([+-][\d_]+)cents?|([A-G].*\d)", word)
+    if match is None:
+        return tuning.hertz_word(q.frequency(word) * _core.pow(2.0, semitones / 12.0))
+    cents = 100.0 * semitones + float((match[2] or "0").replace("_", "."))
+    return (
+        tuning.spelled(f"{match[1] or match[3]}{cents:+.10g}cents")
+        if cents
+        else str(match[1] or match[3])
+    )
+
+
+def chord(root: str, scale: str) -> list[str]:
+    """The words of the notes of a scale or a chord, by its name, above a note. Raises TextError
+    where they have no name.
+    """
+    steps, low = SCALES[scale], number(root)
+    if tuning.current().has_keys and low is not None:
+        is_flat = root[1:2] in ("b", "♭")
+        return [name(low + step, flat=is_flat) for step in steps]
+    if low is None:
+        base = q.frequency(root)
+        return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in steps]
+    return tuning.current().above(root, steps)
+
+
+def scale_step(word: str) -> str:
+    """The word of a note, or of a step of a scale, in semitones above its root: of `A3.minor.7`
+    that of E4. Raises TextError where it has no name.
+    """
+    root, _, scale = tuning.spelled(word).partition(".")
+    scale, _, semitones = scale.rpartition(".")
+    return chord(root, scale)[SCALES[scale].index(int(semitones))] if semitones else root
+
+
 def read_note(word: str) -> int:
     """The number of a note that is written. Raises TextError."""
     q.frequency(word)  # says what is meant by H3 or c4
@@ -100,11 +171,15 @@ def parse_notes(text: str) -> tuple[str, ...]:
         return _range(words)
     found: list[str] = []
     for word, offset in words:
-        root, dot, scale = word.partition(".")
-        low = _read_at(root, offset)
-        is_flat = root[1:2] in ("b", "♭")
-        steps = _scale(scale, offset + len(root) + 1) if dot else None
-        found += [root] if steps is None else [name(low + step, flat=is_flat) for step in steps]
+        root, dot, scale = tuning.spelled(word).partition(".")
+        try:
+            check_note(root)
+        except TextError as error:
+            error.offset += offset
+            raise
+        if dot:
+            _scale(scale, offset + len(word) - len(scale))
+        found += chord(root, scale) if dot else [root]
     return _bounded(found)
 
 
@@ -114,6 +189,17 @@ def _read_at(word: str, offset: int) -> int:
     except TextError as error:
         error.offset += offset
         raise
+
+
+def check_note(text: str) -> None:
+    """Check that a text is a note, or another pitch by which members are called. Raises
+    TextError.
+    """
+    word = tuning.spelled(text)
+    if number(word) is None and tuning.is_pitch(word):
+        q.frequency(word)
+    else:
+        read_note(word)
 
 
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
@@ -144,14 +230,29 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         )
     top = HIGHEST if high is None else high
     octaves = range((HIGHEST - low) // 12 + 1)
-    found = [low + 12 * octave + step for octave in octaves for step in steps]
-    is_flat = low_name[1:2] in ("b", "♭")
-    names = [name(note, flat=is_flat) for note in found if note <= top][:count]
+    if not tuning.current().has_keys:
+        names = _spelled_range(low_name, name(top) if high is None else high_name, scale)[:count]
+    else:
+        found = [low + 12 * octave + step for octave in octaves for step in steps]
+        is_flat = low_name[1:2] in ("b", "♭")
+        names = [low_name, *(name(note, flat=is_flat) for note in found[1:] if note <= top)][:count]
     if count is not None and len(names) < count:
         message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
         message += f", not {count}"
         raise TextError(message, offset=offset, length=len(first), code="E202")
-    return _bounded([low_name, *names[1:]])
+    return _bounded(names)
+
+
+def _spelled_range(low: str, high: str, scale: str) -> list[str]:
+    """The notes of a scale from one to another, where a sharp is no flat; chromatic: all steps."""
+    tuned, top = tuning.current(), pitch(high) or 0.0
+    if scale == "chromatic":
+        return tuned.degrees(low, high)
+    match = _NOTE.fullmatch(low)
+    assert match is not None
+    roots = (f"{match[1]}{match[2]}{octave}" for octave in range(int(match[3]), 10))
+    notes = [note for root in roots for note in tuned.above(root, SCALES[scale])]
+    return [note for note in notes if (pitch(note) or 0.0) <= top]
 
 
 def _scale(scale: str, offset: int) -> tuple[int, ...]:
@@ -167,9 +268,9 @@ def _bounded(found: list[str]) -> tuple[str, ...]:
     if len(found) > MAX_NOTES:
         message = f"{len(found)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
-    seen: dict[int | None, str] = {}
+    seen: dict[float | None, str] = {}
     for note in found:
-        if (before := seen.setdefault(number(note), note)) is not note:
+        if (before := seen.setdefault(pitch(note), note)) is not note:
             message = f"{quote(note)} is written twice"
             if before != note:
                 message = f"{quote(note)} is the same note as {quote(before)}; remove one of them"

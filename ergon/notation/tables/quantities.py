@@ -14,6 +14,7 @@ from fractions import Fraction
 from typing import Literal
 
 from ergon import _core
+from ergon.notation.tables import tuning
 from ergon.notation.text.errors import TextError, quote, with_article
 from ergon.notation.text.spelling import nearest
 
@@ -22,11 +23,8 @@ MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from ov
 
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d{1,4}))?")
 _FRACTION = re.compile(r"([+-]?\d{1,15})/(\d{1,15})")
-_NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?:([+-]\d{1,4}(?:\.\d{1,4})?)cents?)?")
 _FOREIGN_NOTE = re.compile(r"([A-Ha-h])(is|es|s|[#♯b♭])?(-?\d)([#♯b♭])?")
 _FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
-_SEMITONES = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}  # from A of the octave
-_ACCIDENTALS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 
 Sign = Literal["any", "positive", "not negative"]
 
@@ -284,20 +282,21 @@ def _plain_digits(word: str) -> str:
 
 
 def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
-    """A frequency [Hz], or a note of equal temperament: `A3`, `C#4`, `Bb2`, `A3+20cents`."""
+    """A frequency [Hz], or a note of the tuning of the file that is read: `A3`, `C#4`,
+    `A3+20cents`; with a tuning also a ratio above its root: `3/2`.
+    """
     word = _trimmed(text)
-    match = _NOTE.fullmatch(word)
-    if match is None and word[:1].isalpha():
+    tuned = tuning.written()
+    spelling = tuning.spelled(word)
+    if tuned is None and _FRACTION.fullmatch(word):
+        spelling = word  # hertz, as ever
+    value = (tuned or tuning.PLAIN).hertz(spelling)
+    if value is not None and not spelling.endswith("Hz"):
+        return bounded(value, word, dimension)
+    if value is None and word[:1].isalpha():
         message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
         raise TextError(message, length=len(word), suggestion=_respelled(word), code="E201")
-    if match is None:
-        return quantity(text, dimension)
-    letter, accidental, octave, cents = match.groups()
-    semitones = _SEMITONES[letter] + _ACCIDENTALS[accidental]
-    octaves, rest = divmod(semitones + 12 * (int(octave) - 4), 12)
-    steps = rest + float(cents or 0) / 100
-    ratio = _core.pow(2.0, steps / 12) if steps else 1.0  # every A is exact
-    return bounded(math.ldexp(440.0 * ratio, octaves), word, dimension)
+    return quantity(word.replace("_", ".") if value is not None else text, dimension)
 
 
 def _respelled(word: str) -> str | None:

@@ -12,11 +12,12 @@ from ergon.notation.clock.occurrences import parse_times
 from ergon.notation.clock.positions import parse_length, parse_position
 from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
+from ergon.notation.tables import tuning
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote, with_article
 
 _NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?(/[0-9]+)?"
-_NOTE = r"[A-G][#b]?-?[0-9]([+-][0-9.]+cents?)?"
+_NOTE = r"[A-G](##|bb|[#b]?)-?[0-9]([+-][0-9.]+cents?)?|-?[0-9]+\\[0-9]+"
 _POSITION = r"[0-9]+\|[0-9./]+.*|[^0-9.|+-][^|]*|[0-9./]+ *(ms|s|beats?)?"
 _LENGTH = r"[0-9./eE+-]+ *(bars?|beats?|ms|s)?"
 MAX_TITLE = 1000  # characters
@@ -27,6 +28,16 @@ def _cached(parse: Callable[[str], Any]) -> Callable[[str], Any]:
     # lru_cache keeps no exceptions: callers shift the offset of a TextError, so each call must
     # raise a new one.
     return lru_cache(MAX_CACHED)(parse)
+
+
+def _tuned(parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A parser that remembers values by the tuning too, in which notes are read."""
+
+    @lru_cache(MAX_CACHED)
+    def known(text: str, tuned: tuning.Tuning | None) -> Any:
+        return parse(text)
+
+    return lambda text: known(text, tuning.written())
 
 
 def _units(dimension: q.Dimension) -> str:
@@ -56,7 +67,8 @@ def span(dimension: q.Dimension, example: str) -> Text:
 
     one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
     words = f"{with_article(dimension.name)} or a range, such as {example}"
-    return Text(_cached(parse), words, rf"^{one}(\.\.{one})?$", is_value=True)
+    remembered = _tuned(parse) if dimension is q.FREQUENCY else _cached(parse)
+    return Text(remembered, words, rf"^{one}(\.\.{one})?$", is_value=True)
 
 
 def integer(low: int, high: int, example: str) -> Text:
@@ -176,7 +188,7 @@ CONSTANT = quantity(q.CONSTANT, "a constant of the law, such as 900N/m")
 POSITIVE = quantity(q.FACTOR)
 EXPONENT = quantity(q.EXPONENT)
 PITCH = Text(
-    _cached(q.frequency),
+    _tuned(q.frequency),
     "a frequency or a note, such as 220Hz or A3",
     f"^({_NUMBER} *(Hz|kHz)?|{_NOTE})$",
     is_value=True,

@@ -46,6 +46,7 @@ class Memory:
         # For each section (file, name): the lines of its lists, by their texts.
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
         self._held: dict[str, tuple[Any, Any]] = {}
+        self._conditions: dict[str, Any] = {}
 
     def begin(self, *, is_whole: bool = True) -> Collector:
         """Begin another reading; returns its collector.
@@ -57,6 +58,18 @@ class Memory:
             self._before, self._now = self._now, {}
         self._collector.clear()
         return self._collector
+
+    def under(self, file: str, condition: Any) -> None:
+        """Forget all that was read if a file is read under another condition than before: what
+        its texts mean depends on it, such as notes on a tuning. None is that of a new file.
+        """
+        if self._conditions.get(file) == condition:
+            return
+        self._conditions[file] = condition
+        self._now, self._before, self._held, self.last = {}, {}, {}, None
+        for lines in self.lines.values():
+            for line in lines.values():
+                line.values.clear()
 
     def held(self, name: str, condition: Any) -> Any:
         """What is held under a name, if it was under an equal condition; else None."""
