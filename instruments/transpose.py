@@ -28,21 +28,28 @@ from ergon.notation.text.errors import TextError, quote
 
 AUDIBLE = 20.0  # [Hz] slower CELs are mechanics
 MOST_CENTS = 12000.0  # ten octaves
-_EXAMPLE = "7st, -14cents or x1.5"
+_EXAMPLE = "7st, -14cents or 3/2"
+_RATIO = re.compile(r"\d{1,15}/\d{1,15}")
 _INTERVAL = re.compile(r"([+-]?(?:\d{1,5}\.?\d{0,6}|\.\d{1,6})) *(st|cents?)")
 _A4 = 440.0
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """The step from one pitch to another: in cents if they are known, else as a ratio."""
+    """The step from one pitch to another: in cents if they are known, else as a ratio.
+
+    `keys` are those of a scale, if the interval is written in whole semitones.
+    """
 
     ratio: float
     cents: float | None = None
+    keys: int | None = None
 
     @property
     def semitones(self) -> float:
-        """The interval in semitones."""
+        """The interval in semitones; an integer counts keys of a scale."""
+        if self.keys is not None:
+            return self.keys
         return 12.0 * math.log2(self.ratio) if self.cents is None else self.cents / 100.0
 
     def then(self, other: Interval) -> Interval:
@@ -75,10 +82,10 @@ def is_interval(word: str) -> bool:
 
 
 def parse_interval(text: str) -> Interval:
-    """Read `7st`, `-14cents` or `x1.5`. Raises TextError."""
+    """Read `7st`, `-14cents`, `x1.5` or `3/2`. Raises TextError."""
     word = text.strip()
-    if word.startswith("x"):
-        ratio = q.factor(word)
+    if word.startswith("x") or _RATIO.fullmatch(word):
+        ratio = q.factor(f"x{word.removeprefix('x')}")
         if not 1e-3 <= ratio <= 1e3:
             message = f"{quote(word)} lies outside the range from x0.001 to x1000"
             raise TextError(message, length=max(1, len(word)), code="E202")
@@ -91,17 +98,19 @@ def parse_interval(text: str) -> Interval:
         suggestion = f"{word}st" if is_number else None
         code = "E203" if is_number else "E201"
         raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code=code)
-    cents = float(Fraction(match[1]) * (100 if match[2] == "st" else 1))
+    amount = Fraction(match[1])
+    cents = float(amount * (100 if match[2] == "st" else 1))
     if abs(cents) > MOST_CENTS:
         message = f"{quote(word)} lies outside the range from -120st to 120st"
         raise TextError(message, length=len(word), code="E202")
-    return of_cents(cents)
+    is_keys = match[2] == "st" and amount.denominator == 1
+    return replace(of_cents(cents), keys=int(amount) if is_keys else None)
 
 
 INTERVAL = Text(
     parse_interval,
     f"an interval, such as {_EXAMPLE}",
-    r"^([+-]?[0-9.]+ *(st|cents?)|x[0-9./]+)$",
+    r"^([+-]?[0-9.]+ *(st|cents?)|x[0-9./]+|[0-9]+/[0-9]+)$",
     types=("string",),
     is_value=True,
 )

@@ -405,11 +405,23 @@ def _target_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
-NAME_OR_PARAMETER = Value(
-    "a name of this score",
-    lambda text, scope, given: text if text in scope.targets else ANY_NAME.read(text, scope, given),
-    lambda context: (*ANY_NAME.completions(context), *_target_completions(context)),
-)
+TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
+
+
+def _read_shown(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
+    name: str = (
+        text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, given)
+    )
+    return name
+
+
+def _shown_completions(context: CompletionContext) -> Iterator[Completion]:
+    yield from ANY_NAME.completions(context)
+    yield Completion(TUNING, "which frequencies notes have")
+    yield from _target_completions(context)
+
+
+NAME_OR_PARAMETER = Value("a name of this score", _read_shown, _shown_completions)
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _read_change, _change_completions)
 
 

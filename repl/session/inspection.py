@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from ergon.live.display import decibels_of
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
+from ergon.repl.language.values import TUNING
 from ergon.repl.session.rehearsing import rehearsal_stage
+from ergon.repl.session.tuning_lines import tuning_lines
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
 from ergon.scores.edits.matter import said
@@ -146,6 +148,10 @@ def definition_lines(version: Version, name: str, sounding: Piece, now: float) -
     A parameter (`bell.m.f`) is shown with its value at beat `now` of the piece that is
     `sounding`, which waiting lines have not changed yet.
     """
+    if name == TUNING:
+        with contextlib.suppress(NotTakenError):  # a gesture may have this name
+            return _lines_of_score(version.texts, name)
+        return list(tuning_lines(version.piece))
     head, _, parameter = name.rpartition(".")
     found = automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
     if found is None:
@@ -195,6 +201,7 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     """
     piece = version.piece
     rows = [_tempo_row(entry) for entry in piece.tempo]
+    rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
     for player in piece.players.values():
         lines = entries.lines(version.texts, piece, player.name)
         sounding = [what for name, what in playing if name == player.name]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import log2
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -26,7 +27,7 @@ MAX_LENGTH = 8  # of a stroke, in distances to the next
 Argument = int | float | str | Fraction | Repeats
 
 _RATIO = re.compile(r"([0-9]+(?:\.[0-9]+)?)(?:/([0-9]+(?:\.[0-9]+)?))?")
-_SEMITONES = re.compile(r"([+-]?[0-9]{1,4})st")
+_INTERVAL = re.compile(r"([+-]?[0-9]{1,5}(?:\.[0-9]{1,6})?)(st|cents?)")
 _BEATS: Mapping[str, bool] = {
     "t": True,
     "x": True,
@@ -89,9 +90,21 @@ def _count(low: int, high: int) -> Callable[[str], int | None]:
     return read
 
 
-def _semitones(word: str) -> int | None:
-    match = _SEMITONES.fullmatch(word)
-    return int(match[1]) if match and abs(int(match[1])) <= MAX_SEMITONES else None
+def _semitones(word: str) -> float | None:
+    """The semitones of `-5st`, `50cents`, `3/2` or `x1.5`; whole ones of `st` as an integer, for
+    they are keys of a scale.
+    """
+    semitones: float
+    if match := _INTERVAL.fullmatch(word):
+        amount = Fraction(match[1])
+        is_whole = match[2] == "st" and amount.denominator == 1
+        semitones = int(amount) if is_whole else float(amount / (1 if match[2] == "st" else 100))
+    else:
+        factor = ratio(word.removeprefix("x")) if "/" in word or word[:1] == "x" else None
+        if not factor:
+            return None
+        semitones = 12.0 * (log2(factor.numerator) - log2(factor.denominator))
+    return semitones if abs(semitones) <= MAX_SEMITONES else None
 
 
 def _amount(high: int) -> Callable[[str], float | None]:
@@ -151,7 +164,7 @@ ORDER = Reader(
     lambda word: word if word in ORDERS else None,
     tuple(ORDERS),
 )
-SEMITONES = Reader(f"an interval in semitones, up to {MAX_SEMITONES}st", _semitones)
+SEMITONES = Reader(f"an interval such as -5st, 50cents or 3/2, up to {MAX_SEMITONES}st", _semitones)
 
 
 def parse_beats(text: str, start: int, first_number: int) -> Cycles[bool]:

@@ -184,7 +184,9 @@ TABLE: Mapping[str, Form] = {
         _echo,
         ((read.COPIES, read.TIME, read.FACTOR),),
     ),
-    "transpose": Form("higher by semitones", "transpose -5st", _transpose, ((read.SEMITONES,),)),
+    "transpose": Form(
+        "higher by semitones, cents or a ratio", "transpose -5st", _transpose, ((read.SEMITONES,),)
+    ),
     "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
     **PHRASING,
 }

@@ -97,7 +97,7 @@ def swell(first: float, last: float, share: float) -> float:
     return first if first == last else first * _core.pow(last / first, share)
 
 
-def grace(time: Fraction, semitones: int, factor: float, part: Pattern) -> Pattern:
+def grace(time: Fraction, semitones: float, factor: float, part: Pattern) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
     def short(what: Struck) -> Struck:

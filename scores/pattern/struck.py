@@ -26,6 +26,8 @@ class Repeats(NamedTuple):
 class Struck:
     """A word of a rhythm text, where it is written, and what transformations add to it.
 
+    An integer of `semitones` counts keys of a scale.
+
     It sounds for `length` of its span, from `delay` [s] after the beginning. `line` counts the
     lines of the text, which top-level commas divide. A stroke that is `part_of` the stroke of its
     word before or after it takes no level of its own.
@@ -33,7 +35,7 @@ class Struck:
 
     word: str
     offset: int
-    semitones: int = 0
+    semitones: float = 0
     factor: float = 1.0
     line: int = 0
     length: Fraction = Fraction(1)
@@ -49,7 +51,7 @@ def name_of(struck: Struck) -> str:
 
 def key_of(struck: Struck) -> str:
     """What a stroke strikes, as a text: its word, and by how many semitones it is moved."""
-    return f"{name_of(struck)}{struck.semitones:+d}" if struck.semitones else name_of(struck)
+    return f"{name_of(struck)}{struck.semitones:+.10g}" if struck.semitones else name_of(struck)
 
 
 def note_of(word: str) -> str | None:

@@ -339,7 +339,7 @@ class NoteTargets:
         about = next((height for height in heights if height is not None), None)
         if about is None:
             raise TextError(f"{quote(' '.join(first.what))} has no note to mirror about")
-        what = [self.moved(word, 2.0 * (about - (self._note(word) or 0.0))) for word in row.what]
+        what = [self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what]
         return self.renamed(row, what)
 
     def renamed(self, row: Row, what: Sequence[Name]) -> Row:
@@ -347,8 +347,8 @@ class NoteTargets:
         return replace(row, what=tuple(what), before=row.before or row.what)
 
     def moved(self, word: Name, semitones: float) -> Name:
-        """A note, or a module of one, moved by so many semitones: keys of a scale, where they are
-        whole. Raises TextError.
+        """A note, or a module of one, moved by so many semitones, of which an integer is keys of a
+        scale. Raises TextError.
         """
         note = self._note(word)
         if note is None:

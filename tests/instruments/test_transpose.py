@@ -342,7 +342,7 @@ def test_what_is_written_beside_a_transposition_sounds_as_written():
             (
                 "E203",
                 3,
-                "transpose of instrument 'b': '7' is not an interval such as 7st, -14cents or x1.5",
+                "transpose of instrument 'b': '7' is not an interval such as 7st, -14cents or 3/2",
             ),
         ),
         (

@@ -211,6 +211,45 @@ def test_what_is_under_the_cursor_is_explained(session):
     session(SCORE, act)
 
 
+TUNED = """\
+ergon: 1
+tuning: {edo: 31}
+instruments:
+  wires:
+    f: E4
+    modules: {m: {CEL: {M: 2g, f: C#4, t60: 2s}}}
+    notes: [C4, A4+50cents, 3/2]
+    play: {strike: {at: m, impulse: 1mNs..4mNs}}
+    out: {SOX: m}
+strikes:
+  s: {to: wires.3/2.m, at: 3/2, impulse: 1mNs}
+  r: {rhythm: "c4:f a4+50cents", to: wires, at: 0, times: 1}
+"""
+
+
+def test_notes_of_a_tuning_are_explained_in_hertz(session):
+    c4 = 440.0 * 2.0 ** (-23 / 31)
+    expected = {
+        "f: E": c4 * 2.0 ** (10 / 31),
+        "f: C": c4 * 2.0 ** (2 / 31),
+        "[C4, A4": 440.0 * 2.0 ** (50 / 1200),
+        "50cents, 3": 1.5 * c4,
+        "to: wires.3": 1.5 * c4,
+        '"c': c4,
+        '"c4:f a4+50': 440.0 * 2.0 ** (50 / 1200),
+    }
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        for before, hertz in expected.items():
+            assert f"{hertz:.3f} Hz" in await editor.hovered(before), before
+        assert (await editor.hovered("50cents, 3")).endswith("Hz, G4 +11.6 cents")
+        assert "Hz" not in await editor.hovered("{edo")
+        assert (await editor.completed("f: C"))["E4"].detail == f"{expected['f: E']:.2f} Hz"
+
+    session(TUNED, act)
+
+
 def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
     midi_files.save(tmp_path / "tune.mid", [midi_files.meter(0, 6, 8)], midi_files.note(0))
     text = "ergon: 1\ntempo: {from: tune.mid}\nmeter: {from: tune.mid}\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -214,3 +215,45 @@ def test_meter_while_playing(own: Stepped):
     assert own.where.startswith("5|")  # a bar of four beats, then bars of three: beat 13
     own.close()
     assert np.array_equal(own.again(), own.sound)
+
+
+TUNED = """ergon: 1
+tuning: {%s}
+instruments:
+  bars:
+    modules: {m: {CEL: {M: 1g, f: C4, t60: 50ms}}}
+    notes: [%s]
+    out: {SOX: m}
+mix: {route: [{from: bars, to: 1}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("tuning", "notes", "expected"),
+    [
+        (
+            "edo: 31, A4: 415Hz",
+            "C4, 18\\31",
+            "tuning: 31 equal steps to an octave, A4 has 415 Hz, ratios count from C4\n"
+            f"bars: C4 {415 * 2 ** (-23 / 31):.2f} Hz, 18of31 {415 * 2 ** (-5 / 31):.2f} Hz",
+        ),
+        (
+            "scale: own.scl, root: 264.5Hz",
+            "C4, A4, 3/2",
+            "tuning: a scale 'Three' of 3 degrees, key 69 has 440 Hz, ratios count from 264.5Hz\n"
+            "bars: C4 55.00 Hz, A4 440.00 Hz, 3to2 396.75 Hz",
+        ),
+    ],
+)
+def test_tuning_is_shown(tuning, notes, expected, tmp_path):
+    (tmp_path / "own.scl").write_text("Three\n3\n5/4\n3/2\n2/1\n", encoding="utf-8")
+    with closing(Stepped(TUNED % (tuning, notes), tmp_path)) as session:
+        assert "\n".join(session.ok("show tuning").lines) == expected
+        assert expected.partition("\n")[0] in session.ok("show").lines
+        assert session.ok("? tuning").lines == session.ok("show tuning").lines
+
+
+def test_tuning_of_a_score_without_one_is_shown(own: Stepped):
+    (line,) = own.ok("show tuning").lines
+    assert line == "tuning: 12 equal steps to an octave, A4 has 440 Hz, ratios count from C4"
+    assert not [line for line in own.ok("show").lines if line.startswith("tuning")]

@@ -221,7 +221,7 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("b2 = bel", "is not an instrument or a file"),
         ("b2 = nothing/bell", "names no file 'nothing'"),
         ("b2 = bell/nothing", "has no 'nothing'"),
-        ("b2 = bell transpose 7", "is not an interval such as 7st, -14cents or x1.5"),
+        ("b2 = bell transpose 7", "is not an interval such as 7st, -14cents or 3/2"),
         ("b2 = bell f", "'f' is not a field"),
         ("b2 = gong/plate f=2kg", "'kg'"),
         ("link k1 bell.q BUT K=1kN/m", "nothing is called 'bell.q'"),

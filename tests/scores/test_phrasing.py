@@ -268,7 +268,7 @@ def test_walk_without_do():
         ("roll 8 0", (7, 1), "a factor from 1/1000", None),
         ("grace 0 1st", (6, 1), "a share of a cycle", None),
         ("grace 20ms", (6, 4), "a share of a cycle", None),
-        ("grace 1/8 0.5", (10, 3), "an interval in semitones", None),
+        ("grace 1/8 0.5", (10, 3), "an interval such as -5st", None),
         ("arp", (0, 3), "'arp' needs an order of notes", None),
         ("arp upp", (4, 3), "'upp' is not an order of notes", "up"),
         ('arp "up"', (4, 4), "is not an order of notes", "up"),

@@ -26,6 +26,10 @@ RATE = 44100
 NINETEEN = "! 19.scl\n!\n19 equal steps\n 19\n" + "".join(
     f" {1200 * step / 19:.9f}\n" for step in range(1, 20)
 )
+WHITE = "white\n7\n9/8\n5/4\n4/3\n3/2\n5/3\n15/8\n2/1\n"
+# White keys from middle C, which has 264 Hz; black keys have no pitch.
+WHITE_KEYS = "12\n0\n127\n60\n60\n264.0\n7\n" + "0 x 1 x 2 3 x 4 x 5 x 6".replace(" ", "\n")
+SCALES = {"19.scl": NINETEEN, "white.scl": WHITE, "white.kbm": WHITE_KEYS}
 CELLS = """ergon: 1
 title: Cells
 tuning: {%s}
@@ -38,6 +42,11 @@ strikes:
 %s
 render: {tail: 1s}
 """
+
+
+def write_scales(folder: Path) -> None:
+    for name, text in SCALES.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def score(tuning: str, words: list[str]) -> str:
@@ -74,6 +83,11 @@ JUST = ["1/1", "9/8", "5/4", "4/3", "3/2", "5/3", "15/8", "2/1"]
 KEYS_OF_19 = ["C4", "C#4", "G4", "A4", "B5"]
 SOUNDS = [
     ("scale: 19.scl", KEYS_OF_19, [440.0 * 2 ** ((key - 69) / 19) for key in (60, 61, 67, 69, 83)]),
+    (
+        "scale: white.scl, keys: white.kbm",
+        ["C4", "D4", "A4", "B3", "E5+14cents"],
+        [264.0 * r for r in (1.0, 9 / 8, 5 / 3, 15 / 16, 2.5 * 2 ** (14 / 1200))],
+    ),
     ("root: 264Hz", JUST, [264.0 * eval(word) for word in JUST]),
     ("A4: 415Hz", ["A4", "C4", "Bb3"], [415.0 * 2 ** (step / 12) for step in (0, -9, -11)]),
     (
@@ -91,20 +105,21 @@ SOUNDS = [
 
 @pytest.mark.parametrize(("tuning", "words", "expected"), SOUNDS, ids=[case[0] for case in SOUNDS])
 def test_session_sounds_as_closed_form_and_as_its_journal(tuning, words, expected, tmp_path):
-    (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
+    write_scales(tmp_path)
     with closing(Stepped(score(tuning, words), tmp_path)) as session:
         session.ok("play")
         session.run(len(words) + 1)
     sound = np.concatenate(session._sound)
     heights = pitches(sound[:, 0], len(words))
     assert np.abs(cents(heights, expected)).max() < 0.05
-    (tmp_path / "19.scl").unlink()  # the journal has what it needs
+    for name in SCALES:  # the journal has what it needs
+        (tmp_path / name).unlink()
     assert np.array_equal(session.again(), sound)
 
 
 @pytest.mark.parametrize(("tuning", "words", "expected"), SOUNDS, ids=[case[0] for case in SOUNDS])
 def test_render_sounds_as_closed_form(tuning, words, expected, tmp_path):
-    (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
+    write_scales(tmp_path)
     stage = prepare(checked(score(tuning, words), tmp_path).piece)
     plan = _core.Plan(stage.network, stage.timeline)
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)

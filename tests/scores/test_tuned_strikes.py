@@ -26,6 +26,7 @@ instruments:
 %s
 mix: {channels: 1, route: [{from: bars, to: 1}]}
 """
+NINETEEN = "nineteen\n19\n" + "".join(f"{1200 * step / 19:.9f}\n" for step in range(1, 20))
 
 
 def loaded(folder: Path, tuning: str, notes: str, more: str):
@@ -69,6 +70,44 @@ def test_same_rhythm_in_two_tunings_of_one_process(tmp_path):
     seventeen = loaded(tmp_path, "edo: 17", "C#4, Db4", rhythm)
     assert parts(nineteen, "r") == ["bars.C#4", "bars.Db4"]
     assert parts(seventeen, "r") == ["bars.Db4", "bars.C#4"]
+
+
+# Of nineteen keys to the octave; a fifth of 3/2 is no key.
+MOVED = [
+    ("edo: 12", "transpose 7st", "C4 G4", "bars.G4"),
+    ("edo: 12", "transpose 50cents", "C4 C4+50cents", "bars.C4+50cents"),
+    ("edo: 12", "transpose 50cents, transpose 50cents", "C4 C4+50cents C#4", "bars.C#4"),
+    ("edo: 12", "transpose 386.3cents", "C4 C4+386.3cents", "bars.C4+386_3cents"),
+    ("edo: 12", "transpose 3/2", "C4 3/2", "bars.3to2"),
+    ("edo: 12", "transpose x0.5", "C4 C3", "bars.C3"),
+    ("edo: 12", "transpose 100cents", "C4 C#4", "bars.C#4"),
+    ("edo: 31", "transpose 1200cents", "C4 C5", "bars.C5"),
+    ("scale: 19.scl", "transpose 7st", "C4 G4 C4+700cents", "bars.G4"),
+    ("scale: 19.scl", "transpose 700cents", "C4 G4 C4+700cents", "bars.C4+700cents"),
+    ("scale: 19.scl", "transpose 2/1", "C4 C5 G5", "bars.G5"),
+    ("scale: 19.scl", "grace 1/8 7st", "C4 G4", "bars.G4"),
+]
+
+
+@pytest.mark.parametrize(("tuning", "do", "notes", "expected"), MOVED)
+def test_rhythms_move_by_keys_cents_and_ratios(tuning, do, notes, expected, tmp_path):
+    (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
+    fields = f'rhythm: "~ c4", do: "{do}", to: bars, at: 0, times: 1'
+    piece = loaded(tmp_path, tuning, notes.replace(" ", ", "), f"strikes: {{r: {{{fields}}}}}")
+    assert parts(piece, "r")[0] == expected
+
+
+@pytest.mark.parametrize(
+    ("tuning", "do", "notes", "expected"),
+    [case for case in MOVED if case[1].count("transpose") == 1],
+)
+def test_phrases_move_as_rhythms_do(tuning, do, notes, expected, tmp_path):
+    (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
+    interval = do.removeprefix("transpose ")
+    more = f"""phrases: {{p: {{to: bars, entries: "0 C4 f"}}}}
+strikes: {{r: {{play: p, at: 0, transpose: {interval}}}}}"""
+    piece = loaded(tmp_path, tuning, notes.replace(" ", ", "), more)
+    assert parts(piece, "r") == [expected]
 
 
 def test_patterns_of_scales_and_pitches_become_rhythms(tmp_path):

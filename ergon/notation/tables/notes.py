@@ -55,6 +55,7 @@ _SHARP = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _FLAT = ("C", "Db", "D", "Eb", "E", "F", "Gb", "G", "Ab", "A", "Bb", "B")
 _USUAL = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
 _WORD = re.compile(r"\S+")
+_WITH_CENTS = re.compile(r"([A-G][^+\d-]*-?\d)(?:([+-][\d_]+)cents?)?")
 _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
 
 
@@ -112,21 +113,21 @@ def step(text: str) -> float | None:
 
 
 def moved(word: str, semitones: float) -> str:
-    """The word of a pitch moved by semitones; whole ones are keys, where notes are keys. Raises
-    TextError.
+    """The word of a pitch moved by semitones; an integer of them is keys, where notes are keys.
+    Raises TextError.
     """
-    key = number(word) if tuning.current().has_keys else None
-    if key is not None and float(semitones).is_integer():
-        return name(key + int(semitones))
-    match = re.fullmatch(r"(.+\d)([+-][\d_]+)cents?|([A-G].*\d)", word)
+    match = _WITH_CENTS.fullmatch(word)
     if match is None:
         return tuning.hertz_word(q.frequency(word) * _core.pow(2.0, semitones / 12.0))
-    cents = 100.0 * semitones + float((match[2] or "0").replace("_", "."))
-    return (
-        tuning.spelled(f"{match[1] or match[3]}{cents:+.10g}cents")
-        if cents
-        else str(match[1] or match[3])
-    )
+    note, cents = match[1], float((match[2] or "0").replace("_", "."))
+    tuned, key = tuning.current(), number(note)
+    is_keys = isinstance(semitones, int) or (tuned.scale is None and semitones.is_integer())
+    if tuned.has_keys and key is not None and is_keys:
+        note = name(key + int(semitones))
+    else:
+        cents += 100.0 * semitones
+    cents = round(cents, 6)
+    return tuning.spelled(f"{note}{cents:+.10g}cents") if cents else note
 
 
 def chord(root: str, scale: str) -> list[str]:

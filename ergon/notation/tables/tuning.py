@@ -85,6 +85,17 @@ class Tuning:
         """Whether notes are those of equal temperament with A4 = 440 Hz."""
         return self.scale is None and self.edo == 12 and self.a4 == 440.0
 
+    def words(self) -> str:
+        """The tuning in words."""
+        if self.scale is None:
+            text = f"{self.edo} equal steps to an octave, A4 has {self.a4:g} Hz"
+        else:
+            title = f" {quote(self.scale.title)}" if self.scale.title else ""
+            degrees = len(self.scale.ratios)
+            text = f"a scale{title} of {degrees} degree{'s' if degrees > 1 else ''}, key "
+            text += f"{self.keys.reference} has {self.keys.frequency:g} Hz"
+        return f"{text}, ratios count from {self.root.replace('_', '.')}"
+
     def hertz(self, word: str) -> float | None:
         """The frequency [Hz] of a pitch by its word; None if the word is none. Raises TextError
         for a key without a pitch.

@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from ergon.notation.tables import tuning
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.notes import Notes, nearest_note
 from ergon.notation.tables.shapes import Reference, Shape, Text
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import TextError
@@ -34,6 +36,11 @@ class Completion:
 
 def completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
     """Words that may be written at a character of a score."""
+    with tuning.used(known.tuning):
+        return _completions(text, index, file, known)
+
+
+def _completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
     number = _number_before(text, index)
     found: dict[str, Completion] = {}
     in_text = cursors.cursor_at(file, index)
@@ -105,6 +112,11 @@ def _number_before(text: str, index: int) -> str:
 
 def explanation(index: int, file: Document, known: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
+    with tuning.used(known.tuning):
+        return _explanation(index, file, known)
+
+
+def _explanation(index: int, file: Document, known: Catalogue) -> str | None:
     cursor = cursors.cursor_at(file, index)
     if cursor is None:
         return None
@@ -115,15 +127,39 @@ def explanation(index: int, file: Document, known: Catalogue) -> str | None:
             return f"**{cursor.node.text}**: {_shape_text(cursor.table.kinds[cursor.node.text])}"
     elif cursor.shape is k.PITCH:
         try:
-            return f"{frequency_of(cursor.node.text):.3f} Hz"
+            return _hertz_text(frequency_of(cursor.node.text))
         except TextError:
             return None
     found = definition(index, file, known)
-    if found is None:
-        return None
+    heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
+    if found is None or heights is not None:
+        return heights
     line = file.line(found.place.line).strip() if found.place.file == file.file else ""
     source = f"\n```yaml\n{line}\n```" if line else f" of {found.place.file}"
     return f"{found.noun} **{found.name}**{source}"
+
+
+def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
+    """The frequency of the pitch under a character; None if there is none. Fractions are ratios
+    only in lists of notes and in names, for elsewhere they are times.
+    """
+    word = cursors.pitch_at(text, index)
+    is_notes = cursor.field is not None and isinstance(cursor.field.shape, Notes)
+    is_sure = is_notes or isinstance(cursor.shape, Reference)
+    if word is None or not (is_sure or word[:1].isalpha() or word.endswith("Hz")):
+        return None
+    try:
+        return f"**{word}**: {_hertz_text(frequency_of(word))}"
+    except TextError:
+        return None
+
+
+def _hertz_text(frequency: float) -> str:
+    """A frequency, and how far it is from the next note of equal temperament."""
+    if frequency <= 0.0:
+        return f"{frequency:.3f} Hz"
+    note, cents = nearest_note(frequency)
+    return f"{frequency:.3f} Hz, {note}" + (f" {cents:+.1f} cents" if abs(cents) >= 0.05 else "")
 
 
 def definition(index: int, file: Document, known: Catalogue) -> Definition | None:

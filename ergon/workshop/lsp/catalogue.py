@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text import document
 from ergon.notation.text.values import Place
 from ergon.scores.reading.load import Loaded
@@ -30,6 +31,7 @@ class Catalogue:
     """Definitions by section and name; those of `modules` are written `instrument.module`."""
 
     sections: Mapping[str, Mapping[str, Definition]] = field(default_factory=dict)
+    tuning: Tuning | None = None  # of the notes of the score
 
     def definitions_in(self, *sections: str) -> list[Definition]:
         """All definitions of some sections, in their order."""
@@ -72,7 +74,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
                 if isinstance(one, Values):
                     full = f"{name}.{module}"
                     sections[MODULES][full] = Definition(full, one.kind or "module", one.place)
-    return Catalogue(sections)
+    return Catalogue(sections, names.tuning)
 
 
 def _place(values: object, brought: Place | None, names: Names) -> Place:

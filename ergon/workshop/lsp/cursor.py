@@ -7,7 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.notes import word_of
 from ergon.notation.tables.shapes import Shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar
@@ -17,6 +19,7 @@ from ergon.scores.reading.sections import SCORE
 _T = TypeVar("_T")
 WORD = re.compile(r"[\w.#/-]*")
 _WORD_BEFORE = re.compile(r"[\w.#/-]*$")
+_PITCHES = re.compile(r"(?:[\w#♯♭+/\\-]|\.(?!\.))+")  # words that may be pitches, or have them
 # Stands for text that is not written yet; no score has such a name.
 _PLACEHOLDER = "erg0n-placeh0lder"
 _WORD_MAX = 200  # characters of a word
@@ -125,6 +128,19 @@ def word_before(text: str, index: int) -> str:
     """The part of a word that is written before a character."""
     match = _WORD_BEFORE.search(text, max(0, index - _WORD_MAX), index)
     return match.group() if match else ""
+
+
+def pitch_at(text: str, index: int) -> str | None:
+    """The pitch round a character, as members are called by it: `A4+50cents`, `c4` of `c4.min`,
+    `3to2` of `wires.3/2.m`; None if there is none.
+    """
+    begin = text.rfind("\n", 0, index) + 1
+    for match in _PITCHES.finditer(text, begin, min(len(text), index + _WORD_MAX)):
+        if match.start() <= index <= match.end():
+            for word in tuning.spelled(match[0].strip(".")).split("."):
+                if (pitch := word_of(word[:1].upper() + word[1:])) is not None:
+                    return pitch
+    return None
 
 
 def word_at(text: str, index: int) -> str:

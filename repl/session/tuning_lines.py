@@ -1,0 +1,32 @@
+"""The output of `show tuning`: which frequencies notes have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ergon.notation.tables import tuning
+from ergon.notation.text.errors import TextError
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.piece import Piece
+
+_SHOWN = 24  # notes of an instrument
+
+
+def tuning_lines(piece: Piece) -> Iterator[str]:
+    """The tuning of a piece, and the frequencies of the notes of its instruments."""
+    tuned = piece.tuning or tuning.PLAIN
+    yield f"tuning: {tuned.words()}"
+    for name, members in piece.families.items():
+        words = [member.rpartition(".")[2] for member in members]
+        shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_SHOWN]]
+        more = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []
+        yield f"{name}: {', '.join([*shown, *more])}"
+
+
+def _hertz(tuned: tuning.Tuning, word: str) -> str:
+    try:
+        return f"{tuned.hertz(word) or 0.0:.2f} Hz"
+    except TextError:  # a key that the tuning leaves out
+        return "without a pitch"
