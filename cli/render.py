@@ -45,6 +45,10 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
     help="Also write one file for each player or instrument, into this folder.",
 )
 @click.option(
+    "--only", metavar="NAME[,NAME]", help="Hear these instruments alone; all others move, silent."
+)
+@click.option("--except", "except_", metavar="NAME[,NAME]", help="Hear all instruments but these.")
+@click.option(
     "--channels",
     type=click.IntRange(1, CHANNELS_MAX),
     help="Channels of the file; with n, channel c of the piece goes to channel c modulo n.",

@@ -15,6 +15,7 @@ from ergon.exchange.sound import check_ending
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 from . import score as scores
+from .chosen_routes import choose_routes
 from .errors import OptionError
 from .layouts import chunks_of_layout
 from .options import AccuracyOptions
@@ -44,8 +45,9 @@ class RenderOptions(AccuracyOptions):
     `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
     "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16,
     24 or "float") decide the level too: "float" is in SI units if the score gives no level, and
-    is not high-passed. `hands` is the file of a recording of live hands, `input` the WAVE file
-    that inputs heard. `on` names processes that compute islands: "local:N", or the Dask
+    is not high-passed. `only` and `except_` are instruments, with commas between them, whose routes
+    alone are heard, or are not. `hands` is the file of a recording of live hands, `input` the WAVE
+    file that inputs heard. `on` names processes that compute islands: "local:N", or the Dask
     scheduler "tcp://HOST:PORT". `threads` is the number of threads and `block` the number of
     frames computed at once; these three change no sample.
     """
@@ -57,6 +59,8 @@ class RenderOptions(AccuracyOptions):
     rate: float | None = None
     hands: Path | str | None = None
     input: Path | str | None = None
+    only: str | None = None
+    except_: str | None = None
     on: str | None = None
     threads: int = THREADS
     block: int = 4096
@@ -183,7 +187,8 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     if options.on is not None:
         check_shared(options)
     recorded = _recorded(loaded, options, report)
-    loaded = _with_inputs(loaded, options)
+    loaded, complete = _with_inputs(loaded, options), loaded.piece
+    loaded = choose_routes(loaded, options.only, options.except_)
     staged = scores.stage_piece(
         loaded,
         options,
@@ -192,6 +197,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         threads=options.threads,
         real=None if recorded is None else recorded.hands,
         is_seen=file.see is not None,
+        complete=complete,
     )
     job = job_of(staged.piece, staged.stage, target, options)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
@@ -233,6 +239,8 @@ def check_shared(options: RenderOptions) -> None:
         "hands": options.hands is not None,
         "input": options.input is not None,
         "motion": is_motion,
+        "only": options.only is not None,
+        "except_": options.except_ is not None,
         "trust": options.trust,
     }
     for name, is_given in excluded.items():

@@ -20,6 +20,8 @@ _DECIDED = (
     "from_",
     "to",
     "stems",
+    "only",
+    "except_",
     "channels",
     "seed",
     "rate",

@@ -84,9 +84,11 @@ def stage_piece(
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     is_seen: bool = False,
+    complete: Piece | None = None,
 ) -> Staged:
     """Stage a piece, and report the diagnostics of the engine.
 
+    Unused instruments are reported of the `complete` piece, if `loaded` has some of its routes.
     `options` say how it is planned; without them every module is stepped as written, or planned
     if the engine refuses that. With `is_seen` a plan also computes parts that nobody hears.
     Raises ScoreError and OptionError.
@@ -131,7 +133,11 @@ def stage_piece(
     plan_s = time.perf_counter() - start
     if options is not None and options.draft and staged.plan is not None:
         (report or Report()).say(draft_error(staged.plan))
-    show(report, loaded, [*warn_unused(piece), *warn_implausible(played), *staged.diagnostics])
+    show(
+        report,
+        loaded,
+        [*warn_unused(complete or piece), *warn_implausible(played), *staged.diagnostics],
+    )
     return Staged(piece, staged, plan_s)
 
 

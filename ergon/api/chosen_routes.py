@@ -1,0 +1,54 @@
+"""Some of the instruments of a score, as their routes are heard."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from . import score as scores
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece, Route
+
+
+def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Loaded:
+    """The score with the routes of some instruments alone, or without those of some.
+
+    `only` and `except_` are names of instruments, with commas between them; all notes of an
+    instrument are meant by its name. Everything moves as in the piece. Raises OptionError.
+    """
+    if only is None and except_ is None:
+        return loaded
+    if only is not None and except_ is not None:
+        raise OptionError("only", "; leave one of the two out", excludes="except_")
+    option, text = ("only", only) if only is not None else ("except_", except_ or "")
+    piece = scores.piece_of(loaded)
+    if not piece.mix.routes:
+        raise OptionError(option, "the score has no routes; write them in `mix`, or use --stems")
+    names = [name.strip() for name in text.split(",")]
+    _check(piece, option, names)
+    routes = tuple(
+        route for route in piece.mix.routes if _is_from(piece, route, names) == (option == "only")
+    )
+    if not routes:
+        raise OptionError(option, "no instrument is left that is heard", value=text)
+    return replace(loaded, piece=replace(piece, mix=replace(piece.mix, routes=routes)))
+
+
+def _is_from(piece: Piece, route: Route, names: Collection[str]) -> bool:
+    families = piece.note_families()
+    return route.part in names or families.get(str(route.part), "") in names
+
+
+def _check(piece: Piece, option: str, names: Collection[str]) -> None:
+    from ergon.notation.text.spelling import nearest
+
+    known = [*piece.instruments, *piece.families]
+    for name in names:
+        if name not in known:
+            near = nearest(name, known)
+            advice = f"; did you mean {near}?" if near else f"; the instruments: {', '.join(known)}"
+            raise OptionError(option, f"no instrument is called so{advice}", value=name)
