@@ -9,7 +9,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.exchange.sound import SUFFIXES
+from ergon.common.sound_files import SUFFIXES
 
 from . import options
 from .console import Console, plural

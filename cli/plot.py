@@ -10,7 +10,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.exchange.sound import SUFFIXES
+from ergon.common.sound_files import SUFFIXES
 
 from . import options
 from .console import Console
@@ -65,7 +65,13 @@ def plot(
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     if name is None:
-        raise Refused(f"say what is to be drawn: {_known(score.piece_of(loaded))}")
+        known = _known(score.piece_of(loaded))
+        if not known:
+            raise Refused(
+                f"{score_path} has no gesture, take or player, which `ergon plot` draws; its sound "
+                f"is drawn from a file: `ergon render {score_path}`, then `ergon plot` of that file"
+            )
+        raise Refused(f"say what is to be drawn: {known}")
     curves, title = _curves(console, loaded, name, key)
     if console.json:
         for curve in curves:

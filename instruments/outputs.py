@@ -21,6 +21,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
+from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 
 
@@ -94,6 +95,11 @@ class Outputs(Shape):
             bare = Context(context.collector, f"out of {context.owner}", "", node.place)
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
+        for word, (key, child) in node.entries.items():
+            if not isinstance(child, document.Mapping) and word.isupper():
+                message = f"unknown output {quote(word)} of {context.owner}"
+                context.error("E101", message, key.place, word=word, names=tuple(_LISTENERS))
+                return MISSING
         named = _NAMED.read(node, name, context)
         if named is MISSING:
             return MISSING

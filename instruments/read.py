@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from itertools import chain
@@ -159,6 +159,10 @@ class InstrumentShape(Shape):
         """In words."""
         return self.forms["si"].words()
 
+    def field_names(self) -> Collection[str]:
+        """The names of fields of every form."""
+        return self.forms["si"].field_names()
+
     def chosen(self, node: Node) -> Shape:
         """The table of the form in which the node is written."""
         return self.forms[form(node)]
@@ -205,7 +209,7 @@ def whole(kind: str, values: Values, axes: int = 1) -> bool:
     table = tables["space" if axes > 1 else "ca" if is_more else "si"]
     required = [field for field in table.fields if field.required]
     for field in required:
-        if field.name not in values.nodes:
+        if field.name not in values.nodes and field.name not in values.misspelt:
             message = f"{values.context.of('')} has no '{field.name}': {field.shape.words()}"
             values.context.error("E103", message, values.place)
     return all(field.name in values.given for field in required)

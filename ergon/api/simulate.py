@@ -104,5 +104,12 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
             f"{-1e3 * one.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
         )
         help = "make the gap smaller by more than that, or the movement larger"
+        if one.deepest_swapped > 0.0:
+            part = contact.whole.rpartition(".")[0]
+            ends = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
+            help = (
+                f"its ends may be swapped: as `between: [{', '.join(ends)}]` it closes, "
+                f"{1e3 * one.deepest_swapped:.3g} mm deep in this motion; or {help}"
+            )
         found.append(Diagnostic("W320", message, contact.module.place, None, help))
     return found

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
+
+from ergon.common.sound_files import FLAC, WAVE, with_ending, wrong_ending
 
 from . import flac, wave
 from .safe import FileRefusedError
@@ -15,20 +16,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-WAVE, FLAC = ".wav", ".flac"
-SUFFIXES = (WAVE, FLAC)
 _RATES = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with the rate
 
 
 def check_ending(target: str) -> None:
     """Raise FileRefusedError if the ending of a name is not that of a sound file."""
-    path = Path(target)
-    if path.suffix.lower() not in SUFFIXES and target != "-" and not _is_device(path):
-        end = f"ends in {path.suffix}" if path.suffix else "has no ending"
-        raise FileRefusedError(
-            f"{target} {end}, but sound files end in {' or '.join(SUFFIXES)}; "
-            f"write {path.with_suffix(WAVE)}"
-        )
+    if (wrong := wrong_ending(target)) is not None:
+        raise FileRefusedError(f"{wrong}; write {with_ending(target)}")
 
 
 def check_format(target: str, format: WaveFormat) -> None:
@@ -41,15 +35,6 @@ def check_format(target: str, format: WaveFormat) -> None:
 def suffix_of(target: str) -> str:
     """The ending of files of the same kind as a target."""
     return FLAC if _is_flac(Path(target)) else WAVE
-
-
-def _is_device(path: Path) -> bool:
-    """Whether the name is that of a device or a pipe."""
-    try:
-        mode = path.stat().st_mode
-    except OSError:
-        return False
-    return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode)
 
 
 def writer(

@@ -9,9 +9,9 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from ergon.common.sound_files import WAVE
 from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
 from ergon.exchange.safe import check_target, file_group
-from ergon.exchange.sound import WAVE
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
 

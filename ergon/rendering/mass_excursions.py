@@ -34,7 +34,8 @@ class ContactClosings:
     """How often a contact closed, from frame `first` to `last`, and its deepest penetration [m].
 
     If it never closed the penetration is negative: its size is the least distance, at frame
-    `deepest_at`.
+    `deepest_at`. `deepest_swapped` is the deepest penetration [m] that the same motion has where
+    the ends of the contact are swapped.
     """
 
     contact: Contact
@@ -44,6 +45,7 @@ class ContactClosings:
     deepest: float = -inf
     deepest_at: int = 0
     is_closed: bool = False
+    deepest_swapped: float = -inf
 
     def take(self, frames: NDArray[np.float64], at: int) -> None:
         """Go on with positions (n_frames, n_points) from frame `at` on."""
@@ -54,6 +56,7 @@ class ContactClosings:
         apart = frames[:, contact.b.output] - frames[:, contact.a.output]
         gap = fields["gap"]
         depth = -apart - gap if fields["side"] == "below" else apart - gap
+        self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)
         closed = depth > 0
         begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))
         if begins.size and self.first is None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+from ergon.common.sound_files import with_ending, wrong_ending
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
@@ -421,6 +422,8 @@ def mix(values: Values | None, files: Files) -> Mix:
         room = layout(values["layout"], folder, values.place_of("layout"), files)
     routes = tuple(_route(route) for route in values["route"] or ())
     rooms = mixing.rooms(values["rooms"])
+    refused = {*(values["rooms"] or {})} - {each.name for each in rooms}
+    routes = tuple(_without_sends(route, refused) for route in routes)
     heard = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest = max(map(max, heard), default=0)
     speakers = len(room.speakers) if room else 0
@@ -459,6 +462,11 @@ def mix(values: Values | None, files: Files) -> Mix:
             bool(m.written("gain", "normalise")),
         )
     return Mix(channels, room, routes, master_of_mix, values.place, rooms)
+
+
+def _without_sends(route: Route, refused: set[str]) -> Route:
+    """A route without what it sends to rooms that were refused: they are not missing too."""
+    return replace(route, sends=tuple(send for send in route.sends if send[0] not in refused))
 
 
 def _route(values: Values) -> Route:
@@ -500,6 +508,9 @@ def render(values: Values | None, files: Files) -> RenderSpec:
         return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
-        files.target(values["file"], folder, place, f"{values.context.of('file')}: ")
+        who = f"{values.context.of('file')}: "
+        files.target(values["file"], folder, place, who)
+        if (wrong := wrong_ending(values["file"])) is not None:
+            values.error("E201", f"{who}{wrong}", "file", suggestion=with_ending(values["file"]))
     bits = _BITS[values["bits"]]
     return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

@@ -18,7 +18,7 @@ from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import pitch
-from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
 from ergon.notation.text.syntax import Decoder, decode
@@ -98,6 +98,8 @@ class PartsReader:
         axes, acts = 1, {}
         if isinstance(part_object, Instrument):
             axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
+        if values.written("out") and "out" not in values.given:
+            self._part_names.broken.add(name)
         self._part_names.parts[name] = Part(
             name, modules, struck, entry.prefix, broken, selves, axes, acts
         )
@@ -146,7 +148,9 @@ class PartsReader:
             reason = "its modules have no named pitch; write `f`, at which they are written"
             if values.kind == "BANK":
                 reason = "a BANK has pitches of its own"
-            values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
+            # A field that was refused, which is reported already, may have said it.
+            if not (self._collector.has_errors() and _is_refused(values)):
+                values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
             self._part_names.broken.add(name)
             return
         self._part_names.families[name] = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
@@ -349,3 +353,11 @@ def _bodies(values: Values) -> dict[str, Values]:
     if values.kind and isinstance(values.given.get(values.kind), Values):
         bodies[""] = values.given[values.kind]
     return bodies
+
+
+def _is_refused(value: Any) -> bool:
+    """Whether a value that was read, or one in it, was refused."""
+    if isinstance(value, Values):
+        lacks = len(value.given) < len(value.nodes)
+        return lacks or any(map(_is_refused, value.given.values()))
+    return value is MISSING or (isinstance(value, dict) and any(map(_is_refused, value.values())))

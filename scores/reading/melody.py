@@ -19,6 +19,7 @@ from ergon.notation.tables.expressions import (
     note_of,
 )
 from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.quantities import note_slip
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
@@ -378,7 +379,12 @@ class NoteTargets:
 
     def _names(self, word: Name, before: Name, who: str) -> list[Name]:
         if notes.word_of(word) is None:
-            return [word]
+            slip = note_slip(word) if self.to else None
+            if slip is None or word.partition(".")[0] in self.part_names.parts:
+                return [word]
+            message = f"{who}: {slip.message}"
+            self.part_names.collector.error("E201", message, word.place, suggestion=slip.suggestion)
+            return []
         if not self.to:
             message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
             self.part_names.collector.error("E103", message, word.place)

@@ -55,6 +55,8 @@ def _route(
             part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
     names = tuple(output.name for output in instrument.outputs)
+    if part in part_names.broken:
+        return None
     if not names or (out is not None and out not in names):
         message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
         known = tuple(f"{part}.{name}" for name in names if name)

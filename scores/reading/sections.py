@@ -5,6 +5,7 @@ The checker, the JSON Schema, the reference and the language server use these ta
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -194,6 +195,17 @@ class StrikesDo(Shape):
 
 
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
+_MUTE = (
+    "an instrument is silent without its route, or with `gain: x0` there; at the prompt "
+    "`mute bell` and `solo bell`"
+)
+_MUTE_STRIKES = (
+    "to leave strikes out, put '#' before their lines; at the prompt `mute NAME` and `solo NAME`"
+)
+_PEDAL = (
+    "a score has no pedal: strokes of a rhythm last as `do: legato 1` says, notes of a MIDI file "
+    "until its pedal (controller 64) comes up, and other strokes have no end"
+)
 STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
@@ -228,6 +240,7 @@ STRIKES = Record(
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
     meant={"repeat": "times"},
+    elsewhere={"pedal": _PEDAL, "sustain": _PEDAL, "mute": _MUTE_STRIKES, "solo": _MUTE_STRIKES},
 )
 PHRASE = Record(
     "phrase",
@@ -267,6 +280,10 @@ class MelodyShape(Shape):
     def words(self) -> str:
         """In words."""
         return f"{self.record.words()}, or its entries alone"
+
+    def field_names(self) -> Collection[str]:
+        """The names of fields of the record."""
+        return self.record.field_names()
 
     def chosen(self, node: Node) -> Shape:
         """The record, unless the node is its entries alone."""
@@ -326,6 +343,7 @@ TEMPO = Record(
         Field("from", k.PATH, "a MIDI file whose tempos hold, in the first line and alone there"),
     ),
     refused={"link": _LINK},
+    lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
 METERS = Record(
     "meter map",
@@ -364,6 +382,7 @@ ROUTE = Record(
         Field("fade", mixing.FADE, "levels at positions of the piece"),
         Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
     ),
+    elsewhere={"mute": _MUTE, "solo": _MUTE},
 )
 MASTER = Record(
     "master",
@@ -401,6 +420,7 @@ RENDER = Record(
         Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
+    lone={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
 )
 RATES = Record(
     "rates",
@@ -415,6 +435,7 @@ RATES = Record(
             shown="audio",
         ),
     ),
+    lone={"audio": r"(\d+(?:\.\d+)? *k?Hz)"},
 )
 ACCURACY = Record(
     "accuracy",
@@ -584,6 +605,7 @@ SCORE = Record(
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
     refused={"link": _LINK},
+    elsewhere={"mute": _MUTE, "solo": _MUTE, "pedal": _PEDAL},
     foreign={
         **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
         **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),

@@ -48,6 +48,11 @@ TUNING = Record(
             shown="C4",
         ),
     ),
+    lone={
+        "edo": r"(\d{1,4})(?: *(?:edo|EDO|tet|TET))?",
+        "A4": r"(\d+(?:\.\d+)? *Hz)",
+        "scale": r"(.+\.scl)",
+    },
     meant={
         "a4": "A4",
         "reference": "A4",

@@ -153,6 +153,30 @@ def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> 
     assert "`ergon check --simulate` says what moves and what touches" in told
 
 
+def test_swapped_ends_of_a_contact_are_named(folder: Path, capsys: Capture) -> None:
+    assert "between: [k1, m]" in SCORE
+    (folder / "swapped.yaml").write_text(SCORE.replace("between: [k1, m]", "between: [m, k1]"))
+    assert app.run(["check", "--simulate", "swapped.yaml"]) == 0
+    message = capsys.readouterr()
+    assert "its ends may be swapped: as `between: [k1, m]` it closes" in message.err
+    deep = re.search(r"it closes, ([\d.]+) mm deep in this motion", message.err)
+    reached = re.search(r"^k1: from .* to ([\d.]+) mm", message.out, re.MULTILINE)
+    assert deep
+    assert reached
+    assert float(deep[1]) + 1.0 == pytest.approx(float(reached[1]), abs=0.05)  # the gap is 1 mm
+    (folder / "far.yaml").write_text(SCORE.replace("gap: 1mm", "gap: 14mm"))
+    assert app.run(["check", "--simulate", "far.yaml"]) == 0
+    assert "swapped" not in capsys.readouterr().err
+
+
+def test_plot_of_a_score_without_gestures_says_what_it_draws(folder: Path, capsys: Capture) -> None:
+    (folder / "still.yaml").write_text("ergon: 1\n")
+    assert app.run(["plot", "still.yaml"]) == 2
+    message = capsys.readouterr().err
+    assert "still.yaml has no gesture, take or player, which `ergon plot` draws" in message
+    assert "`ergon render still.yaml`" in message
+
+
 # --- compile ------------------------------------------------------------------------------------
 
 

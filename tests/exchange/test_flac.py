@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from ergon.common import sound_files
 from ergon.exchange import sound
 from ergon.exchange.flac import FlacWriter
 from ergon.exchange.safe import FileRefusedError
@@ -38,7 +39,7 @@ def _write(path: Path, format: WaveFormat, samples: np.ndarray) -> str:
 def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
     format = WaveFormat(44_100, n_channels, bits)
     samples = _samples(2_345, format)
-    hashes = {_write(tmp_path / f"x{end}", format, samples) for end in sound.SUFFIXES}
+    hashes = {_write(tmp_path / f"x{end}", format, samples) for end in sound_files.SUFFIXES}
     assert len(hashes) == 1
     read, rate = soundfile.read(tmp_path / "x.flac", dtype="int32", always_2d=True)
     assert rate == 44_100
@@ -46,15 +47,17 @@ def test_the_samples_are_those_of_a_wav_file(tmp_path: Path, bits, n_channels):
     flac, wav = (sound.read_info(tmp_path / f"x{end}") for end in (".flac", ".wav"))
     assert (flac.format, flac.n_frames, flac.title) == (wav.format, wav.n_frames, wav.title)
     assert (flac.score, flac.plan) == ("a" * 64, "b" * 64)
-    assert {sound.hash_samples(tmp_path / f"x{end}") for end in sound.SUFFIXES} == hashes
-    blocks = [np.concatenate(list(sound.read_blocks(tmp_path / f"x{e}"))) for e in sound.SUFFIXES]
+    assert {sound.hash_samples(tmp_path / f"x{end}") for end in sound_files.SUFFIXES} == hashes
+    blocks = [
+        np.concatenate(list(sound.read_blocks(tmp_path / f"x{e}"))) for e in sound_files.SUFFIXES
+    ]
     assert np.array_equal(*blocks)
 
 
 def test_a_score_without_a_title_is_written(tmp_path: Path):
     format = WaveFormat(48_000, 1, 24)
     samples = _samples(10, format)
-    for end in sound.SUFFIXES:
+    for end in sound_files.SUFFIXES:
         with (tmp_path / f"x{end}").open("w+b") as file:
             writer = sound.writer(f"x{end}", file, format, 10, Stamp("", "a" * 64, "b" * 64))
             writer.write(samples)

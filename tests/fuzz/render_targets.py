@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from corrupted import corrupted
 
+from ergon.common import sound_files
 from ergon.exchange import frozen, sound, wave
 from ergon.exchange.frozen import NotFrozenError
 from ergon.exchange.wave_header import Bits, NotWaveError, Stamp, WaveFormat, pack
@@ -23,7 +24,7 @@ TAPS = {"bell": (0, 2), "gong": (1,)}
 WORDS = ('"stems":', '"file":', '"outputs":', "[", "]", "{", "}", "null", "true", '"\\u0000"')
 
 
-def _render(format: WaveFormat, suffix: str = sound.WAVE) -> bytes:
+def _render(format: WaveFormat, suffix: str = sound_files.WAVE) -> bytes:
     file = io.BytesIO()
     stamp = Stamp("a bell", "0" * 64, "1" * 64)
     writer = sound.writer(f"render{suffix}", file, format, N_FRAMES, stamp)
@@ -36,9 +37,9 @@ def _render(format: WaveFormat, suffix: str = sound.WAVE) -> bytes:
 
 @cache
 def renders(suffix: str) -> list[bytes]:
-    bits: tuple[Bits, ...] = (16, 24) if suffix == sound.FLAC else (16, 24, "float", "double")
+    bits: tuple[Bits, ...] = (16, 24) if suffix == sound_files.FLAC else (16, 24, "float", "double")
     made = [_render(WaveFormat(44_100, 2, own), suffix) for own in bits]
-    if suffix == sound.WAVE:
+    if suffix == sound_files.WAVE:
         large, samples = WaveFormat(48_000, 3, 24), bytes(N_FRAMES * 9)
         made.append(pack(large, N_FRAMES, Stamp("a bell"), riff_limit=0) + samples)
     return made
@@ -109,7 +110,7 @@ def read_folder(case: dict[str, bytes], folder: Path) -> Iterator[str]:
 TARGETS = (
     *(
         Target(f"render{suffix}", _case(suffix), reader(suffix), (NotWaveError,), 150)
-        for suffix in sound.SUFFIXES
+        for suffix in sound_files.SUFFIXES
     ),
     Target("frozen parts", _folder, read_folder, (NotFrozenError,), 100),
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.exchange import sound
+from ergon.common import sound_files
 from ergon.exchange.frozen import MANIFEST
 from tests.fuzz.harness import Target, fuzz
 from tests.fuzz.model_targets import models, read
@@ -40,7 +40,7 @@ def test_a_reader_answers_or_refuses_for_long(name: str, tmp_path: Path) -> None
 
 
 def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> None:
-    for suffix in sound.SUFFIXES:
+    for suffix in sound_files.SUFFIXES:
         for data in renders(suffix):
             assert next(reader(suffix)(data, tmp_path)) == "a bell"
     manifest, files = frozen_parts()

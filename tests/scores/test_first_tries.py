@@ -258,3 +258,126 @@ strikes: {s: {to: c, at: 0, notes: A3 C4, every: 1/4, times: 60, impulse: 1uNs}}
         stage(piece)
     (error,) = raised.value.diagnostics
     assert (error.code, error.place.line) == ("E105", 3)
+
+
+PLAYED = """\
+ergon: 1
+instruments:
+  vib:
+    modules: {m: {CEL: {M: 2g, f: A3, t60: 2s}}}
+    notes: [C3, E3]
+    play: {strike: {at: m, impulse: 1mNs..4mNs}}
+    out: {SOX: m}
+strikes: {s: {to: vib.C3, at: 0, impulse: 1mNs}}
+mix: {channels: 2, rooms: {hall: {t60: 2s}}, route: [{from: vib, to: 1, send: {hall: -6dB}}]}
+tempo: {bpm: 96}
+render: {file: out.wav}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "code", "words", "suggestion"),
+    [
+        # Clock times: both readings.
+        ("at: 0", "at: 1:30", 8, "E204", "write 90s for 1 min 30 s, or 1|30 for beat 30", "90s"),
+        ("at: 0", "at: 1:02:03", 8, "E204", "is a clock time: write 3723s", "3723s"),
+        (
+            "at: 0",
+            "at: 0, times: 2, every: 0:45",
+            8,
+            "E204",
+            "write a clock time in seconds",
+            "45s",
+        ),
+        ("t60: 2s}}}", "t60: 0:02}}}", 4, "E201", "is a clock time; write it in seconds", "2s"),
+        # Typeset characters.
+        ("2g", "2\u00a0g", 4, "E201", "a no-break space (U+00A0); write a plain space", "2g"),
+        ("M: 2g", "M:\u00a02g", 4, "E101", "unknown field", None),
+        ("vib.C3, at", "vib\u202f.C3, at", 8, "E301", "nothing is called", "vib .C3"),
+        ("at: 0", "at: 0, every: 2\u00a0bars, times: 2", 8, "E204", "a no-break space", "2bars"),
+        (
+            "[C3, E3]",
+            "C3\u2013C4",
+            5,
+            "E201",
+            "an en dash (U+2013); write '..'",
+            "C3..C4",
+        ),
+        ("[C3, E3]", "C3\u2026C4", 5, "E201", "an ellipsis (U+2026); write two points", "C3..C4"),
+        ("impulse: 1mNs}}", "impulse: p\u2026f}}", 8, "E201", "an ellipsis", "p..f"),
+        ("impulse: 1mNs}}", "impulse: 1mNs\u20144mNs}}", 8, "E201", "an em dash", "1mNs..4mNs"),
+        ("-6dB", "\u20136dB", 9, "E201", "'-' for a minus", "-6dB"),
+        # Notes.
+        ("A3", "A", 4, "E201", "'A' has no octave: write A3, A4 or another one", "A4"),
+        ("A3", "bb", 4, "E201", "'bb' has no octave: write Bb3, Bb4", "Bb4"),
+        ("A3", "La", 4, "E201", "'La' has no octave: write A3, A4", "A4"),
+        ("A3", "sol#3", 4, "E201", "G#3, or G#4 where octaves are counted as in France", "G#3"),
+        ("[C3, E3]", "[do3, mi3]", 5, "E201", "'do3' is solfège", "C3"),
+        ("to: vib.C3", "to: vib, rhythm: c e, times: 2", 8, "E201", "'c' has no octave", "C4"),
+        ("to: vib.C3", "to: vib, rhythm: c3 mi3, times: 2", 8, "E201", "is solfège", "E3"),
+        ("to: vib.C3, at: 0", "to: vib, entries: 0 C", 8, "E201", "'C' has no octave", "C4"),
+        # Values where a group is written.
+        ("{bpm: 96}", "96", 10, "E106", "'tempo' is a text", "{bpm: 96}"),
+        ("{bpm: 96}", "96 bpm", 10, "E106", "'tempo' is a text", "{bpm: 96}"),
+        ("{file: out.wav}", "out.wav", 11, "E106", "'render' is a text", "{file: out.wav}"),
+        ("tempo: {bpm: 96}", "tuning: 442Hz", 10, "E106", "is a text", "{A4: 442Hz}"),
+        ("out.wav", "out.mp3", 11, "E201", "out.mp3 ends in .mp3, but sound files", "out.wav"),
+        ("out.wav", "out", 11, "E201", "out has no ending, but sound files", "out.wav"),
+        # What is refused is not missing too.
+        ("t60: 2s}},", "t60: long}},", 9, "E201", "'long' is not a number", None),
+        ("hall: -6dB", "hal: -6dB", 9, "E301", "no room is called 'hal'", "hall"),
+        ("SOX", "SOXX", 7, "E101", "unknown output 'SOXX' of instrument 'vib'", "SOX"),
+    ],
+)
+def test_what_is_typed_is_answered_once_with_what_is_meant(old, new, line, code, words, suggestion):
+    assert old in PLAYED
+    text = PLAYED.replace(old, new, 1)
+    (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
+    assert (error.code, error.place.line, error.suggestion) == (code, line, suggestion)
+    assert words in error.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "help"),
+    [
+        ("impulse: 1mNs}}", "impulse: 1mNs, pedal: down}}", "a score has no pedal: strokes of a"),
+        ("impulse: 1mNs}}", "impulse: 1mNs, mute: true}}", "put '#' before their lines; at the"),
+        ("to: 1,", "to: 1, mute: true,", "`gain: x0` there; at the prompt `mute bell`"),
+        ("tempo:", "mute: [vib]\ntempo:", "an instrument is silent without its route"),
+        ("M: 2g", "M:\u00a02g", "has a no-break space (U+00A0); write a plain space"),
+    ],
+)
+def test_what_has_no_field_is_sent_where_it_is_done(old, new, help):
+    assert old in PLAYED
+    text = PLAYED.replace(old, new, 1)
+    (error,) = [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
+    assert (error.code, error.suggestion) == ("E101", None)
+    assert help in (error.help or "")
+
+
+@pytest.mark.parametrize(
+    ("text", "above", "word", "line"),
+    [
+        ("instruments:\nbell:\n  modules: {}\n", "instruments", "bell", 3),
+        ("instruments:\n  bell:\n  modules:\n    m: {MAS: {M: 1g}}\n", "bell", "modules", 4),
+        ("instruments:\n  bell:\n    modules:\n    m: {MAS: {M: 1g}}\n", "modules", "m", 5),
+        ("mix:\nchannels: 2\nroute: []\n", "mix", "channels", 3),
+        ("mix:\n  route:\n  from: bell\n  to: 1\n", "route", "from", 4),
+        ("strikes:\n  s:\n  to: bell\n  at: 0\n", "s", "to", 4),
+    ],
+)
+def test_lost_indentation_is_one_mistake(text, above, word, line):
+    (error,) = load("s.yaml", text=f"ergon: 1\n{text}").diagnostics
+    assert (error.code, error.place.line) == ("E101", line)
+    assert error.message == f"nothing is written below '{above}', and '{word}' is beside it"
+    assert error.help is not None
+    assert error.help.startswith(f"put two more spaces before '{word}'")
+
+
+@pytest.mark.parametrize(
+    ("text", "suggestion"),
+    [("marks:\ninstrumnts: {}\n", "instruments"), ("marks:\nplayer: {}\n", "players")],
+)
+def test_a_misspelt_section_below_an_empty_one_is_no_lost_indentation(text, suggestion):
+    (error,) = load("s.yaml", text=f"ergon: 1\n{text}").diagnostics
+    assert error.suggestion == suggestion

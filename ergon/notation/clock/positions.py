@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 
 from ergon.notation.text.errors import TextError
-from ergon.notation.text.numbers import NUMBER, UNIT, stripped, time_of
+from ergon.notation.text.numbers import NUMBER, UNIT, clock_time, stripped, time_of
 
 # For each unit: the field of Length that it fills, and the divisor of a value in it. A division
 # rounds once.
@@ -73,11 +73,13 @@ def parse_length(text: str) -> Length:
     word, start = stripped(text)
     match = _ONLY_LENGTH.fullmatch(word)
     if match is None:
+        seconds = clock_time(word)
+        why = "; write a clock time in seconds" if seconds else ""
         raise TextError(
-            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms",
+            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms{why}",
             offset=start,
             length=max(1, len(word)),
-            suggestion=_without_spaces(word),
+            suggestion=seconds or _without_spaces(word),
         )
     return _length(match, 1, start)
 
@@ -110,6 +112,20 @@ def parse_position(text: str) -> Position:
         return Position(plus=length, text=word)
     if match := _MARK.fullmatch(word):
         return Position(mark=match[1], plus=_plus(match, 2, start), text=word)
+    if (seconds := clock_time(word)) is not None:
+        minutes, _, rest = word.rpartition(":")
+        message = f"'{word}' is a clock time: write {seconds}"
+        if minutes.isdigit():
+            message = f"'{word}' may be a clock time or a bar and a beat: write {seconds} for "
+            message += (
+                f"{minutes} min {rest} s, or {minutes}|{rest} for beat {rest} of bar {minutes}"
+            )
+        raise TextError(
+            message,
+            offset=start,
+            length=len(word),
+            suggestion=seconds,
+        )
     raise TextError(
         f"'{word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
         offset=start,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -14,6 +15,9 @@ from ergon.notation.tables.shapes import (
     Context,
     Shape,
     Text,
+    lost_indentation,
+    name_help,
+    report_lost,
     wrong_shape,
 )
 from ergon.notation.text import document
@@ -23,6 +27,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
 
 _NOBODY = (None, None)
+_SHORT = 3  # characters: a shorter name resembles too many others
 _NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
 
 
@@ -119,6 +124,9 @@ class Record(Shape):
     refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
     foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
     meant: Mapping[str, str] = field(default_factory=dict)  # what others call a field: name → field
+    elsewhere: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
+    # Fields that a lone value in place of the group may mean, each by the pattern of its texts.
+    lone: Mapping[str, str] = field(default_factory=dict)
     by_name: dict[str, Field] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -135,14 +143,19 @@ class Record(Shape):
                 line.node.document.let, line.node.document.lets = node.document.let, None
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
-            return wrong_shape(self, node, name, context, f"a group of fields is written: {names}")
+            help = f"a group of fields is written: {names}"
+            return wrong_shape(self, node, name, context, help, self._as_group(node))
         nameless = not context.name and self.noun not in ("score", "module")
         if nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         values = Values(self, node, context)
         is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
         whole = _whole_numbers(entries, context) if is_cut else entries.items()
+        lost = lost_indentation(entries, self._is_lost)
         for word, (key, child) in whole:
+            if lost is not None and word == lost[0]:
+                report_lost(context, *lost, entries[lost[1]][0])
+                return MISSING
             if (known := self.by_name.get(word)) is not None:
                 values.nodes[word] = child
                 if context.memory is None:
@@ -159,6 +172,14 @@ class Record(Shape):
                 self._read_other(values, word, key, child)
         return self.build(values) if self._complete(values) else MISSING
 
+    def _as_group(self, node: Node) -> str | None:
+        """The group that a lone value stands for: `{bpm: 96}`; None if that is not known."""
+        text = node.text.strip() if isinstance(node, Scalar) else ""
+        for name, pattern in self.lone.items():
+            if match := re.fullmatch(pattern, text):
+                return f"{{{name}: {match[1]}}}"
+        return None
+
     def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         if values.kind:
             message = f"{values.context.of('')} has two kinds, {values.kind} and {word}; keep one"
@@ -167,6 +188,16 @@ class Record(Shape):
         values.kind = word
         values.nodes[word] = child
         values.given[word] = self.kinds[word].read(child, word, values.context)
+
+    def _is_lost(self, above: str, word: str) -> bool:
+        """Whether a name, which means nothing here, was to be indented below an empty field."""
+        if above not in self.by_name or self.free is not None or not NAME.fullmatch(word):
+            return False
+        if word in self.by_name[above].shape.field_names():
+            return word not in self.field_names()
+        others = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
+        is_misspelt = len(word) > _SHORT and nearest(word, self.field_names()) is not None
+        return not is_misspelt and word not in self.field_names() and word not in others
 
     def _read_other(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         context = values.context
@@ -192,9 +223,13 @@ class Record(Shape):
                 values.misspelt.add(self.meant[word])
                 context.error("E101", message, key.place, suggestion=self.meant[word])
                 return
+            if word in self.elsewhere:
+                context.error("E101", message, key.place, help=self.elsewhere[word])
+                return
             if near := nearest(word, names):
                 values.misspelt.add(near)
-            help = "put a space after ':'" if ":" in word else None
+            if (help := name_help(word)) is not None:  # name and value in one word
+                values.misspelt.add(word.partition(":")[0])
             context.error("E101", message, key.place, word=word, names=names, help=help)
 
     def _is_free(self, free: Shape, word: str, child: Node) -> bool:
@@ -245,6 +280,10 @@ class Record(Shape):
     def words(self) -> str:
         """In words."""
         return self.noun if self.noun in _NO_ARTICLE else with_article(self.noun)
+
+    def field_names(self) -> Collection[str]:
+        """The names of its fields and kinds."""
+        return (*self.by_name, *self.kinds)
 
     def inner(self, name: str | int) -> Shape | None:
         """The shape of a field, of a kind, or of a free name."""

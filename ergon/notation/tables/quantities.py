@@ -16,7 +16,9 @@ from typing import Literal
 from ergon import _core
 from ergon.notation.tables import tuning
 from ergon.notation.text.errors import TextError, quote, with_article
+from ergon.notation.text.numbers import clock_time
 from ergon.notation.text.spelling import nearest
+from ergon.notation.text.typeset import plain, typeset_character
 
 MAX_TEXT = 64  # characters of one quantity
 MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from overflow when squared
@@ -24,6 +26,9 @@ MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from ov
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d{1,4}))?")
 _FRACTION = re.compile(r"([+-]?\d{1,15})/(\d{1,15})")
 _FOREIGN_NOTE = re.compile(r"([A-Ha-h])(is|es|s|[#♯b♭])?(-?\d)([#♯b♭])?")
+_SYLLABLES = {"do": "C", "ut": "C", "re": "D", "ré": "D", "mi": "E", "fa": "F", "sol": "G"}
+_SYLLABLES |= {"la": "A", "si": "B", "ti": "B"}
+_SOLFEGE = re.compile(rf"({'|'.join(_SYLLABLES)})([#♯b♭]?)(-?\d)?", re.IGNORECASE)
 _FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
 
 Sign = Literal["any", "positive", "not negative"]
@@ -251,10 +256,9 @@ def _trimmed(text: str) -> str:
             length=MAX_TEXT,
             code="E201",
         )
-    if "\u2212" in word:  # typeset minus signs come with copied text
-        message = f"{quote(word)} has a typeset minus sign (U+2212); write '-'"
-        suggestion = word.replace("\u2212", "-")
-        raise TextError(message, length=len(word), suggestion=suggestion, code="E201")
+    if (character := typeset_character(word)) is not None:
+        message = f"{quote(word)} has {character}"
+        raise TextError(message, length=len(word), suggestion=plain(word), code="E201")
     if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
         message = f"{quote(word)} has a character that no number and no unit has"
         raise TextError(message, length=len(word), code="E201")
@@ -265,8 +269,9 @@ def _not_a_number(word: str, dimension: Dimension) -> TextError:
     noun = with_article(dimension.name)
     message = f"{quote(word)} is not a number; {noun} is written like {dimension.example}"
     suggestion = None
-    if re.fullmatch(r"\d+:[\d:.]+", word):
-        message = f"{quote(word)} is a clock time; write seconds (90s), or bar|beat where one fits"
+    if (seconds := clock_time(word)) is not None:
+        message = f"{quote(word)} is a clock time; write it in seconds"
+        suggestion = seconds
     elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):
         message = f"{quote(word)}: write digits without '_' and ',', and '.' as the decimal point"
         suggestion = _plain_digits(word)
@@ -295,8 +300,38 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
         return bounded(value, word, dimension)
     if value is None and word[:1].isalpha():
         message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
-        raise TextError(message, length=len(word), suggestion=_respelled(word), code="E201")
+        raise note_slip(word) or TextError(message, length=len(word), code="E201")
     return quantity(word.replace("_", ".") if value is not None else text, dimension)
+
+
+def note_slip(word: str) -> TextError | None:
+    """What is wrong with a word that means a note: solfège, a letter without an octave, or another
+    spelling; None if it means none.
+    """
+    suggestion = _respelled(word)
+    match = _SOLFEGE.fullmatch(word)
+    letter = None if match is None else _SYLLABLES[match[1].lower()]
+    if match is not None and match[3]:
+        sign, octave = _FOREIGN_SIGNS.get(match[2].lower(), match[2]), int(match[3])
+        suggestion = f"{letter}{sign}{octave}"
+        message = (
+            f"{quote(word)} is solfège, and notes are written by letters: {suggestion}, or "
+            f"{letter}{sign}{octave + 1} where octaves are counted as in France (la3 is A4, 440 Hz)"
+        )
+    elif match is not None or re.fullmatch(r"[A-Ga-g][#b♯♭]?", word):
+        note = (
+            f"{word[0].upper()}{word[1:]}" if letter is None or match is None else letter + match[2]
+        )
+        suggestion = f"{note}4"
+        message = (
+            f"{quote(word)} has no octave: write {note}3, {note}4 or another one; C4 is middle C, "
+            "A4 has 440 Hz"
+        )
+    elif suggestion is not None:
+        message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
+    else:
+        return None
+    return TextError(message, length=len(word), suggestion=suggestion, code="E201")
 
 
 def _respelled(word: str) -> str | None:

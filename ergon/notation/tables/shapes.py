@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 from ergon.notation.tables import expressions
@@ -19,6 +20,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.spelling import nearest
+from ergon.notation.text.typeset import plain, typeset_character
 from ergon.notation.text.values import Place
 from ergon.notation.text.window import is_plain
 
@@ -79,8 +81,13 @@ class Context:
     def text_error(self, error: TextError, node: Scalar, field_name: str) -> None:
         """Report a mistake inside a scalar at its characters; an empty name means the owner."""
         message = f"{self.of(field_name)}: {error.message}"
-        place = node.place_at(error.offset, error.length)
-        self.collector.error(error.code, message, place, suggestion=error.suggestion)
+        place, suggestion = node.place_at(error.offset, error.length), error.suggestion
+        character = None if "(U+" in message else typeset_character(node.text)
+        if character is not None:
+            message += f"; {quote(node.text.strip())} has {character}"
+            is_all = error.length >= len(node.text.strip())
+            suggestion = suggestion or (plain(node.text) if is_all else None)
+        self.collector.error(error.code, message, place, suggestion=suggestion)
 
 
 class Shape(ABC):
@@ -105,6 +112,10 @@ class Shape(ABC):
     def inner(self, name: str | int) -> Shape | None:
         """The shape below a name or an item's number; None where nothing may stand."""
         return None
+
+    def field_names(self) -> Collection[str]:
+        """The names of fields, if it is a table of them."""
+        return ()
 
 
 @dataclass(frozen=True)
@@ -321,6 +332,10 @@ class ListOf(Shape):
         """Items have one shape."""
         return self.item
 
+    def field_names(self) -> Collection[str]:
+        """The names of fields of a lone item."""
+        return self.item.field_names() if self.single else ()
+
 
 @dataclass(frozen=True)
 class Pair(Shape):
@@ -443,7 +458,13 @@ class NamesOf(Shape):
         let = node.document.let
         known = id(self.item), context.name, let
         entries = _Entries(node, self.noun, context.memory)
+        fields = self.item.field_names()
+        lost = lost_indentation(node.entries, lambda _, word: word in fields)
         for word, (key, child) in node.entries.items():
+            if lost is not None and word == lost[0]:
+                report_lost(context, *lost, node.entries[lost[1]][0])
+                result[word] = MISSING
+                break
             if (line := node.lines.get(word)) is not None and known in line.values:
                 result[word] = line.values[known]
                 continue
@@ -453,8 +474,7 @@ class NamesOf(Shape):
             if not NAME.fullmatch(word) or len(word) > MAX_NAME:
                 message = f"{quote(word)} is not a name for a {self.noun}: "
                 message += "a name has letters, digits, '-' and '_', and begins with a letter"
-                help = "put a space after ':'" if ":" in word else None
-                context.error("E110", message, key.place, help=help)
+                context.error("E110", message, key.place, help=name_help(word))
                 continue
             inner = context.inside(self.noun, word, key.place)
             if line is not None:
@@ -501,8 +521,41 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+def lost_indentation(
+    entries: Mapping[str, tuple[Scalar, Node]], is_lost: Callable[[str, str], bool]
+) -> tuple[str, str] | None:
+    """The first empty name, and the name after it, which was to be indented below it; None if there
+    is none. `is_lost` returns whether the second name means nothing beside the first.
+    """
+    for (above, (name, child)), (word, (key, _)) in pairwise(entries.items()):
+        is_empty = isinstance(child, Scalar) and child.is_empty
+        is_beside = key.place.column == name.place.column and key.place.line > name.place.line
+        if is_empty and is_beside and is_lost(above, word):
+            return above, word
+    return None
+
+
+def report_lost(context: Context, above: str, word: str, key: Scalar) -> None:
+    """Report a name that is beside an empty one, instead of below it."""
+    message = f"nothing is written below {quote(above)}, and {quote(word)} is beside it"
+    help = f"put two more spaces before {quote(word)} and the lines that belong to {quote(above)}"
+    context.error("E101", message, key.place, help=help)
+
+
+def name_help(word: str) -> str | None:
+    """Help for a name that is none, because of how its characters are written."""
+    if (character := typeset_character(word)) is not None:
+        return f"{quote(word)} has {character}"
+    return "put a space after ':'" if ":" in word else None
+
+
 def wrong_shape(
-    shape: Shape, node: Node, name: str, context: Context, help: str | None = None
+    shape: Shape,
+    node: Node,
+    name: str,
+    context: Context,
+    help: str | None = None,
+    suggestion: str | None = None,
 ) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
     shape_name = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(
@@ -514,5 +567,5 @@ def wrong_shape(
         message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
     if isinstance(node, document.Sequence) and isinstance(shape, Text):
         help = "a list is not read here: repeat the entry, once for each value"
-    context.error("E106", message, node.place, help=help)
+    context.error("E106", message, node.place, help=help, suggestion=suggestion)
     return MISSING

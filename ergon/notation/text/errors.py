@@ -10,6 +10,7 @@ from typing import Literal, Protocol
 from ergon.common.errors import ErgonError
 from ergon.common.terminal import json_text, printable
 from ergon.notation.text.spelling import nearest
+from ergon.notation.text.typeset import plain, typeset_character
 from ergon.notation.text.values import Place
 
 MAX_SHOWN = 20  # of each severity: more is a wall, not a help
@@ -153,6 +154,8 @@ def _with_suggestion(diagnostic: Diagnostic, names: tuple[str, ...]) -> Diagnost
     if suggestion == names[0]:
         suggestion = None
     help = diagnostic.help
+    if help is None and (character := typeset_character(names[0])) is not None:
+        suggestion, help = plain(names[0]), f"{quote(names[0])} has {character}"
     if suggestion is None and help is None and 1 < len(names) <= _MAX_LISTED + 1:
         help = f"known here: {', '.join(dict.fromkeys(names[1:]))}"
     return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)

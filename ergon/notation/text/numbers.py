@@ -1,11 +1,23 @@
 """The notation of a number with a unit, shared by all parsers."""
 
+import re
+
 from ergon.notation.text.errors import TextError
 
 # Possessive quantifiers (*+): a hostile line is read once, never by backtracking.
 NUMBER = r"(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 UNIT = r"[^\W\d_]*+"
+_CLOCK = re.compile(r"(?:([0-9]{1,3}):)?([0-9]{1,4}):([0-5][0-9])(\.[0-9]{1,9})?")
 MAX_TIME = 1e9  # beats or seconds, thirty years: keeps every sum finite
+
+
+def clock_time(word: str) -> str | None:
+    """The seconds of a clock time: `90s` for `1:30`, `3723s` for `1:02:03`; None if it is none."""
+    match = _CLOCK.fullmatch(word)
+    if match is None:
+        return None
+    hours, minutes, seconds, part = match.groups()
+    return f"{3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)}{part or ''}s"
 
 
 def stripped(text: str) -> tuple[str, int]:
