@@ -55,6 +55,7 @@ class Checker:
         self.part_names = PartNames(self.collector)
         self.gestures_and_takes = GesturesAndTakes(names, uses)
         self.matter = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
+        self._phrases_by_name: dict[str, Any] | None = None
 
     def piece(self) -> Piece:
         """The whole piece; its values are valid only if no error was reported."""
@@ -398,9 +399,13 @@ class Checker:
 
     def _phrases(self) -> dict[str, Any]:
         """Phrases, and takes that are MIDI files."""
-        tables = self.names.tables
-        known = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
-        return {**known, **{name: entry.values for name, entry in tables["phrases"].items()}}
+        if self._phrases_by_name is None:
+            tables = self.names.tables
+            takes = {n: e.values for n, e in tables["takes"].items() if melodies.is_midi(e.values)}
+            entries = tables["phrases"].items()
+            phrases = {name: self.uses.resolved("phrases", entry)[0] for name, entry in entries}
+            self._phrases_by_name = {**takes, **phrases}
+        return self._phrases_by_name
 
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""

@@ -139,6 +139,12 @@ def played(
     else:
         rows = _with_levels(phrase["entries"], values["impulse"] or phrase["impulse"])
         length = length_of(rows, phrase["length"])
+        if length is not None and phrase["do"]:
+            try:
+                rows, length = transformed(rows, length, phrase["do"], voices.mirrored)
+            except TextError as error:
+                phrase.error("E306", f"{phrase.context.of('do')}: {error.message}", "do")
+                return None
     if length is None:
         message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
         phrase.error("E103", message, "entries")

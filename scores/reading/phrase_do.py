@@ -7,7 +7,8 @@ from typing import TypeVar
 
 from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
-from ergon.notation.text.errors import TextError
+from ergon.notation.tables.shapes import Either, ListOf, Text
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
@@ -31,6 +32,36 @@ def split_do(text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...],
         chain.append(parse_do(part, start))
         start += len(part) + 1
     return tuple(chain), ""
+
+
+def _of_entries(text: str) -> tuple[Transform, ...]:
+    """The transformations of a phrase itself. Raises TextError for those of rhythms."""
+    chain, rhythm = split_do(text)
+    if rhythm:
+        word = rhythm.split()[0]
+        message = (
+            f"{quote(word)} is of rhythms; write it in `do` of the strikes that play the phrase"
+        )
+        raise TextError(message, offset=text.index(rhythm), length=len(word))
+    return chain
+
+
+def _of_entry(text: str) -> Transform:
+    chain = _of_entries(text)
+    if len(chain) != 1:
+        message = f"{quote(text)} is not one transformation; write one in each item of a list"
+        raise TextError(message, length=len(text))
+    return chain[0]
+
+
+_EXAMPLE = "such as stretch 2, reverse"
+# The `do` of a phrase.
+DO = Either(
+    scalar=Text(_of_entries, f"transformations, {_EXAMPLE}", types=("string",), has_values=True),
+    sequence=ListOf(
+        Text(_of_entry, "a transformation, such as reverse", types=("string",), has_values=True)
+    ),
+)
 
 
 def phrase_do(values: Values) -> tuple[tuple[Transform, ...], str] | None:

@@ -35,7 +35,7 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import CURVES
-from ergon.scores.reading import mixing
+from ergon.scores.reading import mixing, phrase_do
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
@@ -242,15 +242,29 @@ STRIKES = Record(
     meant={"repeat": "times"},
     elsewhere={"pedal": _PEDAL, "sustain": _PEDAL, "mute": _MUTE_STRIKES, "solo": _MUTE_STRIKES},
 )
+
+
+def _phrase(values: Values) -> Any:
+    if values.written("entries", "like") or "entries" in values.misspelt:
+        return values
+    shape = values.record.by_name["entries"].shape
+    message = f"{values.context.of('')} has no 'entries': {shape.words()}"
+    values.context.error("E103", message, values.place)
+    return MISSING
+
+
 PHRASE = Record(
     "phrase",
     "a melody with a length of its own, which `strikes` play",
     (
-        Field("entries", Entries(PHRASE_ENTRY), "its strikes", required=True),
+        Field("entries", Entries(PHRASE_ENTRY), "its strikes; needed without `like`"),
         Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
         Field("to", _TARGETS, "the instrument whose notes are struck"),
         Field("impulse", LEVELS, "how strongly strikes are that say nothing"),
+        Field("like", Reference("a phrase", ("phrases",)), "begin with another phrase"),
+        Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
     ),
+    _phrase,
 )
 
 

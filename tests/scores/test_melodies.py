@@ -440,3 +440,52 @@ strikes:
     assert [hit.to[0].place.line for hit in good.strikes[0].hits] == [6, 7]
     wrong = [one.place.line for one in load("s.yaml", text=text).diagnostics]
     assert [line for line in wrong if line > 7] == [8, 9]
+
+
+# --- phrases like others ------------------------------------------------------------------------
+
+LIKE = """\
+phrases:
+  call: {to: cell, entries: "0 C3 1mNs\\n1 D3 2mNs\\n3/2 F3 4mNs", length: 3}
+  back: {like: call, do: reverse}
+  long: {like: back, length: 4, do: [stretch 2, scale 0.5]}
+  other: {like: call, entries: "1/2 F3 1mNs"}
+strikes: {s: {play: PLAYED, at: 0, every: 8, times: 1}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "expected", "length"),
+    [
+        ("call", [(0.0, "cell.C3", 1.0), (1.0, "cell.D3", 2.0), (1.5, "cell.F3", 4.0)], 3.0),
+        ("back", [(0.0, "cell.F3", 4.0), (0.5, "cell.D3", 2.0), (1.5, "cell.C3", 1.0)], 3.0),
+        ("long", [(0.0, "cell.F3", 2.0), (1.0, "cell.D3", 1.0), (3.0, "cell.C3", 0.5)], 8.0),
+        ("other", [(0.5, "cell.F3", 1.0)], 3.0),
+    ],
+)
+def test_phrases_begin_with_others_and_transform(name, expected, length):
+    result = check(CELLS + LIKE.replace("PLAYED", name))
+    assert result.piece is not None, result.diagnostics
+    (strikes,) = result.piece.strikes
+    hits = [(hit.at.beats, hit.to[0].part, 1e3 * hit.level.low) for hit in strikes.hits]
+    assert sorted(hits) == [(at, part, pytest.approx(mns)) for at, part, mns in expected]
+    assert strikes.length.beats == length
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "words"),
+    [
+        ("like: call, do", "like: cal, do", "E301", "no phrase is called 'cal'"),
+        ("like: call, do", "like: long, do", "E302", "the references form a circle"),
+        ("do: reverse", "do: every 2 rev", "E204", "'every' is of rhythms; write it in `do`"),
+        ("do: reverse", "do: [reverse, degrade]", "E204", "'degrade' is of rhythms"),
+        ("do: reverse", "do: from 9", "E306", "'from' begins after the last entry"),
+        ("like: call, do: reverse", "length: 2", "E103", "phrase 'back' has no 'entries'"),
+    ],
+)
+def test_phrases_like_others_refused(old, new, code, words):
+    text = LIKE.replace("PLAYED", "back")
+    assert old in text
+    first, *_ = check(CELLS + text.replace(old, new, 1)).diagnostics
+    assert first.code == code
+    assert words in first.message
