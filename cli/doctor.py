@@ -112,6 +112,7 @@ def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
     speed = fitness.measure_speed(min(seconds, 1.0))
     machine_speed.store_correction(float(str(speed.numbers["correction"])))
     yield speed
+    yield fitness.describe_laws()
     found = _core.checkup(seconds, fitness.TICK_SECONDS)
     yield from fitness.describe_thread(found)
     yield fitness.measure_wakeups(found)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ergon import _core
+from ergon.common.compiler import load_numba
 from ergon.instruments.native_source import SLOW, Row, source
 
 # From `python -m benches laws`: native code saves 1 ns per row for a link alone, 0.05 ns in a run.
@@ -26,15 +27,19 @@ _lock = threading.Lock()
 
 
 def speed_up(network: _core.Network, n_frames: int) -> int:
-    """Compile the laws for which `n_frames` of sound make it worth it; returns their number."""
-    entries = [
-        (index, address(rows))
+    """Compile the laws for which `n_frames` of sound make it worth it; returns their number.
+
+    Without numba it is 0: the core computes these laws, with the same bits.
+    """
+    worth = [
+        (index, rows)
         for index, (rows, alone, in_runs) in enumerate(network.laws())
         if is_worth_compiling(rows, alone, in_runs, n_frames)
     ]
-    if entries:
-        network.native(entries)
-    return len(entries)
+    if not worth or load_numba()[0] is None:
+        return 0
+    network.native([(index, address(rows)) for index, rows in worth])
+    return len(worth)
 
 
 def is_worth_compiling(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
@@ -60,10 +65,10 @@ def address(rows: Sequence[Row]) -> int:
 
 
 def _compile(text: str) -> Any:
-    # Import numba only here: loading it takes longer than most scores are computed.
-    import numba
-    from numba import types
-
+    numba, reason = load_numba()
+    if numba is None:
+        raise ImportError(reason)
+    types = numba.types
     room, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
     function = ctypes.CFUNCTYPE(None, room, integer, integer, integer, integer)
     names: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from ergon import _core
+from ergon.common.compiler import load_numba
 
 from .ports import latency_timer
 
@@ -54,6 +55,17 @@ def describe_machine() -> Finding:
         todo = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
     numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpus}
     return Finding("machine", f"{system}, {cpus} CPUs", todo, numbers)
+
+
+def describe_laws() -> Finding:
+    """Whether laws that are computed often become machine code."""
+    numba, reason = load_numba()
+    if numba is None:
+        todo = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
+        return Finding("laws", f"computed step by step: {reason}", todo, {"numba": None})
+    version = str(numba.__version__)
+    said = f"compiled by numba {version} where that is faster"
+    return Finding("laws", said, numbers={"numba": version})
 
 
 def measure_speed(seconds: float) -> Finding:

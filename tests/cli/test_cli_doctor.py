@@ -49,7 +49,7 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
         assert app.run(asked) == 0
     found = records(capsys)
     assert [r["event"] for r in found] == [
-        *("machine", "speed", "thread", "memory", "wake-up", "device", "felt")
+        *("machine", "speed", "laws", "thread", "memory", "wake-up", "device", "felt")
     ]
     wakes, device, felt = (by(found, what) for what in ("wake-up", "device", "felt"))
     n = math.ceil(0.5 / fitness.TICK_SECONDS)
