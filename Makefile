@@ -114,10 +114,13 @@ movie: $(VENV)/dev
 	@mkdir -p out
 	$(BIN)/ergon view scores/library/feathers-small.yaml --movie out/feathers.webm --from 175s --to 235s --camera '1@175s 3@190s 1@215s 2@235s' --force
 
-# Linked against an old glibc by zig: what is linked here asks for the glibc of this machine.
+# Linked against an old glibc by zig: what is linked here asks for the glibc of this machine. maturin looks for zig by the first
+# `python3` on the PATH. build.json says which commit `ergon --version` names.
 wheel: $(VENV)/dev
 	$(BIN)/pip install --quiet "maturin[zig]>=1.16,<2"
-	$(BIN)/python -m maturin build --release --zig --compatibility manylinux_2_28 --out out
+	$(BIN)/python -m docs.generators.build_record ergon/api/build.json
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --zig --compatibility manylinux_2_28 --out out; \
+	  code=$$?; rm -f ergon/api/build.json; exit $$code
 
 # The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
 $(VENV)/built: pyproject.toml $(RUST)

@@ -128,9 +128,9 @@ _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
 
 def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
-        from ergon.api.version import __version__
+        from ergon.api.version import __version__, build
 
-        click.echo(f"ergon {__version__}")
+        click.echo(f"ergon {__version__} ({build()})")
         ctx.exit()
 
 
@@ -146,7 +146,7 @@ def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool)
     is_eager=True,
     expose_value=False,
     callback=_print_version,
-    help="Print the version and exit.",
+    help="Print the version, its commit and what it was built for, and exit.",
 )
 @click.option(
     "--debug", is_flag=True, expose_value=False, help="Show where internal errors happen."

@@ -1,8 +1,15 @@
-"""The version of the program."""
+"""The version of the program, and what this copy of it was built from."""
 
 from __future__ import annotations
 
+import json
+import platform
+import subprocess
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+# Written before a wheel is built (docs/generators/build_record.py), and absent from a checkout.
+RECORD = Path(__file__).with_name("build.json")
 
 
 def _installed() -> str:
@@ -12,6 +19,47 @@ def _installed() -> str:
         from ergon._core import __version__ as number
 
         return number
+
+
+def commit() -> str:
+    """The commit that this copy was built from, in eight digits, with a `+` where files differ
+    from it; empty if nothing says which.
+    """
+    try:
+        recorded = json.loads(RECORD.read_text(encoding="utf-8"))
+        return str(recorded["commit"])
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    root = Path(__file__).resolve().parents[2]
+    # Only a clone of ergon is asked: an installed package may lie in the repository of somebody.
+    return commit_of(root) if (root / "core-rs").is_dir() else ""
+
+
+def commit_of(root: Path) -> str:
+    """The commit of a clone, as `commit` writes it; empty where git or its data are missing."""
+    command = ["git", "-C", str(root), "describe", "--always", "--exclude=*", "--abbrev=8"]
+    try:
+        done = subprocess.run(
+            [*command, "--dirty=+"], capture_output=True, text=True, check=True, timeout=5
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def build() -> str:
+    """What `ergon --version` says after the number: the commit, the core if it is another version,
+    machine, Python and compiler of laws.
+    """
+    from ergon import _core
+    from ergon.common.compiler import feature
+
+    words = [f"commit {name}"] if (name := commit()) else []
+    if _core.__version__ != __version__:
+        words.append(f"core {_core.__version__}")
+    words.append(f"{platform.system()} {platform.machine()}")
+    words.append(f"{platform.python_implementation()} {platform.python_version()}")
+    return ", ".join([*words, feature()])
 
 
 __version__ = _installed()

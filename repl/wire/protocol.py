@@ -2,7 +2,7 @@
 
 The session sends the first line:
 
-    {"ergon": 1, "version": "0.1.0", "prompt": 2, "score": "/a/duet.yaml", "journal": "/a/s.jsonl"}
+    {"ergon": 1, "version": "0.2.0", "prompt": 2, "score": "/a/duet.yaml", "journal": "/a/s.jsonl"}
 
 `ergon` is the version of this protocol, and `prompt` the number of this prompt. If the prompt is
 refused, the only line is {"error": "why"}. Then the prompt sends requests. Each has an id, a

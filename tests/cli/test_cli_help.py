@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
 import ergon
+from ergon.api import version
+from ergon.api.version import build, commit, commit_of
 from ergon.cli import app, manual
 
 ROOT = Path(__file__).parents[2]
@@ -101,4 +104,23 @@ def test_manual_lists_all_pages():
 def test_python_m_ergon_version():
     command = [sys.executable, "-m", "ergon", "--version"]
     printed = subprocess.run(command, capture_output=True, check=True, text=True, cwd=ROOT).stdout
-    assert printed == f"ergon {ergon.__version__}\n"
+    assert printed == f"ergon {ergon.__version__} ({build()})\n"
+    head = ["git", "rev-parse", "--short=8", "HEAD"]
+    commit = subprocess.run(head, capture_output=True, check=True, text=True, cwd=ROOT).stdout
+    assert f"(commit {commit.strip()}" in printed
+    assert f"numba {metadata.version('numba')}" in printed
+
+
+def test_version_of_a_wheel_names_the_commit_of_its_record(tmp_path, monkeypatch):
+    record = tmp_path / "build.json"
+    monkeypatch.setattr(version, "RECORD", record)
+    for text in ("", "[]", '{"commit"', "{}"):
+        record.write_text(text)
+        assert commit() == commit_of(ROOT)
+    record.write_text('{"commit": "0123abcd"}')
+    assert commit() == "0123abcd"
+    assert build().startswith("commit 0123abcd, ")
+
+
+def test_commit_outside_of_git_is_empty(tmp_path):
+    assert commit_of(tmp_path) == ""

@@ -1,0 +1,111 @@
+"""How ergon is installed: versions that agree, pages that name what exists, a whole release."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import requires
+from pathlib import Path
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+
+from ergon.common import extras
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CARGO = tomllib.loads((ROOT / "Cargo.toml").read_text(encoding="utf-8"))["workspace"]
+NUMBER = CARGO["package"]["version"]
+
+
+def test_all_parts_have_one_version():
+    crates = {
+        name: table["version"] for name, table in CARGO["dependencies"].items() if "path" in table
+    }
+    assert len(crates) == 3
+    assert set(crates.values()) == {NUMBER}
+    lock = tomllib.loads((ROOT / "Cargo.lock").read_text(encoding="utf-8"))
+    locked = {one["name"]: one["version"] for one in lock["package"] if "source" not in one}
+    assert {name for name in locked if name.startswith("ergon-")} >= {*crates, "ergon-bridge"}
+    assert {version for name, version in locked.items() if name.startswith("ergon-")} == {NUMBER}
+    extension = json.loads((ROOT / "editors/vscode/package.json").read_text(encoding="utf-8"))
+    assert extension["version"] == NUMBER
+    assert "version" in PROJECT["dynamic"]  # that of Cargo.toml
+
+
+def pages() -> list[Path]:
+    folders = ("", "docs", "docs/howto", "docs/design", "editors", "examples")
+    return [page for name in folders for page in sorted((ROOT / name).glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+def test_no_page_installs_from_an_index(page: Path):
+    """Until ergon-live is published, what brings it is a checkout or the file of a wheel."""
+    text = page.read_text(encoding="utf-8")
+    if page.name == "CHANGELOG.md":
+        text = text.partition("## [0.1.0]")[0]
+    for command in re.findall(r"(?:pip|pipx|uv pip|uvx)\s+(?:install|run)\s+[^`\n]*", text):
+        assert not re.search(r"(?<![./\w])'?ergon-live\b", command), f"{page.name}: {command}"
+    if page.name != "install.md":
+        assert "pip install ergon" not in text
+
+
+def test_every_extra_is_in_the_table_with_its_libraries():
+    text = (ROOT / "docs/install.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([\w, -]+) \|", text, re.MULTILINE))
+    listed = {
+        extra: [Requirement(line).name for line in lines]
+        for extra, lines in PROJECT["optional-dependencies"].items()
+    }
+    assert {extra: names.split(", ") for extra, names in rows.items()} == listed
+
+
+def test_a_wheel_names_the_libraries_of_an_extra(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(extras, "_is_clone", lambda folder: False)
+    words = extras.install_command("cluster").removeprefix("pip install ")
+    wanted = [line for line in requires("ergon-live") or [] if "cluster" in line]
+    assert len(wanted) == 2
+    assert words == " ".join(f"'{line.partition(';')[0].strip()}'" for line in wanted)
+    assert "ergon-live" not in words
+
+
+def test_both_names_of_the_command_are_one():
+    assert PROJECT["scripts"]["ergon"] == PROJECT["scripts"][PROJECT["name"]]
+
+
+def test_the_release_installs_what_it_builds():
+    text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
+    jobs = yaml.safe_load(text)["jobs"]
+    wheels = jobs["wheels"]["strategy"]["matrix"]["include"]
+    kinds = {(one["os"].partition("-")[0], one["manylinux"]) for one in wheels}
+    assert kinds >= {("ubuntu", "2_28"), ("ubuntu", "musllinux_1_2"), ("macos", "off")}
+    assert {one["target"] for one in wheels} >= {"x86_64", "aarch64", "x64"}
+    # A wheel goes out only after the demo sounded from it, and after every job before.
+    assert set(jobs["publish"]["needs"]) == set(jobs) - {"publish"}
+    assert jobs["publish"]["permissions"] == {"id-token": "write"}
+    assert "ergon demo" in json.dumps(jobs["installed"])
+    assert "secrets." not in text
+
+
+def test_musllinux_wheels_do_not_ask_for_numba():
+    """What the workflow runs before such a wheel is built takes out this line alone."""
+    text = (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
+    (pattern,) = re.findall(r"sed -i '/(.+)/d' pyproject\.toml", text)
+    lines = (ROOT / "pyproject.toml").read_text(encoding="utf-8").splitlines()
+    gone = [line for line in lines if re.search(pattern, line)]
+    assert [Requirement(line.strip(' ",')).name for line in gone] == ["numba"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="make")
+def test_make_wheel_finds_zig_without_an_activated_environment():
+    """maturin asks the first `python3` on the PATH for zig, which is installed in .venv."""
+    command = ["make", "--dry-run", "wheel"]
+    plain = {**os.environ, "PATH": "/usr/bin:/bin"}
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=plain, check=True)
+    line = next(line for line in done.stdout.splitlines() if "maturin build" in line)
+    assert line.startswith(f'PATH="{ROOT}/.venv/bin:$PATH" ')
