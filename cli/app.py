@@ -105,6 +105,11 @@ COMMANDS: Table = {
         "Fold a sound file of many channels for other ears.",
     ),
     "view": ("view", "view", "Show in a browser what moves in a piece, with its sound."),
+    "share": (
+        "share",
+        "share",
+        "Write a piece as one HTML file that plays in any browser, without a network.",
+    ),
     "layout": ("layout", "layout", "Check and exchange layouts of loudspeakers."),
     "info": (
         "info",

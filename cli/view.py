@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
+from .bundled import ScorePath
 from .console import Console
 from .outcome import Refused
 from .signals import until_interrupted
@@ -46,7 +47,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # flags that are named d
 
 
 @click.command()
-@click.argument("path", metavar="SCORE|FILE.motion", type=click.Path(path_type=Path))
+@click.argument("score_path", metavar="SCORE|FILE.motion", type=ScorePath())
 @click.option(
     "--sound",
     type=click.Path(path_type=Path),
@@ -80,7 +81,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # flags that are named d
 @options.speaking
 def view(
     console: Console,
-    path: Path,
+    score_path: str,
     sound: Path | None,
     see: str | None,
     at: str,
@@ -97,29 +98,52 @@ def view(
     the page plays that, or what `ergon render --motion` wrote. Press H in it for its keys. With
     --movie a browser without a window draws a film, picture by picture.
     """
-    is_motion = _is_motion(path)
-    if sound is not None and not is_motion:
-        raise Refused(
-            "--sound needs a .motion file, because a score is rendered with "
-            "its sound; leave --sound out"
-        )
-    if see is not None and is_motion:
-        raise Refused(f"--see needs a score, because what {path} holds is fixed; leave --see out")
+    path = Path(score_path)
     given = {name: value for name, value in film.items() if value is not None}
     if movie is None and given:
         name = next(iter(given))
         raise Refused(f"--{_FLAGS.get(name, name)} needs --movie; it says how a film is made")
     maker = None if movie is None else _maker(movie, given | {"strobe": strobe, "force": force})
     with TemporaryDirectory(prefix="ergon-view-") as folder:
-        if is_motion:
-            shown = _of_motion(console, path, sound, Path(folder))
-        else:
-            shown = _of_score(console, path, see, trust, Path(folder))
+        shown = shown_of(console, path, Path(folder), sound=sound, trust=trust, see=see)
         if maker is not None:
             _film(console, maker, shown)
             return
         asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
         serve_shown(console, shown, at, [name for name, wanted in asked.items() if wanted])
+
+
+def shown_of(
+    console: Console,
+    path: Path,
+    folder: Path,
+    *,
+    sound: Path | None,
+    trust: bool,
+    **options: str | None,
+) -> Shown:
+    """What a page shows of a motion file, or of a score that is rendered into a folder.
+
+    `options` are those of `FileOptions`, for a score alone. Raises Refused.
+    """
+    is_motion = _is_motion(path)
+    if sound is not None and not is_motion:
+        raise Refused(
+            "--sound needs a .motion file, because a score is rendered with "
+            "its sound; leave --sound out"
+        )
+    name = next((name for name, value in options.items() if value is not None), None)
+    if name is not None and is_motion:
+        raise Refused(
+            f"--{name} needs a score, because what {path} holds is fixed; leave --{name} out"
+        )
+    if is_motion:
+        return _of_motion(console, path, sound, folder)
+    from ergon.api.render import FileOptions
+    from ergon.api.viewing import render_view
+
+    rendered = FileOptions(motion=True, trust=trust, **options)  # type: ignore[arg-type]
+    return render_view(path, folder, rendered, console)
 
 
 def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
@@ -131,13 +155,6 @@ def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -
         return Shown(path, None if found is None else for_two_ears(found, folder, console))
     except NotWaveError as error:
         raise Refused(f"{found}: {error}") from None
-
-
-def _of_score(console: Console, path: Path, see: str | None, trust: bool, folder: Path) -> Shown:
-    from ergon.api.render import FileOptions
-    from ergon.api.viewing import render_view
-
-    return render_view(path, folder, FileOptions(motion=True, see=see, trust=trust), console)
 
 
 def serve_shown(console: Console, shown: Shown, at: str, asked: list[str]) -> None:

@@ -93,6 +93,18 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
     return made
 
 
+def as_flac(path: Path, folder: Path) -> Path:
+    """A sound file of one or two channels as FLAC of 16 bits, which every browser of today plays.
+
+    Raises NotWaveError and OSError.
+    """
+    from ergon.exchange import sound
+
+    made = folder / "sound.flac"
+    _by_sides(path, sound.read_info(path), made)
+    return made
+
+
 def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
     import numpy as np

@@ -80,6 +80,7 @@ WRITERS = (
     _writer("layout import in.json -o l.yaml", "l.yaml"),
     _writer("layout noise stereo --seconds 0.1 -o n.wav", "n.wav"),
     _writer("schema -o s.json", "s.json"),
+    _writer("share in.motion -o p.html", "p.html"),
     _writer("demo --no-audio -o d.wav", "d.wav"),
     _writer("chart s.yaml --seconds 0.2 --upto 2 --methods ca -o c",
             "c.csv", "c.svg", "c.png"),

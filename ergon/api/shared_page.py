@@ -1,0 +1,125 @@
+"""The page of `ergon view` as one file: its modules, a motion file and a sound inside it.
+
+The modules are those that the server sends, unchanged but for the names of what they import. What
+they ask a server for, a script before them answers from the file itself, and a policy in the file
+forbids the browser every request.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import http.client
+import json
+import re
+import urllib.parse
+from collections.abc import Callable
+
+from ergon.exchange.safe import MARK
+
+_IMPORT = re.compile(r'(?<= from )"\./([\w-]+\.js)"')
+_LINKS = re.compile(r'<(?:link|script)\b[^>]*\b(?:href|src)="([\w.-]+)"[^>]*>(?:</script>)?')
+# Words of the page's address, which a file has none of.
+_ADDRESS = "new URLSearchParams(location.search)"
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; "
+    "img-src data:; media-src blob:; connect-src 'none'; form-action 'none'; base-uri 'none'"
+)
+_ANSWERS = """\
+{
+  const bytes = (name) => {
+    const text = document.getElementById(`shared-${name}`);
+    return text && Uint8Array.from(atob(text.textContent), (letter) => letter.charCodeAt(0));
+  };
+  window.fetch = async (name) => {
+    const held = { motion: "motion", "sound.wav": "sound" }[name];
+    const body = held && bytes(held);
+    return body ? new Response(body) : new Response(null, { status: 404 });
+  };
+  window.WebSocket = class { // nothing is live here: it opens never, and ends never
+    static OPEN = 1;
+    readyState = 0;
+    send() {}
+  };
+}
+"""
+
+
+def page_files(url: str) -> Callable[[str], str]:
+    """A reader of the files of the page that a server at `url` sends, by name."""
+    place = urllib.parse.urlsplit(url)
+
+    def read(name: str) -> str:
+        line = http.client.HTTPConnection(place.netloc, timeout=60.0)
+        try:
+            line.request("GET", place.path + name)
+            answer = line.getresponse()
+            if answer.status != http.client.OK:
+                raise OSError(f"the page's file {name or 'index.html'}: {answer.status}")
+            return answer.read().decode()
+        finally:
+            line.close()
+
+    return read
+
+
+def shared_page(
+    read: Callable[[str], str], title: str, words: list[str], motion: bytes, sound: bytes | None
+) -> str:
+    """The text of one HTML file with everything in it.
+
+    `read` gives the files of the page by name; `words` are those of the page's address that hold
+    where the file is opened without any. A sound is FLAC or WAV.
+    """
+    index = read("")
+    modules = _modules(read, "main.js")
+    main = modules["main.js"]
+    if main.count(_ADDRESS) != 1:
+        raise ValueError("the page does not read the words of its address where it did")
+    asked = _ADDRESS.replace(")", f" || {json.dumps('&'.join(words))})")
+    modules["main.js"] = main.replace(_ADDRESS, asked)
+    imports = {
+        f"ergon/{name}": _data("text/javascript", _IMPORT.sub(r'"ergon/\1"', text).encode())
+        for name, text in modules.items()
+    }
+    icon = _data("image/svg+xml", read("icon.svg").encode())
+    head = "\n".join(
+        (
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">',
+            f"<title>{html.escape(title)}</title>",
+            f'<link rel="icon" href="{icon}">',
+            f"<style>\n{read('style.css')}</style>",
+            f"<script>\n{_ANSWERS}</script>",
+            f'<script type="importmap">{json.dumps({"imports": imports})}</script>',
+        )
+    )
+    held = [("motion", motion)] + ([("sound", sound)] if sound is not None else [])
+    tail = "\n".join(
+        (
+            *(
+                f'<script type="text/plain" id="shared-{name}">'
+                f"{base64.b64encode(content).decode()}</script>"
+                for name, content in held
+            ),
+            '<script type="module">import "ergon/main.js";</script>',
+        )
+    )
+    text = _LINKS.sub("", re.sub(r"<title>[^<]*</title>", "", index))
+    text = text.replace("<!doctype html>", f"<!doctype html>\n<!-- {MARK.decode()} -->", 1)
+    return text.replace("</head>", f"{head}\n</head>", 1).replace("</body>", f"{tail}\n</body>", 1)
+
+
+def _modules(read: Callable[[str], str], first: str) -> dict[str, str]:
+    """A module and all that it imports, by name."""
+    modules: dict[str, str] = {}
+    names = [first]
+    while names:
+        name = names.pop()
+        if name not in modules:
+            modules[name] = read(name)
+            names += _IMPORT.findall(modules[name])
+    return modules
+
+
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
