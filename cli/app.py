@@ -15,7 +15,8 @@ from ergon.common.private import set_umask
 from ergon.common.terminal import clean
 
 from .console import Console
-from .lazy import LazyGroup, Table
+from .examples import EXAMPLES
+from .lazy import ROOT, LazyGroup, Table
 from .outcome import (
     EXIT_CODES,
     INTERNAL,
@@ -128,6 +129,15 @@ COMMANDS: Table = {
         "Explain a mistake by the code that its message shows, such as E204.",
     ),
 }
+# The headings of `ergon --help`; each command stands under one of them.
+SECTIONS = {
+    "Write": ("new", "check", "fmt", "plot", "compile", "tune", "bell"),
+    "Hear": ("demo", "render", "play", "duet", "repl", "view", "share", "sweep"),
+    "Study": ("plan", "modes", "admittance", "stats", "chart", "stability", "info"),
+    "Hands and machine": ("devices", "doctor", "take", "emulate", "metrology"),
+    "Exchange": ("import", "export", "fold", "layout", "motion"),
+    "Help and editors": ("help", "explain", "completion", "schema", "lsp"),
+}
 _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
 
 
@@ -140,8 +150,10 @@ def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool)
 
 
 @click.group(
+    ROOT,
     cls=LazyGroup,
     table=COMMANDS,
+    sections=SECTIONS,
     epilog=f"Exit codes: {_CODES}.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -201,6 +213,7 @@ def _outcome(arguments: list[str]) -> int:
     except Terminated as end:
         return 128 + end.number
     except click.ClickException as error:
+        error = _with_example(error)
         if console.json:
             console.outcome(Refused(error.format_message()))
         else:
@@ -218,6 +231,16 @@ def _outcome(arguments: list[str]) -> int:
         outcome = explain(error if failure is None else failure)
         (console if failure is None else Console()).outcome(outcome)
         return outcome.exit_code
+
+
+def _with_example(error: click.ClickException) -> click.ClickException:
+    """The error, with an example of the command where an argument or an option is missing."""
+    if isinstance(error, click.MissingParameter) and error.ctx is not None:
+        rows = EXAMPLES.get(error.ctx.command_path.removeprefix(f"{ROOT} "))
+        if rows:
+            sentence = error.format_message().rstrip(".")
+            return click.UsageError(f"{sentence}; for example: {rows[0][0]}", error.ctx)
+    return error
 
 
 def invoke(arguments: list[str]) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--seconds",
-    type=options.Number(0.05, 60),
+    type=options.Number(0.05, 60, "DURATION"),
     default=2.0,
     show_default=True,
     help="Seconds of the piece that are computed, from its start.",

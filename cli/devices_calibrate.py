@@ -37,7 +37,7 @@ def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) ->
 )
 @click.option(
     "--seconds",
-    type=options.Number(0, 600),
+    type=options.Number(0, 600, "DURATION"),
     default=5.0,
     show_default=True,
     help="Seconds in which you move the key from end to end.",
@@ -50,7 +50,9 @@ def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) ->
 )
 @click.option("--turned", is_flag=True, help="Swap up and down of the axis.")
 @click.option(
-    "--force-max", type=options.Number(0, 200), help="Largest force that this axis may get [N]."
+    "--force-max",
+    type=options.Number(0, 200, "FORCE"),
+    help="Largest force that this axis may get [N].",
 )
 @options.speaking
 def calibrate(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--seconds",
-    type=options.Number(0.1, 3600),
+    type=options.Number(0.1, 3600, "DURATION"),
     default=3.0,
     show_default=True,
     help="Seconds of each measurement.",

@@ -176,7 +176,9 @@ def _quantity(
     help="Advance one period for each packet, instead of by the wall clock.",
 )
 @click.option(
-    "--seconds", type=options.Number(0, min_open=True), help="End after this many seconds."
+    "--seconds",
+    type=options.Number(0, dimension="DURATION", min_open=True),
+    help="End after this many seconds.",
 )
 @click.option("--once", is_flag=True, help="End when the host has disconnected.")
 @options.speaking

@@ -28,14 +28,18 @@ _GAP = 0.25  # [s] of silence after each burst
 )
 @click.option(
     "--seconds",
-    type=options.Number(0.05, 60),
+    type=options.Number(0.05, 60, "DURATION"),
     default=1.0,
     show_default=True,
     help="How long each sounds.",
 )
 @click.option("--level", default="-20dB", show_default=True, help="Its rms below full scale.")
 @click.option(
-    "--rate", type=click.IntRange(8_000, 192_000), default=48_000, show_default=True, help="[Hz]"
+    "--rate",
+    type=options.Number(8_000, 192_000, "RATE"),
+    default=48_000,
+    show_default=True,
+    help="[Hz]",
 )
 @options.force
 @options.speaking
@@ -46,7 +50,7 @@ def noise(
     audio: str | None,
     seconds: float,
     level: str,
-    rate: int,
+    rate: float,
     force: bool,
 ) -> None:
     """Noise from each loudspeaker in turn, as a file (-o) or live (--audio).
@@ -60,6 +64,9 @@ def noise(
         raise Refused("give -o FILE.wav or --audio auto")
     ratio = _ratio(level)
     layout = read_layout(name, console)
+    if not rate.is_integer():
+        raise Refused(f"--rate: a file has whole frames a second, not {rate:g}")
+    rate = int(rate)
     sound = pink_noise_burst(seconds, rate, ratio)
     if output is not None:
         _write(console, layout, output, sound, rate, force=force)

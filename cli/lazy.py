@@ -8,22 +8,35 @@ from typing import Any
 
 import click
 
+from . import examples, habits
+
 # name → (module, attribute, one line of help). The help is in the table so that `--help` imports no
 # command.
 Table = Mapping[str, tuple[str, str, str]]
+ROOT = "ergon"  # the name of the group of all commands
+_ALL = "`ergon help` lists all commands"
 
 
 class LazyGroup(click.Group):
     """A group whose commands are known by name and imported only when used."""
 
-    def __init__(self, *args: Any, table: Table, **options: Any) -> None:
-        """`table` lists the commands in the order of `--help`."""
+    def __init__(
+        self,
+        *args: Any,
+        table: Table,
+        sections: Mapping[str, tuple[str, ...]] | None = None,
+        **options: Any,
+    ) -> None:
+        """`table` lists the commands; `sections` are the headings of `--help`, each with its
+        commands in order. Without any they stand under one heading, in the order of the table.
+        """
         super().__init__(*args, **options)
         self.table = table
+        self.sections = sections or {"Commands": tuple(table)}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the table."""
-        return list(self.table)
+        """All names, in the order of `--help`."""
+        return [name for names in self.sections.values() for name in names]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return a command; None when there is no such name."""
@@ -32,26 +45,70 @@ class LazyGroup(click.Group):
         module, attribute, _ = self.table[cmd_name]
         command = getattr(import_module(f"ergon.cli.{module}"), attribute)
         assert isinstance(command, click.Command)
+        if command.epilog is None:
+            command.epilog = examples.section(self.path_of(cmd_name))
         return command
+
+    def path_of(self, name: str) -> str:
+        """A command with the groups before it, without `ergon`: `render`, `take trim`."""
+        return name if self.name == ROOT else f"{self.name} {name}"
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the options before a command. One that belongs behind it is told so."""
+        words = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            if self.name != ROOT:
+                raise
+            message = self._misplaced(words, error)
+            raise click.UsageError(message, ctx) from None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Resolve a command as click does, with the nearest name in the message (in all versions of
-        click).
+        click), or what to type instead.
         """
         name = args[0]
         if name not in self.table and not name.startswith("-"):
-            if ctx.parent is None and name.endswith((".yaml", ".yml")):
-                raise click.UsageError(f"a command comes first: ergon render {name}", ctx)
-            from ergon.notation.text.spelling import nearest
+            raise click.UsageError(self._unknown(args), ctx)
+        resolved = super().resolve_command(ctx, args)
+        command = resolved[1]
+        if command is not None and not isinstance(command, click.Group):
+            names = (word for option in command.params for word in option.opts)
+            if meant := habits.single_dash(args[1:], names):
+                raise click.UsageError(f"{meant[1:]} is written with two dashes: {meant}", ctx)
+        return resolved
 
-            close = nearest(name, self.table)
-            asked = f" Did you mean '{close}'?" if close else ""
-            raise click.UsageError(f"No such command '{name}'.{asked}", ctx)
-        return super().resolve_command(ctx, args)
+    def _misplaced(self, words: list[str], error: click.NoSuchOption) -> str:
+        if line := habits.reordered(words, self.table):
+            return f"the command comes first: {line}"
+        if typed := habits.instead(words[:1]):
+            return f"No such option '{words[0]}'. Use: {typed}"
+        if words[0] in habits.BEHIND:
+            return f"{words[0]} stands behind a command, such as: ergon check piece.yaml {words[0]}"
+        return f"{error.format_message()} {_ALL}."
+
+    def _unknown(self, args: list[str]) -> str:
+        from ergon.notation.text.spelling import nearest
+
+        name = args[0]
+        is_root = self.name == ROOT
+        if is_root and name.endswith((".yaml", ".yml")):
+            line = habits.reordered(args, self.table) or " ".join(["ergon render", *args])
+            return f"a command comes first: {line}"
+        sentence = f"No such command '{name}'."
+        if is_root and (typed := habits.instead(args)):
+            return f"{sentence} Use: {typed}"
+        if close := nearest(name, self.table):
+            return f"{sentence} Did you mean '{close}'?"
+        listed = _ALL if is_root else f"`ergon {self.name} -h` lists those that there are"
+        return f"{sentence} {listed}."
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands in `--help`, from the table alone."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, _, text) in self.table.items()])
+        width = max(len(name) for name in self.table)
+        for title, names in self.sections.items():
+            with formatter.section(title):
+                formatter.write_dl([(f"{name:{width}}", self.table[name][2]) for name in names])

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @click.argument("device", metavar="DEVICE")
 @click.option(
     "--seconds",
-    type=options.Number(2, 600),
+    type=options.Number(2, 600, "DURATION"),
     default=10.0,
     show_default=True,
     help="Length of the take of strikes, and of the take of rain.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,19 +15,65 @@ from .bundled import ScorePath
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
+_HAS_UNIT = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
 
 
 class Number(click.FloatRange):
-    """A number within bounds. NaN, which no comparison finds, is outside of all."""
+    """A number within bounds, which may have its unit: `48000` and `48kHz` are the same rate.
+
+    NaN, which no comparison finds, is outside of all bounds.
+    """
+
+    def __init__(
+        self,
+        min: float | None = None,
+        max: float | None = None,
+        dimension: str | None = None,
+        *,
+        min_open: bool = False,
+    ) -> None:
+        """`dimension` is one of those in `notation.tables.quantities`; without it no unit may be
+        written.
+        """
+        super().__init__(min, max, min_open=min_open)
+        self.dimension = dimension
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number that was written. Raises click.BadParameter."""
-        number: float = super().convert(value, param, ctx)
+        """The number that was written, in SI units. Raises click.BadParameter."""
+        if self.dimension is not None and isinstance(value, str) and _HAS_UNIT.search(value):
+            value = self._quantity(value, self.dimension, param, ctx)
+        try:
+            number: float = super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            raise self._with_units(error, param, ctx) from None
         if not math.isfinite(number):
             self.fail(f"{value} is not a number that can be used here.", param, ctx)
         return number
+
+    def _quantity(
+        self, text: str, name: str, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        from ergon.notation.tables import quantities
+        from ergon.notation.text.errors import TextError
+
+        try:
+            return quantities.quantity(text, getattr(quantities, name))
+        except TextError as error:
+            self.fail(error.message, param, ctx)
+
+    def _with_units(
+        self, error: click.BadParameter, param: click.Parameter | None, ctx: click.Context | None
+    ) -> click.BadParameter:
+        """The same mistake, with the units that may be written."""
+        if self.dimension is None:
+            return error
+        from ergon.notation.tables import quantities
+
+        units = ", ".join(getattr(quantities, self.dimension).units)
+        message = f"{error.message.rstrip('.')}; without a space, a unit may follow: {units}."
+        return click.BadParameter(message, ctx, param)
 
 
 force = click.option(
@@ -193,7 +240,7 @@ hands = several(
         is_flag=True,
         help="Do not try the direction of each motor before it plays.",
     ),
-    click.option("--force-max", type=Number(0, 200), help="Largest force on a hand [N]."),
+    click.option("--force-max", type=Number(0, 200, "FORCE"), help="Largest force on a hand [N]."),
 )
 
 

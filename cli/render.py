@@ -57,7 +57,7 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
 @options.seed
 @click.option(
     "--rate",
-    type=options.Number(1_000, 768_000),
+    type=options.Number(1_000, 768_000, "RATE"),
     help="Frames a second of the file [Hz], instead of the score's; the physics stay the same.",
 )
 @click.option(

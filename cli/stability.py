@@ -58,7 +58,7 @@ _WHICH = (
 @click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
 @click.option(
     "--seconds",
-    type=options.Number(0.05, 60),
+    type=options.Number(0.05, 60, "DURATION"),
     default=0.5,
     show_default=True,
     help="Seconds of SCORE that are computed, from its start.",

@@ -61,7 +61,7 @@ _SHOWN = {
 @options.seed
 @click.option(
     "--rate",
-    type=options.Number(1_000, 768_000),
+    type=options.Number(1_000, 768_000, "RATE"),
     help="Frames a second of all sounds [Hz], instead of the score's.",
 )
 @options.accuracy

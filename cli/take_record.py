@@ -29,11 +29,13 @@ _HAND = "hand"
 )
 @options.target("The new recording, a .take file.")
 @click.option(
-    "--seconds", type=options.Number(0, 86400, min_open=True), help="End after this many seconds."
+    "--seconds",
+    type=options.Number(0, 86400, "DURATION", min_open=True),
+    help="End after this many seconds.",
 )
 @click.option(
     "--tick",
-    type=options.Number(10, 44100),
+    type=options.Number(10, 44100, "TICK_RATE"),
     default=1000.0,
     show_default=True,
     help="Positions recorded a second.",

@@ -192,7 +192,7 @@ def test_head_of_any_command(words: list[str]) -> None:
 
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run([]) == 2
-    assert "Commands:" in capsys.readouterr().err
+    assert "Hear:" in capsys.readouterr().err
 
 
 class Terminal(io.StringIO):

@@ -24,6 +24,7 @@ MAX_FILES = 256  # that one score reads
 MAX_LISTED = 1_000  # files of a folder among which a similar name is searched for
 _LIBRARY = {"instruments": INSTRUMENTS}
 _MAX_TOLD = 6  # files that a message lists
+_NAMES_MAX = 200  # files of a folder that a misspelt name is compared with
 _HELP = "copy the file into the folder of the score, or use --trust"
 
 
@@ -181,7 +182,8 @@ class Files:
             data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             reason = error.strerror or type(error).__name__
-            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked)
+            help = _advice(path) if asked is None else None
+            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked, help)
             return None
         self.collector.file(name)
         text = decode(data, name, self.collector)
@@ -235,8 +237,23 @@ class Files:
         self.documents[str(path)] = document
         return document if text is not None else None
 
-    def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
-        self.collector.error(code, message, asked or Place(name, 1, 1))
+    def _refuse(
+        self, code: str, message: str, name: str, asked: Place | None, help: str | None = None
+    ) -> None:
+        self.collector.error(code, message, asked or Place(name, 1, 1), help=help)
+
+
+def _advice(path: Path) -> str:
+    """What to do about a score that cannot be read: another file, or a score that ships."""
+    if path.suffix in (".wav", ".flac"):
+        return f"the sound that is to be written is named by -o: -o {path}"
+    folder = path if path.is_dir() else path.parent
+    names = [file.name for pattern in ("*.yaml", "*.yml") for file in sorted(folder.glob(pattern))]
+    names = names[:_NAMES_MAX]
+    near = names[0] if path.is_dir() and names else nearest(path.name, names)
+    if near:
+        return f"did you mean {folder / near}?"
+    return "`ergon new NAME` makes a score, `ergon demo --list` names those that ship"
 
 
 def _similar(name: str, folder: Path) -> str | None:

@@ -1,0 +1,77 @@
+"""What people type who know other programs, and what to type instead."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+
+# Words that are typed as a command; `{rest}` is what follows the word, with a space before it.
+INSTEAD: Mapping[str, str] = {
+    "build": "ergon render{rest}",
+    "config": "ergon devices",
+    "convert": "ergon export{rest}",
+    "create": "ergon new{rest}",
+    "docs": "ergon help{rest}",
+    "examples": "ergon demo --list",
+    "exec": "ergon render{rest}",
+    "format": "ergon fmt{rest}",
+    "init": "ergon new{rest}",
+    "install": "ergon help install",
+    "lint": "ergon check{rest}",
+    "list": "ergon demo --list",
+    "listen": "ergon play{rest}",
+    "live": "ergon repl{rest}",
+    "ls": "ergon demo --list",
+    "man": "ergon help{rest}",
+    "open": "ergon view{rest}",
+    "record": "ergon take record{rest}",
+    "run": "ergon render{rest}",
+    "show": "ergon view{rest}",
+    "start": "ergon repl{rest}",
+    "test": "ergon check{rest}",
+    "update": "ergon help install",
+    "upgrade": "ergon help install",
+    "usage": "ergon help",
+    "validate": "ergon check{rest}",
+    "version": "ergon --version",
+    "-V": "ergon --version",
+    "-version": "ergon --version",
+    "-help": "ergon help",
+    "/?": "ergon help",
+    "/h": "ergon help",
+    "?": "ergon help",
+}
+# Options that most commands have, and `ergon` itself has not.
+BEHIND = ("-v", "--verbose", "-q", "--quiet", "--json", "-f", "--force")
+_ONE_DASH = re.compile(r"-[a-z][a-z-]+")
+
+
+def instead(words: list[str]) -> str | None:
+    """The line that does what `words` most likely mean; None for others."""
+    line = INSTEAD.get(words[0])
+    rest = "".join(f" {word}" for word in words[1:])
+    return None if line is None else line.format(rest=rest)
+
+
+def reordered(words: list[str], commands: Iterable[str]) -> str | None:
+    """The line with its command first, where options or a score stand before it; else None."""
+    known = set(commands)
+    place = next((i for i, word in enumerate(words) if word in known), None)
+    if not place:
+        return None
+    return " ".join(["ergon", words[place], *words[place + 1 :], *words[:place]])
+
+
+def single_dash(words: Iterable[str], options: Iterable[str]) -> str | None:
+    """The long option that a word with one dash was meant for (`-output`); None if there is none.
+
+    Such a word would be read as short options in a row, and the next one as a score.
+    """
+    known = set(options)
+    for word in words:
+        if word == "--":
+            break
+        name = word.partition("=")[0]
+        if _ONE_DASH.fullmatch(name) and f"-{name}" in known:
+            return f"-{name}"
+    return None

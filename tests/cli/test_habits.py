@@ -1,0 +1,155 @@
+"""What a newcomer types by habit is answered with what to do."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+from one_bell import SCORE
+
+from ergon.cli import app, examples
+from ergon.cli.lazy import LazyGroup
+
+# (line, exit code, words of the answer)
+HABITS = [
+    ("-h", 0, "Usage: ergon"),
+    ("help", 0, "Usage: ergon"),
+    ("help render", 0, "Usage: ergon render"),
+    ("render -h", 0, "Usage: ergon render"),
+    ("doctor -h --verbose", 0, "Usage: ergon doctor"),
+    ("render help", 2, "ergon render --help"),
+    ("version", 2, "Use: ergon --version"),
+    ("-V", 2, "Use: ergon --version"),
+    ("-version", 2, "Use: ergon --version"),
+    ("-help", 2, "ergon help"),
+    ("?", 2, "Use: ergon help"),
+    ("-v", 2, "ergon check piece.yaml -v"),
+    ("--verbose", 2, "--verbose stands behind a command"),
+    ("--list", 2, "`ergon help` lists all commands"),
+    ("quit", 2, "`ergon help` lists all commands"),
+    ("piece.yaml", 2, "ergon render piece.yaml"),
+    ("piece.yaml check", 2, "ergon check piece.yaml"),
+    ("-o x.wav render piece.yaml", 2, "ergon render piece.yaml -o x.wav"),
+    ("--quiet render piece.yaml", 2, "ergon render piece.yaml --quiet"),
+    ("--json check piece.yaml", 2, "ergon check piece.yaml --json"),
+    ("rendr piece.yaml", 2, "Did you mean 'render'?"),
+    ("run piece.yaml", 2, "Use: ergon render piece.yaml"),
+    ("build piece.yaml", 2, "Use: ergon render piece.yaml"),
+    ("lint piece.yaml", 2, "Use: ergon check piece.yaml"),
+    ("init bells", 2, "Use: ergon new bells"),
+    ("ls", 2, "Use: ergon demo --list"),
+    ("examples", 2, "Use: ergon demo --list"),
+    ("live", 2, "Use: ergon repl"),
+    ("record", 2, "Use: ergon take record"),
+    ("update", 2, "Use: ergon help install"),
+    ("render", 2, "for example: ergon render piece.yaml -o piece.wav"),
+    ("render -o piece.wav", 2, "for example: ergon render piece.yaml"),
+    ("new", 2, "for example: ergon new bells"),
+    ("fold x.wav", 2, "for example: ergon fold dome.wav --to binaural"),
+    ("sweep piece.yaml", 2, "for example: ergon sweep piece.yaml --vary seed=1..4"),
+    ("take lst", 2, "Did you mean 'list'?"),
+    ("take xyzzy", 2, "`ergon take -h`"),
+    ("demo duett", 2, "did you mean 'duet'?"),
+    ("demo list", 2, "ergon demo --list"),
+    ("plan --hlep", 2, "--help"),
+    ("render piece.yaml --ouput x.wav", 2, "--output"),
+    ("render piece.yaml -output x.wav", 2, "two dashes: --output"),
+    ("render piece.yaml x.wav", 1, "-o x.wav"),
+    ("render --rate 48 kHz piece.yaml", 2, "a unit may follow: Hz, kHz"),
+    ("render --rate 48kV piece.yaml", 2, "a rate has Hz, kHz"),
+    ("check .", 1, "did you mean piece.yaml?"),
+    ("check piece.yml", 1, "did you mean piece.yaml?"),
+    ("check nothing.yaml", 1, "ergon demo --list"),
+    ("explain render", 2, "ergon help errors"),
+    ("explain", 2, "for example: ergon explain E204"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "answer"), HABITS, ids=[line for line, _, _ in HABITS])
+def test_habit_is_answered_with_what_to_do(
+    line: str,
+    code: int,
+    answer: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    Path("piece.yaml").write_text(SCORE)
+    assert app.run(shlex.split(line)) == code
+    out, err = capsys.readouterr()
+    assert answer in " ".join((out + err).split())
+    assert "Traceback" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["piece.yaml"]
+
+
+def test_every_command_is_under_one_heading():
+    listed = [name for names in app.SECTIONS.values() for name in names]
+    assert sorted(listed) == sorted(app.COMMANDS)
+
+
+def commands(group: LazyGroup, before: str = "") -> dict[str, click.Command]:
+    """All commands by their words, also those of groups that do something by themselves."""
+    result: dict[str, click.Command] = {}
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        path = f"{before}{name}"
+        if isinstance(command, LazyGroup):
+            result |= commands(command, f"{path} ")
+        if not isinstance(command, LazyGroup) or command.invoke_without_command:
+            result[path] = command
+    return result
+
+
+def test_every_command_has_an_example_in_its_help(capsys: pytest.CaptureFixture[str]):
+    found = commands(app.group)
+    assert set(found) == set(examples.EXAMPLES)
+    for name in found:
+        assert app.run([*name.split(), "--help"]) == 0
+        out = capsys.readouterr().out
+        for line, what in examples.EXAMPLES[name]:
+            assert line in out
+            assert what in out
+
+
+LINES = [line for rows in examples.EXAMPLES.values() for line, _ in rows]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_example_is_parsed(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(line)
+    assert program == "ergon"
+    command: click.Command = app.group
+    context = click.Context(command, info_name="ergon")
+    while isinstance(command, LazyGroup) and words:
+        name, inner, words = command.resolve_command(context, words)
+        assert inner is not None
+        command, context = inner, click.Context(inner, parent=context, info_name=name)
+    if not isinstance(command, LazyGroup):
+        command.make_context(command.name, words, parent=context.parent)
+
+
+@pytest.mark.parametrize("rate", ["48000", "48000Hz", "48kHz", "4.8e4"])
+def test_rate_with_and_without_its_unit(
+    rate: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    Path("piece.yaml").write_text(SCORE)
+    assert app.run(["render", "piece.yaml", "-n", "--rate", rate]) == 0
+    assert "48000 Hz" in capsys.readouterr().out
+
+
+def test_seconds_with_their_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["layout", "noise", "stereo", "--rate", "8kHz", "-o"]
+    assert app.run([*words, "a.wav", "--seconds", "100ms"]) == 0
+    assert app.run([*words, "b.wav", "--seconds", "0.1"]) == 0
+    assert Path("a.wav").read_bytes() == Path("b.wav").read_bytes()
