@@ -1,0 +1,69 @@
+"""What GitHub reads of the repository: workflows, updates, forms."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+TARGETS = set(
+    re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+)
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
+def test_workflow_names_what_exists(path: Path):
+    text = path.read_text(encoding="utf-8")
+    workflow = yaml.safe_load(text)
+    for name, job in workflow["jobs"].items():
+        assert job["runs-on"], name
+        needed = job.get("needs", [])
+        needed = {needed} if isinstance(needed, str) else set(needed)
+        assert needed <= set(workflow["jobs"])
+        for step in job["steps"]:
+            assert ("uses" in step) != ("run" in step), f"{path.name}, {name}: {step}"
+    for target in re.findall(r"run: make ([a-z-]+)", text):
+        assert target in TARGETS, target
+    # What may be written is named by the job that writes it.
+    assert workflow["permissions"] == {"contents": "read"}
+
+
+def test_artefacts_that_are_fetched_are_made():
+    jobs = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]
+    made = {
+        "-".join((one["os"], one["target"], one["manylinux"]))
+        for one in jobs["wheels"]["strategy"]["matrix"]["include"]
+    }
+    tried = {
+        one["wheel"]
+        for job in ("installed", "installed-musl")
+        for one in jobs[job]["strategy"]["matrix"]["include"]
+    }
+    assert tried == made
+
+
+def test_updates_are_asked_for_where_manifests_lie():
+    manifests = {
+        "cargo": "Cargo.toml",
+        "pip": "pyproject.toml",
+        "npm": "package.json",
+        "github-actions": ".github/workflows/ci.yml",
+    }
+    updates = yaml.safe_load((ROOT / ".github/dependabot.yml").read_text())["updates"]
+    assert {one["package-ecosystem"] for one in updates} == set(manifests)
+    for one in updates:
+        folder = ROOT / one["directory"].strip("/")
+        assert (folder / manifests[one["package-ecosystem"]]).is_file(), one
+
+
+@pytest.mark.parametrize("page", ["SECURITY.md", "CODE_OF_CONDUCT.md"])
+def test_links_of_community_pages(page: str):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)#\s]+)", text)
+    assert targets
+    for target in targets:
+        assert (ROOT / target).is_file(), target
