@@ -21,6 +21,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Inside": ("design/README.md", "design/*.md"),
 }
 REST = "More"
+_CODE = re.compile(r"`[^`]+`")
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s]+)(?:#[^)]*)?\)")
 
 
@@ -56,6 +57,17 @@ def without_links_outside(text: str, page: str) -> str:
     return _LINK.sub(replacement, text)
 
 
+def with_plain_bars(text: str) -> str:
+    """The Markdown of a page without `\\|` in the code of tables.
+
+    GitHub needs the backslash there; Python-Markdown keeps code together, and would show it.
+    """
+    return "\n".join(
+        _CODE.sub(lambda code: code[0].replace(r"\|", "|"), line) if line.startswith("|") else line
+        for line in text.split("\n")
+    )
+
+
 def on_config(config: Any) -> Any:
     """Called by mkdocs: sets the navigation."""
     groups = pages_in_groups(Path(config["docs_dir"]))
@@ -65,4 +77,4 @@ def on_config(config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: object) -> str:
     """Called by mkdocs for each page."""
-    return without_links_outside(markdown, page.file.src_uri)
+    return with_plain_bars(without_links_outside(markdown, page.file.src_uri))

@@ -91,6 +91,12 @@ def test_links_that_lead_out_are_words(text: str, page: str, shown: str):
     assert site_hooks.without_links_outside(text, page) == shown
 
 
+def test_bars_in_the_code_of_tables(site: Path):
+    text = (site / "rhythm/index.html").read_text(encoding="utf-8")
+    assert "[kick | snare]" in text
+    assert r"\|" not in text
+
+
 def test_every_page_is_in_the_site(site: Path):
     for path in DOCS.glob("**/*.md"):
         name = path.relative_to(DOCS).with_suffix("")
