@@ -76,7 +76,10 @@ def test_what_a_page_shows_is_so(page: Path, tmp_path: Path) -> None:
                 check(block, path)
 
 
-@pytest.mark.parametrize("page", [*PAGES, *FOR_DEVELOPERS], ids=lambda page: page.name)
+HISTORY = [ROOT / "CHANGELOG.md", *sorted((ROOT / "docs" / "history").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", [*PAGES, *FOR_DEVELOPERS, *HISTORY], ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):

@@ -38,6 +38,16 @@ def test_all_parts_have_one_version():
     assert "version" in PROJECT["dynamic"]  # that of Cargo.toml
 
 
+def test_the_newest_release_in_the_changelog():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    unreleased, *releases = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
+    assert unreleased.startswith("[Unreleased]\n")
+    assert re.match(rf"\[{re.escape(NUMBER)}\] - \d{{4}}-\d\d-\d\d\n", releases[0])
+    for release in releases:
+        assert len(release.splitlines()) <= 60
+    assert re.findall(r"^### (.+)", releases[0], re.MULTILINE)[0] == "What breaks"
+
+
 def pages() -> list[Path]:
     folders = ("", "docs", "docs/howto", "docs/design", "editors", "examples")
     return [page for name in folders for page in sorted((ROOT / name).glob("*.md"))]
@@ -47,8 +57,6 @@ def pages() -> list[Path]:
 def test_no_page_installs_from_an_index(page: Path):
     """Until ergon-live is published, what brings it is a checkout or the file of a wheel."""
     text = page.read_text(encoding="utf-8")
-    if page.name == "CHANGELOG.md":
-        text = text.partition("## [0.1.0]")[0]
     for command in re.findall(r"(?:pip|pipx|uv pip|uvx)\s+(?:install|run)\s+[^`\n]*", text):
         assert not re.search(r"(?<![./\w])'?ergon-live\b", command), f"{page.name}: {command}"
     if page.name != "install.md":
