@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ _LINE_MAX = 2_000  # characters
 
 def midi(console: Console, path: Path) -> None:
     """Say what a MIDI file holds, what of it a score can play, and what is passed over."""
-    from ergon.scores.gesture.midi_survey import passed_over, survey
+    from ergon.scores.gesture.midi_survey import FOLLOWED, passed_over, survey
     from ergon.scores.gesture.take_file import TakeError
 
     try:
@@ -33,7 +34,7 @@ def midi(console: Console, path: Path) -> None:
     tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
     everything = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
-    left_out = [*passed_over(file, **everything)]
+    left_out = [*passed_over(file, **everything, follows=lambda move: move.kind in FOLLOWED)]
     if extra := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(extra, "byte") + " after the end of tracks")
     played = [*_understood(file)]
@@ -93,15 +94,19 @@ def _notes(track: MidiTrack) -> str:
 
 def _understood(file: MidiSurvey) -> Iterator[str]:
     """What a score can play of a file, or take over."""
-    from ergon.scores.gesture.midi_bytes import PITCH_BEND
+    from ergon.scores.gesture.midi_bytes import CONTROLLER
     from ergon.scores.gesture.midi_file import SUSTAIN
+    from ergon.scores.gesture.midi_survey import FOLLOWED, NOUNS
 
     if count := sum(file.notes.values()):
         yield plural(count, "note")
-    if pedal := file.controllers[SUSTAIN]:
-        yield plural(pedal, "pedal value")
-    if turns := file.others[PITCH_BEND]:
-        yield plural(turns, "pitch bend")
+    counts: Counter[str] = Counter()
+    for move, count in file.moves.items():
+        is_pedal = move.kind == CONTROLLER and move.number == SUSTAIN
+        counts["pedal value" if is_pedal else NOUNS[move.kind][0]] += count
+    for noun in ("pedal value", *(NOUNS[kind][0] for kind in FOLLOWED)):
+        if counts[noun]:
+            yield plural(counts[noun], noun)
     if file.n_tempos:
         yield plural(file.n_tempos, "tempo")
     if file.n_meters:

@@ -14,6 +14,7 @@ from ergon.instruments.space.fields import WALL
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
+from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
 from ergon.scores.reading.part import PLAY
 
@@ -35,6 +36,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("players", s.PLAYER),
     ("duet", s.COUPLING),
     ("parts", PLAY),
+    ("automation", AUTOMATION),
     ("mix", s.MIX),
     ("mix: route", s.ROUTE),
     ("mix: master", s.MASTER),

@@ -15,37 +15,27 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
-from ergon.repl.language.notes import note_number
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
+from ergon.scores.gesture import midi_source
+from ergon.scores.gesture.midi_notes import note_number
+from ergon.scores.gesture.midi_source import parse_source
 
 # What a map of a controller may begin with, and what that is.
-SOURCES = {
-    "cc 21": "controller 21, in 128 steps",
-    "cc 1/33": "controllers 1 and 33 together, in 16,384 steps",
-    "bend": "the pitch wheel, in 16,384 steps; its middle is the middle of the range",
-    "pressure": "the pressure on the keys (channel pressure)",
-    "pressure C4": "the pressure on one key (polyphonic pressure)",
-    c.LEARN: "the next of these that moves",
-}
-_CONTROLLERS = 128
-_PAIR = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
+SOURCES = {**midi_source.SOURCES, c.LEARN: "the next of these that moves"}
 
 
 # --- what moves ----------------------------------------------------------------------------------
 
 
 def _read_source(text: str, *_: Any) -> str:
-    head, _space, rest = text.partition(" ")
-    rest = rest.strip()
-    if head == "cc":
-        return f"cc {_controllers(rest, len(text) - len(rest))}"
-    if head == "pressure" and rest:
-        return f"pressure {note_number(rest)}"
-    if text in SOURCES:
+    if text == c.LEARN:
         return text
+    head = text.partition(" ")[0]
     heads = [source for source in SOURCES if " " not in source]
-    raise v.unknown_name(text, "what moves", ("cc 21", *heads))
+    if head not in ("cc", *heads) or (head == "bend" and head != text):
+        raise v.unknown_name(text, "what moves", ("cc 21", *heads))
+    return str(parse_source(text))
 
 
 def is_source(text: str) -> bool:
@@ -54,20 +44,6 @@ def is_source(text: str) -> bool:
         return text != c.LEARN and _read_source(text) == text
     except TextError:
         return False
-
-
-def _controllers(text: str, offset: int) -> str:
-    """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
-    match = _PAIR.fullmatch(text)
-    numbers = [int(number) for number in match.groups() if number is not None] if match else []
-    if not numbers or max(numbers) >= _CONTROLLERS:
-        message = f"{quote(text)} is not a controller: write a number from 0 to 127, or two such "
-        message += "as 1/33"
-        raise TextError(message, offset=offset, length=max(1, len(text)))
-    if len(numbers) > 1 and numbers[0] == numbers[1]:
-        message = f"{quote(text)} names one controller twice: its lower bits come by another, such"
-        raise TextError(f"{message} as 1/33", offset=offset, length=len(text))
-    return "/".join(map(str, numbers))
 
 
 def _source_words(words: Sequence[str]) -> int:

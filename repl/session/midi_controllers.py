@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from ergon.live.midi_messages import Control, Pressure, Wheel
+from ergon.scores.gesture.midi_source import pair_share, seven_bit_share, wheel_share
 
 if TYPE_CHECKING:
     from ergon.repl.session.midi_maps import Map
 
-_MIDI_MAX = 127
-_WHEEL_MIDDLE, _WHEEL_MAX = 8192, 16383
-_PAIR_MAX = 16383
+_CONTROLLERS = 128
 Moved = Control | Wheel | Pressure
 
 
@@ -21,7 +20,7 @@ class Controllers:
 
     def __init__(self) -> None:
         """Begin with all of them at 0."""
-        self._values = [0] * (_MIDI_MAX + 1)
+        self._values = [0] * _CONTROLLERS
 
     def shares(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
         """What a message moves, and where that stands now, from 0 to 1; of pairs of controllers
@@ -30,13 +29,13 @@ class Controllers:
         The upper bits put the lower ones at 0, until these come (MIDI 1.0, control change).
         """
         if isinstance(message, Wheel):
-            yield "bend", _wheel_share(message.value)
+            yield "bend", wheel_share(message.value)
         elif isinstance(message, Pressure):
             key = "" if message.number is None else f" {message.number}"
-            yield f"pressure{key}", message.value / _MIDI_MAX
+            yield f"pressure{key}", seven_bit_share(message.value)
         else:
             self._values[message.number] = message.value
-            yield f"cc {message.number}", message.value / _MIDI_MAX
+            yield f"cc {message.number}", seven_bit_share(message.value)
             yield from self._pairs(message.number, maps)
 
     def _pairs(self, number: int, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
@@ -47,12 +46,4 @@ class Controllers:
             if number == upper:
                 self._values[lower] = 0
             if number in (upper, lower):
-                value = self._values[upper] << 7 | self._values[lower]
-                yield source, value / _PAIR_MAX
-
-
-def _wheel_share(value: int) -> float:
-    """Where the wheel stands: 0 and 1 at its ends, one half in its middle."""
-    if value <= _WHEEL_MIDDLE:
-        return 0.5 * value / _WHEEL_MIDDLE
-    return 0.5 + 0.5 * (value - _WHEEL_MIDDLE) / (_WHEEL_MAX - _WHEEL_MIDDLE)
+                yield source, pair_share(self._values[upper], self._values[lower])

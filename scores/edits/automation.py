@@ -138,7 +138,7 @@ def is_automated_from(piece: Piece, one: Automation, at: float) -> bool:
 def ending(piece: Piece, one: Automation) -> float:
     """The beat on which automation ends; infinite if it does not end."""
     end = math.inf if one.until is None else piece.tempo_map.resolve(one.until)
-    if one.swing is not None or one.points:
+    if one.pattern is None:
         return end
     places = one.steps(piece.tempo_map, piece.seed)
     return min(end, places.beat(len(places)))

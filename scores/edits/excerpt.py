@@ -12,7 +12,9 @@ import math
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length
+from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
+from ergon.notation.text.document import Mapping, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import entries, space
 from ergon.scores.edits.automation import ValueOn, value_text
@@ -169,7 +171,7 @@ class _Window:
             if one.points:
                 texts = self._glide(texts, number, one, begin, end)
                 continue
-            places = None if one.swing is not None else one.steps(self.map, self.piece.seed)
+            places = None if one.pattern is None else one.steps(self.map, self.piece.seed)
             if places is not None:
                 end = min(end, places.beat(len(places)))
             if begin >= self.stop - SAME or end <= self.start + SAME:
@@ -188,6 +190,12 @@ class _Window:
                 period = self.map.after(begin, one.swing.period) - begin
                 phase = (one.swing.phase + (self.start - begin) / period) % 1.0
                 said["phase"] = f"{phase:.12g}"
+            elif begin < self.start - SAME and one.moves:
+                node = items(texts, "automation")[number]
+                written = node.get("start") if isinstance(node, Mapping) else None
+                before = q.quantity(written.text, q.RATIO) if isinstance(written, Scalar) else 0.0
+                past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin)
+                said["start"] = f"{before + past:.12g}"
             texts = self._said(texts, place(texts, "automation", number), said)
         return texts
 

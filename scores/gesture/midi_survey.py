@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from ergon.notation.clock.meter import MAX_BEATS, Bars, Meter
 from ergon.notation.clock.tempo import FASTEST, SLOWEST
@@ -32,7 +32,20 @@ NOUNS = {
     m.KEY_PRESSURE: ("key pressure", "key pressures"),
     m.PROGRAM: ("program change", "program changes"),
     m.SYSEX: ("system exclusive message", "system exclusive messages"),
+    m.CONTROLLER: ("controller value", "controller values"),
 }
+FOLLOWED = (m.PITCH_BEND, m.CHANNEL_PRESSURE, m.KEY_PRESSURE, m.CONTROLLER)  # by automation
+_NUMBERED = (m.CONTROLLER, m.KEY_PRESSURE)
+
+
+class MidiMove(NamedTuple):
+    """What events that are no notes have in common: their kind, their channel (0: none), and the
+    number of a controller or key (else 0).
+    """
+
+    kind: int
+    channel: int
+    number: int
 
 
 @dataclass(slots=True)
@@ -63,9 +76,9 @@ class MidiSurvey:
 
     `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
     power of two of their note), in the order of time and only the last of those at one instant;
-    `n_tempos` and `n_meters` count all. `controllers` and `others` count events by their numbers
-    and kinds. `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks
-    that follow the event that ends a track.
+    `n_tempos` and `n_meters` count all. `moves` counts all other events but notes.
+    `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that follow
+    the event that ends a track.
     """
 
     format: int
@@ -79,8 +92,7 @@ class MidiSurvey:
     meters: list[tuple[float, int, int]] = field(default_factory=list)
     n_tempos: int = 0
     n_meters: int = 0
-    controllers: Counter[int] = field(default_factory=Counter)
-    others: Counter[int] = field(default_factory=Counter)
+    moves: Counter[MidiMove] = field(default_factory=Counter)
 
     @property
     def notes(self) -> Mapping[int, int]:
@@ -139,10 +151,9 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
 def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
     if event.kind == m.NOTE_ON and event.content[1]:
         track.notes.setdefault(event.channel, NoteCount()).add(event.number)
-    elif event.kind == m.CONTROLLER:
-        result.controllers[event.number] += 1
     elif event.kind in NOUNS:
-        result.others[event.kind] += 1
+        number = event.number if event.kind in _NUMBERED else 0
+        result.moves[MidiMove(event.kind, event.channel, number)] += 1
 
 
 def _text(content: bytes) -> str:
@@ -225,21 +236,30 @@ def passed_over(
     has_tempo: bool,
     has_meter: bool,
     has_wheel: bool,
+    follows: Callable[[MidiMove], bool] = lambda move: False,
 ) -> Iterator[str]:
-    """What is in a file beside notes and what is used of it, in words."""
+    """What is in a file beside notes and what is used of it, in words; `follows` tells of an event
+    whether automation does.
+    """
     if file.n_tempos and not has_tempo:
         yield plural(file.n_tempos, ("tempo", "tempos"))
     if file.n_meters and not has_meter:
         yield plural(file.n_meters, ("meter", "meters"))
-    for kind, noun in NOUNS.items():
-        if file.others[kind] and not (has_wheel and kind == m.PITCH_BEND):
-            yield plural(file.others[kind], noun)
     played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
-    controllers = {n: c for n, c in file.controllers.items() if n not in played}
-    if controllers:
-        numbers = ", ".join(str(number) for number in sorted(controllers))
-        count = plural(sum(controllers.values()), ("controller value", "controller values"))
-        yield f"{count} ({numbers})"
+    counts: Counter[int] = Counter()
+    controllers: set[int] = set()
+    for move, count in file.moves.items():
+        is_controller = move.kind == m.CONTROLLER
+        is_wheel = has_wheel and move.kind == m.PITCH_BEND
+        if follows(move) or is_wheel or (is_controller and move.number in played):
+            continue
+        counts[move.kind] += count
+        controllers |= {move.number} if is_controller else set()
+    for kind, noun in NOUNS.items():
+        if counts[kind]:
+            is_controller = kind == m.CONTROLLER
+            numbers = f" ({', '.join(map(str, sorted(controllers)))})" if is_controller else ""
+            yield plural(counts[kind], noun) + numbers
     if file.n_other_chunks:
         yield plural(file.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
 

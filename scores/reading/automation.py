@@ -17,11 +17,14 @@ from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place, Time
+from ergon.scores.gesture.midi_course import Course
+from ergon.scores.gesture.midi_source import parse_source
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
 from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
+from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
@@ -41,9 +44,11 @@ class Swing:
 
 @dataclass(frozen=True, slots=True)
 class Automation:
-    """A parameter that follows a pattern of `amounts`, a swing or a curve between two positions.
+    """A parameter that follows a pattern of `amounts`, a swing, a curve or `moves` of a MIDI file
+    between two positions.
 
-    A glide (`to` with `over`) has one of the `points`, which is reached within `over`.
+    A glide (`to` with `over`) has one of the `points`, which is reached within `over`. Each of the
+    `moves` is a value at a time after the beginning.
     """
 
     target: Target
@@ -60,6 +65,9 @@ class Automation:
     struck: str = ""  # strikes that the values are for; set before they fall
     points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
     over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
+    moves: tuple[tuple[Length, Amount], ...] = field(
+        default=(), metadata={"hash_omits_empty": True}
+    )
 
     # If all notes of an instrument change: the targets of the other notes that the piece plays.
     other_notes: tuple[Target, ...] = field(default=(), metadata={"hash_omits_empty": True})
@@ -85,7 +93,8 @@ class Automation:
 
 AUTOMATION = Record(
     "automation",
-    "a parameter that glides or follows a pattern of values (`set`), or swings (`lfo`)",
+    "a parameter that glides, follows a pattern of values or a MIDI file (`set`), or swings "
+    "(`lfo`)",
     (
         Field(
             "set",
@@ -106,6 +115,15 @@ AUTOMATION = Record(
         Field("every", k.LENGTH, "length of a step"),
         Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
         *OF_PATTERN,
+        Field("from", k.PATH, "a MIDI file that it follows"),
+        Field("channel", k.integer(1, 16, "1"), "of that file", shown="all together"),
+        Field(
+            "by",
+            Text(parse_source, "what moves in MIDI, such as cc 1, cc 1/33, bend or pressure"),
+            "what it follows of the file: a controller, two of them (14 bits), the pitch wheel, "
+            "the pressure of a channel or of a key (pressure C4)",
+        ),
+        Field("start", k.RATIO, "quarter notes of the file that are left out", 0.0),
         Field("lfo", Reference("a parameter, such as bell.m.K", ("modules",)), "what swings"),
         Field(
             "range",
@@ -122,7 +140,14 @@ AUTOMATION = Record(
 )
 _OF_PATTERN = ("every", "times", *(field.name for field in OF_PATTERN))
 _OF_SET = ("to", "over", "curve", *_OF_PATTERN)
+_OF_FILE = ("from", "channel", "by", "start")
 _OF_LFO = ("range", "period", "shape", "phase")
+# By what an entry is called: the fields that it needs, and those that it may not have.
+_FIELDS = {
+    "set": (("to",), (*_OF_FILE, *_OF_LFO)),
+    "from": (("from", "by", "range"), (*_OF_SET, "period", "shape", "phase")),
+    "lfo": (("range", "period"), (*_OF_FILE, *_OF_SET)),
+}
 
 
 def check(values: Values) -> bool:
@@ -133,9 +158,9 @@ def check(values: Values) -> bool:
     if len(kinds) != 1:
         values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
         return False
-    kind = kinds[0]
-    needs = ("to",) if kind == "set" else ("range", "period")
-    others = _OF_LFO if kind == "set" else _OF_SET
+    is_file = kinds[0] == "set" and bool(values.written("from"))
+    kind = "from" if is_file else kinds[0]
+    needs, others = _FIELDS[kind]
     for name in needs:
         if not values.written(name):
             values.error("E103", f"automation: `{name}` is missing beside `{kind}`", kind)
@@ -154,16 +179,24 @@ def check(values: Values) -> bool:
     return all(name in values.given for name in (*kinds, *needs))
 
 
-def made(values: Values, target: Target, parameter: str, read: ReadAmount) -> Automation | None:
+def made(
+    values: Values, target: Target, parameter: str, read: ReadAmount, midi: MidiUses
+) -> Automation | None:
     """The automation of a known parameter, whose amounts `read` reads; None if an error was
-    reported.
+    reported. A file that it follows is noted in `midi`.
     """
     v, pattern, swing = values, None, None
+    moves: tuple[tuple[Length, Amount], ...] = ()
     amounts: Mapping[str, Amount] = {}
     points: tuple[CurvePoint, ...] = ()
-    name = "to" if v.written("set") else "range"
+    name = "range" if v.written("range") else "to"
     try:
-        if v.written("set") and is_curve(v["to"]):
+        if v.written("from"):
+            ends = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
+            moves = _moves(ends, parameter, midi.course(v), v)
+            if not moves:  # a mistake of the file was reported
+                return None
+        elif v.written("set") and is_curve(v["to"]):
             points = parse_with_names(_node(v, "to"), lambda text: parse_curve(text, read))
         elif v["over"] is not None:
             node = v.nodes["to"]
@@ -209,6 +242,31 @@ def made(values: Values, target: Target, parameter: str, read: ReadAmount) -> Au
         v.place_of("at"),
         points=points,
         over=v["over"],
+        moves=moves,
+    )
+
+
+def _moves(
+    ends: tuple[Amount, Amount], parameter: str, course: Course, values: Values
+) -> tuple[tuple[Length, Amount], ...]:
+    """The values of a parameter whose ends are those of a controller, from a place of its file on.
+
+    Raises TextError for ends between which there is no way.
+    """
+    (low, high), start, length = ends, values["start"], len(str(values["range"]))
+    if low.is_factor != high.is_factor:
+        message = "write two values or two factors: there is no way from a value to a factor"
+        raise TextError(message, length=length, code="E202")
+    if parameter in ("f", "t60") and not min(low.value, high.value) > 0.0:
+        raise TextError(f"{parameter} must stay above 0", length=length, code="E202")
+    before = [share for quarter, share in course if quarter <= start][-1:]
+    after = [(quarter - start, share) for quarter, share in course if quarter > start]
+    return tuple(
+        (
+            Length(quarters=later),
+            Amount(low.value + (high.value - low.value) * share, low.is_factor),
+        )
+        for later, share in (*((0.0, share) for share in before), *after)
     )
 
 

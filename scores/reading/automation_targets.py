@@ -14,6 +14,7 @@ from ergon.scores.reading import automatable, automation
 from ergon.scores.reading.automatable import Automatable
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.matter import PartsReader
+from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.piece import Strikes
 
 Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
@@ -22,9 +23,10 @@ Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
 class AutomationTargets:
     """Reads entries of automation for the parts of a score."""
 
-    def __init__(self, matter: PartsReader, part_names: PartNames) -> None:
-        """Take the parts."""
+    def __init__(self, matter: PartsReader, part_names: PartNames, midi: MidiUses) -> None:
+        """Take the parts, and the MIDI files of the score."""
         self.matter = matter
+        self.midi = midi
         self.part_names = part_names
         self.collector = part_names.collector
 
@@ -44,14 +46,14 @@ class AutomationTargets:
             return None
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
         first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
-        automated = automation.made(values, first, parameter, read)
+        automated = automation.made(values, first, parameter, read, self.midi)
         return automated and replace(automated, other_notes=tuple(others))
 
     def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
-        of an instrument a piece plays.
+        of an instrument a piece plays, or on a file.
         """
-        if self.part_names.family(change.target.text) is not None:
+        if change.moves or self.part_names.family(change.target.text) is not None:
             return None
         return change.modules
 

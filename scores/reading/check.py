@@ -85,7 +85,7 @@ class Checker:
             for target in struck.to:
                 self.part_names.bring(target)
         self.matter.look_up()
-        automation_targets = AutomationTargets(self.matter, self.part_names)
+        automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
         for struck in strikes:
             automation_targets.check_glides(struck)
         plays = self._plays(times.known)

@@ -190,6 +190,7 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
             for amount in (
                 *one.amounts.values(),
                 *(point.amount for point in one.points),
+                *(amount for _, amount in one.moves),
                 *((one.swing.low, one.swing.high) if one.swing else ()),
             )
         )

@@ -11,8 +11,10 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.gesture.midi_course import Course, read_course
 from ergon.scores.gesture.midi_file import channel_number
-from ergon.scores.gesture.midi_survey import MidiSurvey, passed_over, plural, survey
+from ergon.scores.gesture.midi_source import MidiSource
+from ergon.scores.gesture.midi_survey import MidiMove, MidiSurvey, passed_over, plural, survey
 from ergon.scores.gesture.take_file import TakeError
 
 _Times = TypeVar("_Times")
@@ -29,6 +31,16 @@ class _Use:
     has_wheel: bool = False
     has_tempo: bool = False
     has_meter: bool = False
+    followed: set[tuple[int | None, MidiSource]] = field(default_factory=set)  # channel, what
+
+    def follows(self, move: MidiMove) -> bool:
+        """Whether automation follows an event."""
+        return any(
+            channel in (None, move.channel)
+            and source.kind == move.kind
+            and (not source.numbers or move.number in source.numbers)
+            for channel, source in self.followed
+        )
 
 
 class MidiUses:
@@ -80,6 +92,21 @@ class MidiUses:
             values.error("E310", f"{who}{error.message}", "from")
         return None
 
+    def course(self, values: Values) -> Course:
+        """How what automation follows moves in its file; empty if an error was reported."""
+        name, channel, source = values["from"], values["channel"], values["by"]
+        who, folder = "automation: ", values.nodes["from"].document.folder
+        path = self._files.locate(name, folder, values.place_of("from"), who, is_text=False)
+        if path is None:
+            return ()
+        use = self._use(path, name, values.place_of("from"))
+        use.followed.add((channel, source))
+        try:
+            return read_course(path, channel, source)
+        except TakeError as error:
+            values.error("E310", f"{who}{error.message}", "by" if error.field == "by" else "from")
+        return ()
+
     def _use(self, path: Path, name: str, place: Place) -> _Use:
         return self._uses.setdefault(path, _Use(name, place))
 
@@ -117,4 +144,5 @@ def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
         has_tempo=use.has_tempo,
         has_meter=use.has_meter,
         has_wheel=use.has_wheel,
+        follows=use.follows,
     )

@@ -23,7 +23,7 @@ from ergon.scores.reading.piece import Key, NoteGlide, Piece, Strikes
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import Led, Points, Where
 
-_WHEEL = 0.01  # [s] in which a value of a pitch wheel is reached, so that it does not click
+_REACHED = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ class KnownAutomation:
             for place, (line, begin, until) in enumerate(spans):
                 is_last = place + 1 == len(spans)
                 stop = until if is_last else min(until, spans[place + 1][1])
-                entries.append(Entry(line, begin, stop))
+                entries += _entries(tempo, Entry(line, begin, stop))
                 if line.swing is None:
                     moves_from = min(moves_from, begin)
         return Tracks(by_name, moves_from)
@@ -210,6 +210,36 @@ def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
     )
 
 
+def _entries(tempo: TempoMap, entry: Entry) -> Iterator[Entry]:
+    """An entry; for one that follows a MIDI file a glide for each value that it has there."""
+    line, begin, stop = entry
+    if not line.moves:
+        yield entry
+        return
+    glides = [(glide, tempo.resolve(glide.at)) for glide in _glides(tempo, line, begin)]
+    beats = [beat for _, beat in glides if beat < stop]
+    for (glide, beat), following in zip(glides, [*beats[1:], stop], strict=False):
+        yield Entry(glide, beat, following)
+
+
+def _glides(tempo: TempoMap, line: Automation, start: float) -> Iterator[Automation]:
+    """A glide for each value of a MIDI file that begins on beat `start`, which ends where the file
+    has it.
+    """
+    last = tempo.seconds(start)
+    for length, amount in line.moves:
+        instant = tempo.seconds(tempo.after(start, length))
+        since = max(last, instant - _REACHED)
+        yield replace(
+            line,
+            at=Position(plus=Length(beats=tempo.beats(since))),
+            points=(CurvePoint(Time(), amount, "line"),),
+            over=Length(seconds=instant - since) if instant > since else None,
+            moves=(),
+        )
+        last = instant
+
+
 def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of what is struck."""
     if line.pattern is not None:
@@ -222,31 +252,23 @@ def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
 def _wheel_automation(
     tempo: TempoMap, line: Strikes, glide: NoteGlide, start: float
 ) -> Iterator[Automation]:
-    """Automation by a pitch wheel in a phrase that begins on beat `start`: a glide for each value,
-    which ends where the file has it.
-    """
-    last = tempo.seconds(start)
-    for length, factor in glide.points:
-        instant = tempo.seconds(tempo.after(start, length))
-        since = max(last, instant - _WHEEL)
-        over = Length(seconds=instant - since) if instant > since else None
-        yield Automation(
-            glide.target,
-            "f",
-            Position(plus=Length(beats=tempo.beats(since))),
-            until=None,
-            every=None,
-            times=None,
-            pattern=None,
-            amounts={},
-            swing=None,
-            place=glide.target.place,
-            at_place=glide.target.place,
-            struck=line.who,
-            points=(CurvePoint(Time(), Amount(factor, is_factor=True), "line"),),
-            over=over,
-        )
-        last = instant
+    """Automation by a pitch wheel in a phrase that begins on beat `start`."""
+    wheel = Automation(
+        glide.target,
+        "f",
+        Position(),
+        until=None,
+        every=None,
+        times=None,
+        pattern=None,
+        amounts={},
+        swing=None,
+        place=glide.target.place,
+        at_place=glide.target.place,
+        struck=line.who,
+        moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
+    )
+    yield from _glides(tempo, wheel, start)
 
 
 def _notes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:

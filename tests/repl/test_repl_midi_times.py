@@ -1,8 +1,10 @@
 """Sessions on scores whose tempos and meters come from a MIDI file."""
 
+import random
 from pathlib import Path
 
 import midi_files
+import mido
 import pytest
 from sessions import Stepped
 
@@ -74,3 +76,43 @@ def test_show_names_file_of_tempos(folder: Path) -> None:
     lines = session.type("show").lines
     session.close()
     assert lines[0] == "1|1: 4 tempos of a MIDI file"
+
+
+FOLLOWING = """\
+ergon: 1
+instruments:
+  cell: {CEL: {M: 1g, f: A4, t60: 2s}, out: {SOX: cell}}
+strikes: {beat: {to: [cell], at: 1|1, every: 1/2, until: 9|1, impulse: 1mNs}}
+automation:
+  - {set: cell.f, from: tune.mid, at: 1|1, by: cc 1/33, range: 400Hz..700Hz}
+  - {set: cell.t60, from: tune.mid, at: 1|1, by: pressure, range: 0.1..2, until: 3|1}
+mix: {channels: 1}
+"""
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["tempo 90 now", "undo", "tempo 150 at 2|1"],
+        ["set cell.f 500Hz over 1 now", "set cell.f 400Hz 500Hz every 1/2 now", "undo"],
+        ["lfo cell.t60 0.5..2 period 1bar now", "lfo cell.t60 off"],
+    ],
+)
+def test_followed_file_sounds_as_its_journal(tmp_path: Path, lines: list[str]) -> None:
+    draw, events = random.Random(3), midi_files.note(0)
+    for tick in range(0, 9600, 37):
+        events.append((tick, mido.Message("control_change", control=1, value=draw.randrange(128))))
+        events.append((tick, mido.Message("control_change", control=33, value=draw.randrange(128))))
+        events.append((tick, mido.Message("aftertouch", value=draw.randrange(128))))
+    midi_files.save(tmp_path / "tune.mid", events)
+    session = Stepped(FOLLOWING, tmp_path)
+    session.ok("play")
+    session.run(0.6)
+    for line in lines:
+        session.ok(line)
+        session.run(0.7)
+    session.run(2.0)
+    session.close()
+    assert abs(session.sound).max() > 0
+    again = session.again()
+    assert session.sound[: len(again)].tobytes() == again.tobytes()

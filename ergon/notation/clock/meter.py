@@ -4,6 +4,7 @@ A beat is the meter's lower number: in 7/8 a bar has seven beats, each an eighth
 eighths. `3+2+2/8` is 7/8 with its groups written out.
 """
 
+import math
 import re
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -105,6 +106,15 @@ class Bars:
                 break
             beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
         return beats + quarters * self._meters[i].unit / 4.0
+
+    def quarters(self, beats: float) -> float:
+        """How many quarter notes lie before a beat of the piece."""
+        spans = zip(self._starts, (*self._starts[1:], math.inf), self._meters, strict=True)
+        return sum(
+            (min(beats, stop) - start) * 4.0 / meter.unit
+            for start, stop, meter in spans
+            if start == 0.0 or start < beats
+        )
 
     def unit(self, beats: float) -> int:
         """The note that a beat of the piece is: 4 for a quarter."""

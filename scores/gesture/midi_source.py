@@ -1,0 +1,91 @@
+"""What moves in MIDI beside notes, and where it stands: controllers, wheel and pressures."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.gesture.midi_bytes import (
+    CHANNEL_PRESSURE,
+    CONTROLLER,
+    KEY_PRESSURE,
+    PITCH_BEND,
+)
+from ergon.scores.gesture.midi_notes import note_number
+
+# What moves, as it is written, and what that is.
+SOURCES = {
+    "cc 21": "controller 21, in 128 steps",
+    "cc 1/33": "controllers 1 and 33 together, in 16,384 steps",
+    "bend": "the pitch wheel, in 16,384 steps; its middle is the middle of the range",
+    "pressure": "the pressure on the keys (channel pressure)",
+    "pressure C4": "the pressure on one key (polyphonic pressure)",
+}
+_HEADS = {"bend": PITCH_BEND, "pressure": CHANNEL_PRESSURE}
+_MIDI_MAX = 127
+_PAIR_MAX = 16383
+_WHEEL_MIDDLE = 8192
+_PAIR = re.compile(r"([0-9]{1,3})(?:/([0-9]{1,3}))?")
+
+
+class MidiSource(NamedTuple):
+    """What moves: the kind of event, and its number: that of a controller, of two (the upper seven
+    bits first), or of a key.
+    """
+
+    kind: int
+    numbers: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        """As it is written."""
+        if self.kind == CONTROLLER:
+            return f"cc {'/'.join(map(str, self.numbers))}"
+        if self.kind == KEY_PRESSURE:
+            return f"pressure {self.numbers[0]}"
+        return next(word for word, kind in _HEADS.items() if kind == self.kind)
+
+
+def parse_source(text: str) -> MidiSource:
+    """Read `cc 21`, `cc 1/33`, `bend`, `pressure` or `pressure C4`. Raises TextError."""
+    head, _, rest = text.strip().partition(" ")
+    rest = rest.strip()
+    if head == "cc":
+        return MidiSource(CONTROLLER, _controllers(rest, len(text) - len(rest)))
+    if head == "pressure" and rest:
+        return MidiSource(KEY_PRESSURE, (note_number(rest),))
+    if head in _HEADS and not rest:
+        return MidiSource(_HEADS[head])
+    message = f"{quote(text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
+    raise TextError(f"{message}pressure C4", length=max(1, len(text)), code="E201")
+
+
+def _controllers(text: str, offset: int) -> tuple[int, ...]:
+    """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
+    match = _PAIR.fullmatch(text)
+    numbers = [int(number) for number in match.groups() if number is not None] if match else []
+    if not numbers or max(numbers) > _MIDI_MAX:
+        message = f"{quote(text)} is not a controller: write a number from 0 to 127, or two such "
+        message += "as 1/33"
+        raise TextError(message, offset=offset, length=max(1, len(text)))
+    if len(numbers) > 1 and numbers[0] == numbers[1]:
+        message = f"{quote(text)} names one controller twice: its lower bits come by another, such"
+        raise TextError(f"{message} as 1/33", offset=offset, length=len(text))
+    return tuple(numbers)
+
+
+def seven_bit_share(value: int) -> float:
+    """Where a controller or a pressure stands, from 0 to 1."""
+    return value / _MIDI_MAX
+
+
+def pair_share(upper: int, lower: int) -> float:
+    """Where two controllers stand together, from 0 to 1."""
+    return (upper << 7 | lower) / _PAIR_MAX
+
+
+def wheel_share(value: int) -> float:
+    """Where the wheel stands: 0 and 1 at its ends (0 and 16383), one half in its middle."""
+    if value <= _WHEEL_MIDDLE:
+        return 0.5 * value / _WHEEL_MIDDLE
+    return 0.5 + 0.5 * (value - _WHEEL_MIDDLE) / (_PAIR_MAX - _WHEEL_MIDDLE)
