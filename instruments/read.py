@@ -59,6 +59,7 @@ def member_table(form: Form) -> Record:
     fields = (
         Field("modules", NamesOf(module_table(form), "module"), "fields of its modules"),
         Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("transpose", INTERVAL, "how much higher it is than its note"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field("M", k.MASS, "another mass for a single generator"),
     )

@@ -175,12 +175,10 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for key in piece.keys.values():
         for module in key.modules:
             yield from _fields(key.name, module, "si")
-    notes = {note for members in piece.families.values() for note in members}
     for instrument in piece.instruments.values():
         if whole(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
-        if instrument.name not in notes:
-            yield f"{instrument.name}.transpose", TRANSPOSITION
+        yield f"{instrument.name}.transpose", TRANSPOSITION
         for module in instrument.modules:
             yield from _fields(instrument.name, module, instrument.form)
     for name, members in piece.families.items():

@@ -18,9 +18,10 @@ from ergon.live.midi_messages import (
     parse_message,
 )
 from ergon.repl.language.commands import MapControl, MapNotes
-from ergon.repl.session.midi_controllers import Controllers, Moved
-from ergon.repl.session.midi_maps import controller_line, note_lines
+from ergon.repl.session.midi_controllers import Moved
+from ergon.repl.session.midi_maps import note_lines
 from ergon.repl.session.midi_monitor import MidiMonitor, source_of
+from ergon.repl.session.midi_zones import Zones
 from ergon.repl.session.struck_places import (
     Place,
     maps_of,
@@ -59,7 +60,7 @@ class MidiInput:
         self._on_pedal: set[int] = set()  # those whose key is up
         self._is_pedal_down = False
         self._n_lines = 0  # typed by notes
-        self._controllers = Controllers()
+        self._zones = Zones()
         self._wanted: MapControl | MapNotes | None = None  # the map that is to be learnt
         self._say = say
         self.monitor = MidiMonitor()
@@ -71,10 +72,12 @@ class MidiInput:
         message = parse_message(data)
         if message is None or isinstance(message, SongPosition | Transport):
             return
-        is_mapped = self._do(message)
-        self.monitor.note(message, (data[0] & 0x0F) + 1, is_mapped=is_mapped)
+        channel = (data[0] & 0x0F) + 1
+        self._zones.follow(data)
+        is_mapped = self._do(message, channel)
+        self.monitor.note(message, channel, is_mapped=is_mapped)
 
-    def _do(self, message: Played) -> bool:
+    def _do(self, message: Played, channel: int) -> bool:
         """Act on a message; whether anything is mapped to it."""
         if isinstance(message, NoteEnd):
             self._end(message.number)
@@ -83,9 +86,12 @@ class MidiInput:
                 return True
             self._begin(message)
             self._type(message)
+            head = self._schedule.head
+            for name, line in self._zones.begun(channel, message.number, head.maps, head.piece):
+                self._fast_values.set_soon(name, line)
             return any(maps_of(self._schedule.head, message.number))
         elif not isinstance(message, Program):
-            return self._move(message)
+            return self._move(message, channel)
         return False
 
     def learn(self, wanted: MapControl | MapNotes | None) -> str:
@@ -119,18 +125,18 @@ class MidiInput:
         self._say(f"{wanted.name} is learnt: {wanted.line}")
         return True
 
-    def _move(self, message: Moved) -> bool:
+    def _move(self, message: Moved, channel: int) -> bool:
         """Set what a controller leads to; whether it leads to anything."""
         if self._learn(message):
             return True
         is_pedal = isinstance(message, Control) and message.number == _SUSTAIN
         if is_pedal:
             self._move_pedal(is_down=message.value >= _PEDAL_DOWN)
-        maps = self._schedule.head.maps
-        mapped = [moved for moved in self._controllers.shares(message, maps) if moved[0] in maps]
-        for source, share in mapped:
-            self._fast_values.set_soon(source, partial(controller_line, source, share))
-        return bool(mapped) or is_pedal
+        head = self._schedule.head
+        is_mapped, values = self._zones.moves(channel, message, head.maps, head.piece)
+        for name, line in values:
+            self._fast_values.set_soon(name, line)
+        return is_mapped or is_pedal
 
     def _type(self, note: Note) -> None:
         """Run the blocks and play the gestures to which a note is mapped, each by its own line."""

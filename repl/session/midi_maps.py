@@ -96,13 +96,16 @@ def note_lines(version: Version, note: int) -> Iterator[str]:
             yield f"run {notes.target} now"
 
 
-def controller_line(source: str, share: float, version: Version) -> str | None:
+def share_line(source: str, share: float, version: Version) -> str | None:
     """The line that sets what a controller leads to, which stands at a share (0 to 1) of its way;
     None if it has no map.
     """
     control = version.maps.get(source)
-    if not isinstance(control, MapControl):
-        return None
+    return line_to(control, share) if isinstance(control, MapControl) else None
+
+
+def line_to(control: MapControl, share: float) -> str:
+    """The line that sets what a map leads to, at a share (0 to 1) of its way."""
     low, high = control.range
     x = low + (high - low) * share
     if control.unit == BPM_UNIT:

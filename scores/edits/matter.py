@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ergon.common.decay import LN_1000
 from ergon.instruments import following
@@ -185,12 +185,21 @@ def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
 
 def _set_transposition(texts: Texts, part: str, value: str) -> Texts:
     """Set the interval by which an instrument is moved. Raises EditError."""
-    names, _ = texts.names()
-    entry = names.tables["instruments"].get(part)
-    if entry is None or not isinstance(entry.values, Values):
+    names, uses = texts.names()
+    table = names.tables["instruments"]
+    head, _, note = part.rpartition(".")
+    name = head if part not in table and head in table else part
+    values = table[name].values if name in table else None
+    if not isinstance(values, Values):
         raise EditError(f"{quote(part)} is not an instrument that can be transposed")
-    path = "instruments", entry.values.context.name, TRANSPOSE
-    return texts.put(path, value, entry.values.node.document.file)
+    path: tuple[str, ...] = ("instruments", values.context.name)
+    if name != part:  # one of its notes
+        resolved, _ = uses.resolved("instruments", table[name])
+        member = _member(resolved, values, note) if resolved and resolved["notes"] else None
+        if member is None:
+            raise EditError(f"{quote(head)} has no note {quote(note)} that can be transposed")
+        path = (*path, "members", member[0])
+    return texts.put((*path, TRANSPOSE), value, values.node.document.file)
 
 
 def quantities(module: Module) -> Iterator[tuple[str, float]]:
@@ -276,7 +285,11 @@ def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values
                 written = Values(member_table("si"), own.node, own.context)
             else:
                 note = next(w for w in own["members"] if notes.pitch(w) == wanted)
-            return note, overlay.at(values, note), written
+            whole = own.given.get(TRANSPOSE)
+            interval = overlay.both(whole, written.given.get(TRANSPOSE))
+            if interval is not None:
+                written = replace(written, given={**written.given, TRANSPOSE: interval})
+            return note, overlay.at(values, note, whole), written
     return None
 
 

@@ -49,7 +49,7 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     events = [*chain.from_iterable(map(file.track, header.tracks))]
     events = [event for event in events if event.kind in _ORDER]
     events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
-    wheels, points = _Wheels(cents), dict[int, dict[float, float]]()
+    wheels, points = Wheels(cents), dict[int, dict[float, float]]()
     count = 0
     for event in events:
         for number, sounding_channel in wheels.moved(event):
@@ -77,10 +77,11 @@ class _Wheel:
     parameter: list[int] = field(default_factory=lambda: [127, 127])  # none
 
 
-class _Wheels:
+class Wheels:
     """The wheels of all channels, and the channel on which each note was played last."""
 
     def __init__(self, cents: float) -> None:
+        """Begin without zones; `cents` is the range of a wheel that says none."""
         self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
         self._masters: dict[int, int] = {}  # of channels in zones
         self._channels: dict[int, int] = {}  # by the number of a note
@@ -90,6 +91,22 @@ class _Wheels:
         master = self._masters.get(channel)
         both = (channel,) if master is None else (channel, master)
         return sum(self._wheels[c].value * self._wheels[c].range for c in both)
+
+    def is_in_zone(self, channel: int) -> bool:
+        """Whether a channel belongs to a zone, as its master or not."""
+        return channel in self._masters or channel in self._masters.values()
+
+    def notes(self, channel: int) -> list[int]:
+        """The notes that were played last on a channel, or on those of which it is the master."""
+        return [
+            number
+            for number, sounding_channel in self._channels.items()
+            if channel in (sounding_channel, self._masters.get(sounding_channel))
+        ]
+
+    def note_cents(self, number: int) -> float:
+        """How far a note is from its pitch."""
+        return self.cents(self._channels[number])
 
     def moved(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
         """Follow an event; yields the notes whose pitch it may have moved, with their channels."""
@@ -106,9 +123,8 @@ class _Wheels:
             self._wheels[channel].value = (content[0] + 128 * content[1] - _CENTRE) / _CENTRE
         elif not self._controlled(channel, *content):
             return
-        for number, sounding_channel in self._channels.items():
-            if channel in (sounding_channel, self._masters.get(sounding_channel)):
-                yield number, sounding_channel
+        for number in self.notes(channel):
+            yield number, self._channels[number]
 
     def _controlled(self, channel: int, number: int, value: int) -> bool:
         """Follow a controller; whether it has set the range of a wheel."""

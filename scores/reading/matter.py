@@ -14,7 +14,7 @@ from ergon.instruments.module_kinds import member_count
 from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
 from ergon.instruments.space import mesh_file
-from ergon.instruments.transpose import moved, named_pitch
+from ergon.instruments.transpose import Interval, moved, named_pitch
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import pitch
@@ -161,19 +161,21 @@ class PartsReader:
                 self._collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:
             part = f"{name}.{note}"
-            pitched = self._at_note(part, values, note)
+            pitched = self._at_note(part, values, note, entry.values)
             self._part("instruments", part, entry, pitched, selves | {name})
 
-    def _at_note(self, part: str, values: Values, note: str) -> Values:
-        """The values of an instrument at one of its notes."""
-        memory = self._uses.files.memory
-        known: Values | None = None if memory is None else memory.held_for(f"note {part}", values)
-        if known is not None:
-            return known
+    def _at_note(self, part: str, values: Values, note: str, own: object) -> Values:
+        """The values of an instrument, whose `own` may move all its notes, at one of them."""
+        interval = own.given.get("transpose") if isinstance(own, Values) else None
+        memory, name = self._uses.files.memory, f"note {part}"
+        known = None if memory is None else memory.held_for(name, values)
+        if known is not None and known[0] == interval:
+            pitched: Values = known[1]
+            return pitched
         n_reports = self._collector.told
-        pitched = overlay.at(values, note)
+        pitched = overlay.at(values, note, interval)
         if memory is not None and self._collector.told == n_reports:
-            memory.hold(f"note {part}", (values,), pitched)
+            memory.hold(name, (values,), (interval, pitched))
         return pitched
 
     def _made(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:

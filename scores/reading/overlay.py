@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.transpose import at_note, pitch
+from ergon.instruments.transpose import Interval, at_note, at_own_pitch, pitch
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
 
@@ -69,15 +69,27 @@ def member(values: Values, height: float) -> Values | None:
     return None
 
 
-def at(values: Values, note: str) -> Values:
-    """An instrument with notes at one of its notes, with the fields that are written for that
-    note.
+def at(values: Values, note: str, interval: Interval | None = None) -> Values:
+    """An instrument with notes at one of its notes, with the fields that are written for that note;
+    moved by the `interval` of the whole instrument, and by that of the note.
     """
     base, own = at_note(values, note), member(values, notes.pitch(note) or 0.0)
-    if own is None:
+    if own is not None:
+        interval = both(interval, own.given.get("transpose"))
+        own = replace(own, given={n: value for n, value in own.given.items() if n != "transpose"})
+        said = overlay_fields(base, own)
+        base = replace(said, record=base.record, node=base.node, context=base.context)
+    if interval is None:
         return base
-    said = overlay_fields(base, own)
-    return replace(said, record=base.record, node=base.node, context=base.context)
+    asking = replace(base, given={**base.given, "transpose": interval})
+    return at_own_pitch(base, asking, is_root=True)
+
+
+def both(first: Interval | None, second: Interval | None) -> Interval | None:
+    """Two intervals, one after the other."""
+    if first is None or second is None:
+        return first or second
+    return first.then(second)
 
 
 def _hidden(own: Values, what: str) -> set[str]:

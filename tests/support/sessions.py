@@ -122,12 +122,19 @@ class Stepped:
         while left > 0:
             n = min(left, int(_LOOK * self.rate) // EVERY * EVERY)
             self.session.pump()
-            block = self.engine.process(n)
-            self.hash.update(block)
-            if self._keeps:
-                self._sound.append(block)
+            self._process(n)
             left -= n
         self.session.pump()
+
+    def tick(self) -> None:
+        """Play a tick in which no line is computed, as when a note comes and its line later."""
+        self._process(EVERY)
+
+    def _process(self, n_frames: int) -> None:
+        block = self.engine.process(n_frames)
+        self.hash.update(block)
+        if self._keeps:
+            self._sound.append(block)
 
     def close(self) -> None:
         self.session.close()

@@ -1,0 +1,118 @@
+"""Zones of MIDI Polyphonic Expression (M1-100-UM, 2018): what a channel moves is the note that it
+plays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ergon.notation.tables.notes import number
+from ergon.repl.language.commands import MapControl
+from ergon.repl.session.midi_controllers import Controllers, Moved
+from ergon.repl.session.midi_maps import Map, line_to, share_line
+from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent
+from ergon.scores.gesture.midi_wheels import Wheels
+
+if TYPE_CHECKING:
+    from ergon.repl.session.fast_values import LineOf
+    from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
+
+_FOLLOWED = (CONTROLLER, NOTE_ON, PITCH_BEND)
+_RANGE = 200.0  # [cents] of a wheel that says none
+_PITCH = ".transpose"
+
+
+class Zones:
+    """The channels of zones, the notes that they play, and where their controllers stand."""
+
+    def __init__(self) -> None:
+        """Begin without zones: then a channel counts for nothing."""
+        self._wheels = Wheels(_RANGE)
+        self._controllers: dict[int, Controllers] = {}
+        self._shares: dict[tuple[int, str], float] = {}  # by channel and source
+        self._turned: set[str] = set()  # names of the pitches that a wheel has moved
+
+    def follow(self, data: bytes) -> None:
+        """Follow a message of three bytes."""
+        kind = data[0] & 0xF0
+        if kind in _FOLLOWED:
+            event = MidiEvent(0, kind, (data[0] & 0x0F) + 1, data[1], data[1:])
+            for _ in self._wheels.moved(event):
+                pass
+
+    def moves(
+        self, channel: int, message: Moved, maps: Mapping[str, Map], piece: Piece
+    ) -> tuple[bool, list[tuple[str, LineOf]]]:
+        """Whether a message has a map, and what it sets: the name of each value, and the line that
+        sets it.
+        """
+        is_in_zone, is_mapped = self._wheels.is_in_zone(channel), False
+        values: list[tuple[str, LineOf]] = []
+        controllers = self._controllers.setdefault(channel if is_in_zone else 0, Controllers())
+        for source, share in controllers.shares(message, maps):
+            control = maps.get(source)
+            if not isinstance(control, MapControl):
+                continue
+            is_mapped = True
+            if is_in_zone and _family(control, piece):
+                self._shares[channel, source] = share
+                for note in self._wheels.notes(channel):
+                    values += self._note_move(control, note, share, piece)
+            else:
+                values.append((source, partial(share_line, source, share)))
+        return is_mapped, values
+
+    def begun(
+        self, channel: int, note: int, maps: Mapping[str, Map], piece: Piece
+    ) -> Iterator[tuple[str, LineOf]]:
+        """What the beginning of a note sets: a note has the values of its channel."""
+        if not self._wheels.is_in_zone(channel):
+            return
+        for source, control in maps.items():
+            if isinstance(control, MapControl) and _family(control, piece):
+                share = self._shares.get((channel, source))
+                if source == "bend" or share is not None:
+                    yield from self._note_move(control, note, share, piece)
+
+    def _note_move(
+        self, control: MapControl, note: int, share: float | None, piece: Piece
+    ) -> Iterator[tuple[str, LineOf]]:
+        """The value of one note, if its instrument has that note."""
+        family = _family(control, piece)
+        target = _target(control, family, note, piece)
+        if target is None:
+            return
+        name = f"{control.source}, {target}"
+        if control.source == "bend" and target.endswith(_PITCH):
+            cents = self._wheels.note_cents(note)
+            if cents or name in self._turned:
+                self._turned.add(name)
+                yield name, partial(_line, f"set {target} {cents:.6g}cents over 50ms now")
+        elif share is not None:
+            yield name, partial(_line, line_to(replace(control, target=target), share))
+
+
+def _family(control: MapControl, piece: Piece) -> str | None:
+    """The instrument with notes to whose parameter a controller leads."""
+    words = (control.target or "").split(".")
+    heads = (".".join(words[:count]) for count in range(1, len(words)))
+    return next((head for head in heads if head in piece.families), None)
+
+
+def _target(control: MapControl, family: str | None, note: int, piece: Piece) -> str | None:
+    """The parameter of one note; None if there is no such note."""
+    if family is None or control.target is None:
+        return None
+    for member in piece.families[family]:
+        if number(member.rpartition(".")[2]) == note:
+            return f"{member}{control.target.removeprefix(family)}"
+    return None
+
+
+def _line(line: str, _: Version) -> str:
+    """A line that is the same in every version."""
+    return line
