@@ -14,7 +14,7 @@ from ergon.instruments.module_kinds import member_count
 from ergon.instruments.names import Part, PartNames
 from ergon.instruments.read import instrument
 from ergon.instruments.space import mesh_file
-from ergon.instruments.transpose import Interval, moved, named_pitch
+from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import pitch
