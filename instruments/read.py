@@ -61,7 +61,9 @@ def member_table(form: Form) -> Record:
         Field("f", k.PITCHES, "another pitch for a single generator"),
         Field("transpose", INTERVAL, "how much higher it is than its note"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
-        Field("M", k.MASS, "another mass for a single generator"),
+        Field(
+            "M", k.MASS_OR_NUMBER if form == "ca" else k.MASS, "another mass for a single generator"
+        ),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
     return Record("member", "what one note has of its own", fields, kinds=kinds)
@@ -126,7 +128,9 @@ def instrument_table(form: Form) -> Record:
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
         Field("members", Members(member_table(form)), "what single members have of their own"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
-        Field("M", k.MASS, "another mass for a single generator"),
+        Field(
+            "M", k.MASS_OR_NUMBER if form == "ca" else k.MASS, "another mass for a single generator"
+        ),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
         Field("place", PLACING, "where it lies among loudspeakers, for `nearest`"),

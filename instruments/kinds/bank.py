@@ -16,7 +16,7 @@ from ergon.notation.tables.shapes import choice
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field("count", k.integer(1, bodies.MAX_MODULES, "10000"), "how many CEL", required=True),
-        Field("M", k.MASS, "mass of each", required=True),
+        Field("M", k.MASS_OR_NUMBER if quantities.is_ca else k.MASS, "mass of each", required=True),
         Field("f", BANK_PITCHES, "frequencies, spread by logarithm, or of each", required=True),
         Field("t60", BANK_DECAYS, "decays: low for high f where even, or of each", required=True),
         Field("gain", BANK_GAINS, "of a list: how much faster than the mass M each moves"),

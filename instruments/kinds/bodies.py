@@ -30,7 +30,12 @@ def pitched(quantities: Quantities) -> tuple[Field, ...]:
         Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
     )
     return (
-        Field("M", k.MASS, "mass of the whole body", required=True),
+        Field(
+            "M",
+            k.MASS_OR_NUMBER if quantities.is_ca else k.MASS,
+            "mass of the whole body",
+            required=True,
+        ),
         Field("f", k.PITCH, "lowest mode that is not rigid", required=not quantities.is_ca),
         Field(
             "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"

@@ -13,7 +13,12 @@ from ergon.notation.tables.fields import Field, Values
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
     return (
-        Field("M", k.MASS, "mass of a mode where its level is 1", required=True),
+        Field(
+            "M",
+            k.MASS_OR_NUMBER if quantities.is_ca else k.MASS,
+            "mass of a mode where its level is 1",
+            required=True,
+        ),
         Field("f", MODES_PITCHES, "frequency of each mode", required=True),
         Field("t60", MODES_DECAYS, "decay of each mode, or of all", required=True),
         Field("places", PLACES, "points of it: how far each mode moves there", shown="point: 1"),

@@ -206,6 +206,7 @@ def _fields(part: str, module: Module, form: Form) -> Iterator[tuple[str, Text]]
 QUANTITIES = frozenset(
     (
         k.MASS,
+        k.MASS_OR_NUMBER,
         k.STIFFNESS,
         k.DAMPING,
         k.POSITION,

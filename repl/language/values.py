@@ -230,6 +230,7 @@ def quantity_value(shape: Text, example: str, units: Iterable[str], what: str = 
 
 DIMENSIONS = {
     k.MASS: q.MASS,
+    k.MASS_OR_NUMBER: q.MASS_OR_NUMBER,
     k.STIFFNESS: q.STIFFNESS,
     k.DAMPING: q.DAMPING,
     k.POSITION: q.POSITION,

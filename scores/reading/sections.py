@@ -601,7 +601,7 @@ SCORE = Record(
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
         Field("meter", METERS, "meters that a MIDI file says; `tempo` may say others"),
-        Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
+        Field("marks", NamesOf(k.MARK, "mark"), "names of instants"),
         Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
         Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
         Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),

@@ -222,7 +222,7 @@ def test_what_cannot_be_is_said_by_name(text: str, code: str, says: str):
 def test_what_yaml_would_change_stays_what_was_written():
     """012 is twelve, 1e3 a thousand, `no` a name; 1:30 is no position."""
     text = (
-        "ergon: 1\nmarks: {no: 2|1, on: 3|1}\nkeys: {off: {M: 4e-1, K: 1e3, Z: 012Ns/m}}\n"
+        "ergon: 1\nmarks: {no: 2|1, on: 3|1}\nkeys: {off: {M: 4e-1kg, K: 1e3, Z: 012Ns/m}}\n"
         "players: {yes: {key: off}}\n"
     )
     loaded = load("s.yaml", text=text)

@@ -138,7 +138,7 @@ def test_a_coupling_names_laws_as_a_module_does():
 
 
 def test_a_key_that_does_not_say_where_it_is_struck_is_told_once():
-    assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1}}}}}\n") == ["E103"]
+    assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1kg}}}}}\n") == ["E103"]
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def test_a_stretched_disc_is_a_skin_under_tension():
     stretch, stiff, mass = 0.05, 2_000.0, 2e-4
     n_inner = count("DISC", {"rings": 5})
     net = (
-        f"DISC: {{rings: 6, M: {mass * n_inner}, at: [0, 0, 0], across: 12cm, K: {stiff}, "
+        f"DISC: {{rings: 6, M: {mass * n_inner}kg, at: [0, 0, 0], across: 12cm, K: {stiff}, "
         f"stretch: {stretch}, held: rim}}"
     )
     text = SCENE.format(axes=3, net=net, out="z: {SOX: it.63.z}, y: {SOF: it}", seed=1)

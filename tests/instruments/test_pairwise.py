@@ -39,7 +39,7 @@ instruments:
     gravity: {gravity}m/s2
     modules:
       floor: {{SOL: {{X0: [{zeros}]}}}}
-      g: {{GRAINS: {{count: {n}, M: {n * M}, {corners}, scatter: 40%}}}}
+      g: {{GRAINS: {{count: {n}, M: {n * M}kg, {corners}, scatter: 40%}}}}
       ground: {{BUT: {{between: [floor, g.all], K: 300, Z: 0.05, gap: 4mm, normal: [{rest}, 2]}}}}
 {extra}
     out: {{{out}}}

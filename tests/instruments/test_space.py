@@ -49,7 +49,7 @@ def tangle(
     lines = [f"      m0: {{SOL: {{X0: {x0[0].tolist()}}}}}"]
     for i in range(1, n):
         place, speed = x0[i].tolist(), v0[i].tolist()
-        lines.append(f"      m{i}: {{MAS: {{M: {mass[i]}, X0: {place}, V0: {speed}}}}}")
+        lines.append(f"      m{i}: {{MAS: {{M: {mass[i]}kg, X0: {place}, V0: {speed}}}}}")
     links = []
     for b in range(n):
         for a in range(b):
@@ -145,7 +145,7 @@ instruments:
     space: 2
     modules:
       sun: {{SOL: {{X0: [0, 0]}}}}
-      planet: {{MAS: {{M: {mass}, X0: [{r}, 0], V0: [0, {float(speed)!r}]}}}}
+      planet: {{MAS: {{M: {mass}kg, X0: [{r}, 0], V0: [0, {float(speed)!r}]}}}}
       pull: {{ATTRACTION: {{between: [sun, planet], K: {stiff}, core: {core}}}}}
     out: {{x: {{SOX: planet.x}}, y: {{SOX: planet.y}}}}
 render: {{tail: 1s}}
@@ -186,7 +186,7 @@ instruments:
   rope:
     space: 2
     gravity: {G}
-    CHAIN: {{masses: {n}, M: {mass}, from: [0, 0], to: [{width}, 0], K: {stiff}, Z: 0.5,
+    CHAIN: {{masses: {n}, M: {mass}kg, from: [0, 0], to: [{width}, 0], K: {stiff}, Z: 0.5,
       rest: {length}, drag: 0.05}}
     out: {{{", ".join(f"{c}{i}: {{SOX: rope.{i}.{c}}}" for i in range(1, n - 1) for c in "xy")}}}
 strikes: {{a: {{to: rope.1..7.y, at: 0, impulse: 1mNs}}}}

@@ -51,7 +51,7 @@ instruments:
     gravity: {G}
     modules:
       nail: {{SOL: {{X0: [0, 0, 0]}}}}
-      bob: {{MAS: {{M: {mass}, X0: [{out!r}, 0, {-down!r}], V0: [0, {out * turn!r}, 0]}}}}
+      bob: {{MAS: {{M: {mass}kg, X0: [{out!r}, 0, {-down!r}], V0: [0, {out * turn!r}, 0]}}}}
       rod: {{REF: {{between: [nail, bob], K: {stiff}, rest: {rest}}}}}
     out: {{x: {{SOX: bob.x}}, y: {{SOX: bob.y}}, z: {{SOX: bob.z}}}}
 render: {{bits: float, tail: 2s}}
@@ -77,7 +77,7 @@ instruments:
     gravity: {G}
     modules:
       nail: {{SOL: {{X0: [0, 0]}}}}
-      bob: {{MAS: {{M: {mass}, X0: [{out!r}, {height!r}]}}}}
+      bob: {{MAS: {{M: {mass}kg, X0: [{out!r}, {height!r}]}}}}
       rod: {{REF: {{between: [nail, bob], K: 2000kN/m}}}}
     out: {{x: {{SOX: bob.x}}, y: {{SOX: bob.y}}}}
 render: {{bits: float, tail: 3s}}
@@ -105,7 +105,7 @@ instruments:
     space: 2
     modules:
       sun: {{SOL: {{X0: [0, 0]}}}}
-      comet: {{MAS: {{M: {mass}, X0: [{far}, 0], V0: [0, {speed!r}]}}}}
+      comet: {{MAS: {{M: {mass}kg, X0: [{far}, 0], V0: [0, {speed!r}]}}}}
       pull: {{LNL: {{between: [sun, comet], law: mu/d**2, mu: {pull}, rest: 0}}}}
     out: {{x: {{SOX: comet.x}}, y: {{SOX: comet.y}}}}
 render: {{bits: float, tail: 3s}}
@@ -139,8 +139,8 @@ instruments:
   b:
     space: 2
     modules:
-      a: {{MAS: {{M: {one}, X0: [0, 0], V0: [{0.6 * speed}, {0.8 * speed}]}}}}
-      b: {{MAS: {{M: {other}, X0: [{0.6 * begin}, {0.8 * begin}]}}}}
+      a: {{MAS: {{M: {one}kg, X0: [0, 0], V0: [{0.6 * speed}, {0.8 * speed}]}}}}
+      b: {{MAS: {{M: {other}kg, X0: [{0.6 * begin}, {0.8 * begin}]}}}}
       hit: {{BUT: {{between: [a, b], K: {stiff}, gap: {gap}}}}}
     out: {{ax: {{SOX: a.x}}, ay: {{SOX: a.y}}, bx: {{SOX: b.x}}, by: {{SOX: b.y}}}}
 render: {{bits: float, tail: 60ms}}
@@ -190,7 +190,7 @@ instruments:
   n:
     space: 3
     modules:
-      net: {{CLOTH: {{sides: [{wide}, {high}], M: {total}, at: [0, 0, 0],
+      net: {{CLOTH: {{sides: [{wide}, {high}], M: {total}kg, at: [0, 0, 0],
         across: [{spacing * (wide - 1)}, 0, 0], up: [0, {spacing * (high - 1)}, 0], K: {stiff},
         stretch: {stretch:.0%}, held: rim}}}}
     out: {{{outputs}}}

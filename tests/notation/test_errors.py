@@ -113,7 +113,7 @@ def test_kinds_are_counted_apart():
 
 
 def test_names_are_listed_where_none_is_near():
-    loaded = load("s", text="ergon: 1\nkeys: {a: {M: 1, K: 1}}\nplayers: {p: {key: zzz}}\n")
+    loaded = load("s", text="ergon: 1\nkeys: {a: {M: 1kg, K: 1}}\nplayers: {p: {key: zzz}}\n")
     assert loaded.diagnostics[0].help == "known here: a"
 
 

@@ -16,7 +16,7 @@ from ergon.notation.text.errors import TextError
     [
         ("400g", q.MASS, 0.4),
         ("2g", q.MASS, 0.002),
-        ("4e-1", q.MASS, 0.4),
+        ("4e-1", q.STIFFNESS, 0.4),
         ("1e3", q.STIFFNESS, 1000.0),
         ("8kN/m", q.STIFFNESS, 8000.0),
         ("2N/mm", q.STIFFNESS, 2000.0),
@@ -231,3 +231,34 @@ def test_the_note_next_to_a_frequency():
     assert notes.nearest_note(440.0) == ("A4", 0.0)
     assert notes.nearest_note(311.0) == ("Eb4", pytest.approx(-0.70674, abs=1e-4))
     assert notes.nearest_note(8.0)[0] == "C-1"
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "readings"),
+    [
+        ("400", q.MASS, ("400g", "400kg")),
+        ("2.5", q.DURATION, ("2.5s", "2.5ms")),
+        ("7850", q.DENSITY, ("7850kg/m3", "7850g/cm3")),
+        ("200", q.PRESSURE, ("200GPa", "200Pa")),
+    ],
+)
+def test_bare_number_is_refused_with_what_it_could_mean(text, dimension, readings):
+    with pytest.raises(TextError) as caught:
+        q.quantity(text, dimension)
+    assert caught.value.code == "E203"
+    assert caught.value.message.endswith("it could be {} or {}".format(*readings))
+    assert caught.value.suggestion == readings[0]
+    for reading in readings:
+        assert q.quantity(reading, dimension) is not None
+
+
+@pytest.mark.parametrize(("text", "note"), [("60", "C4"), ("127", "G9"), ("1", "C#-1")])
+def test_pitch_that_could_be_a_number_of_midi(text, note):
+    with pytest.raises(TextError) as caught:
+        q.frequency(text)
+    assert f"{text}Hz, or the note {note}," in caught.value.message
+
+
+@pytest.mark.parametrize("text", ["128", "440", "60.5", "60Hz"])
+def test_pitch_that_is_no_number_of_midi(text):
+    assert q.frequency(text) == float(text.removesuffix("Hz"))

@@ -76,7 +76,7 @@ def tangle(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
     lines = ["      m0: {SOL: {X0: [0, 0, 0]}}"]
     for i in range(1, 4):
         place, speed = x0[i].tolist(), v0[i].tolist()
-        lines.append(f"      m{i}: {{MAS: {{M: {mass[i]}, X0: {place}, V0: {speed}}}}}")
+        lines.append(f"      m{i}: {{MAS: {{M: {mass[i]}kg, X0: {place}, V0: {speed}}}}}")
     links = []
     for a, b, k in pairs:
         lines.append(f"      s{a}{b}: {{REF: {{between: [m{a}, m{b}], K: {k}}}}}")

@@ -249,7 +249,7 @@ w: {SOL: {}}
 d: {FRO: {between: [w, b.8], Z: 0.2}}
 c: {REF: {between: [k1, b.3], K: 500, Z: 0.05}}
 """
-    more = """keys: {k1: {M: 0.2, K: 80, Z: 0.5}}
+    more = """keys: {k1: {M: 0.2kg, K: 80, Z: 0.5}}
 gestures: {g: {notation: 0m@0 smooth 0.004m@0.05s 0m@0.12s, touch: open}}
 players: {p: {key: k1}}
 parts: {p: [{at: 0.05s, play: g}]}

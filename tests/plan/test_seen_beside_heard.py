@@ -79,7 +79,7 @@ def rope(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
         at = x0[i].tolist()
         if mass[i] == 0:
             return f"{{SOL: {{X0: {at}}}}}"
-        return f"{{MAS: {{M: {mass[i]}, X0: {at}, V0: {v0[i].tolist()}}}}}"
+        return f"{{MAS: {{M: {mass[i]}kg, X0: {at}, V0: {v0[i].tolist()}}}}}"
 
     rope = [f"      m{i}: {point(i)}" for i in range(4)]
     rope += [f"      s{i}: {spring(links[i], f'm{i}', f'm{i + 1}')}" for i in range(3)]

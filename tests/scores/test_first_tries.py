@@ -381,3 +381,26 @@ def test_lost_indentation_is_one_mistake(text, above, word, line):
 def test_a_misspelt_section_below_an_empty_one_is_no_lost_indentation(text, suggestion):
     (error,) = load("s.yaml", text=f"ergon: 1\n{text}").diagnostics
     assert error.suggestion == suggestion
+
+
+@pytest.mark.parametrize(
+    ("mark", "readings"),
+    [("3.1", ("3|1", "3.1beats")), ("3", ("3|1", "3beats")), ("12.2", ("12|2", "12.2beats"))],
+)
+def test_mark_without_unit_is_refused_with_what_it_could_mean(mark, readings):
+    (found,) = load("s.yaml", text=f"ergon: 1\nmarks: {{B: {mark}}}\n").diagnostics
+    assert found.code == "E203"
+    assert found.suggestion == readings[0]
+    for reading in readings:
+        assert f"({reading})" in found.message
+        assert not load("s.yaml", text=f"ergon: 1\nmarks: {{B: {reading}}}\n").diagnostics
+
+
+def test_masses_of_discrete_networks_are_numbers():
+    text = (
+        "ergon: 1\ninstruments:\n  a: {units: ca, at: 44100Hz, modules: {s: {STRING: {masses: 5, "
+        "M: 10, K: 0.1}}}, out: {SOX: s.2}}\n"
+    )
+    assert not [d for d in load("s.yaml", text=text).diagnostics if d.severity == "error"]
+    in_si = text.replace("units: ca, at: 44100Hz, ", "").replace("K: 0.1", "f: A3")
+    assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]

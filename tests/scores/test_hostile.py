@@ -7,7 +7,7 @@ import pytest
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 
-KEY = "ergon: 1\nkeys: {k: {M: 1, K: 1}}\nplayers: {p: {key: k}}\ngestures: {g: 0@0 1@1}\n"
+KEY = "ergon: 1\nkeys: {k: {M: 1kg, K: 1}}\nplayers: {p: {key: k}}\ngestures: {g: 0@0 1@1}\n"
 
 
 def chain(count):

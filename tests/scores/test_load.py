@@ -142,7 +142,7 @@ def test_names_with_a_prefix():
         """\
         ergon: 1
         use: {c: common.yaml}
-        keys: {k: {M: 1, K: 1}}
+        keys: {k: {M: 1kg, K: 1}}
         players: {p: {key: k}}
         instruments:
           own: {like: c.bell}
@@ -201,7 +201,7 @@ def test_like_in_a_circle():
 PLAYED = """\
 ergon: 1
 marks: {A: 1|1, B: 3|1}
-keys: {k: {M: 1, K: 1}}
+keys: {k: {M: 1kg, K: 1}}
 players: {p: {key: k}}
 gestures: {g: 0@0 1@2}
 parts: {p: [%s]}

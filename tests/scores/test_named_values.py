@@ -226,6 +226,8 @@ NO_VALUES = (
     *(
         "module.law",
         "score.blocks",
+        "score.marks",
+        "automation.by",
         "strikes.rhythm",
         "tempo entry.at",
         "route.to",
@@ -412,7 +414,7 @@ mix: {{channels: 1, route: [{{from: bell, to: 1}}]}}
 def test_names_and_arithmetic_stand_in_positions():
     let = "let: {first: 4, gap_: 1/2, later: 250ms, c: 7, step: 2bar}\n"
     named = {
-        "mark": "first*2",
+        "mark": "1|1 + first*2",
         "one": "(first + 1)*2",
         "until": "3|1 + step",
         "row": "A+3*gap_",
@@ -420,7 +422,7 @@ def test_names_and_arithmetic_stand_in_positions():
         "cell": "c+2*step",
     }
     plain = {
-        "mark": "8",
+        "mark": "1|1+8",
         "one": "10",
         "until": "3|1+2bar",
         "row": "A+1.5",

@@ -65,6 +65,7 @@ class Position:
     text: str = ""
 
 
+_LIKE_BAR_BEAT = re.compile(r"([0-9]+)(?:\.([1-9]))?")
 _NOTHING = Length()  # most positions add nothing: they share it
 
 
@@ -132,6 +133,19 @@ def parse_position(text: str) -> Position:
         length=max(1, len(word)),
         suggestion=_with_bar(word) or _without_spaces(word),
     )
+
+
+def parse_mark(text: str) -> Position:
+    """Read the position of a mark: a number has its unit there. Raises TextError."""
+    position = parse_position(text)
+    word, start = stripped(text)
+    if (match := _LIKE_BAR_BEAT.fullmatch(word)) and position.plus.is_some:
+        bar, beat = match[1], match[2] or "1"
+        message = f"'{word}' has no unit; it could be bar {bar}, beat {beat} ({bar}|{beat}), or "
+        message += f"{word} beats after the beginning ({word}beats)"
+        suggestion = f"{bar}|{beat}"
+        raise TextError(message, offset=start, length=len(word), suggestion=suggestion, code="E203")
+    return position
 
 
 def _without_spaces(word: str) -> str | None:

@@ -30,6 +30,8 @@ _SYLLABLES = {"do": "C", "ut": "C", "re": "D", "ré": "D", "mi": "E", "fa": "F",
 _SYLLABLES |= {"la": "A", "si": "B", "ti": "B"}
 _SOLFEGE = re.compile(rf"({'|'.join(_SYLLABLES)})([#♯b♭]?)(-?\d)?", re.IGNORECASE)
 _FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
+_STEPS = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_NOTE_NUMBER_MAX = 127
 
 Sign = Literal["any", "positive", "not negative"]
 
@@ -71,7 +73,8 @@ def _dimension(
 
 _LENGTH = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
 _HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
-MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")
+MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare=False)
+MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # of `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
 POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
@@ -82,9 +85,9 @@ ROOM_SIZE = _dimension("size of a room", _LENGTH, "10m", "positive", low=0.5, hi
 AZIMUTH = _dimension("azimuth", "deg", "30deg", low=-360.0, high=360.0)
 ELEVATION = _dimension("elevation", "deg", "35deg", low=-90.0, high=90.0)
 PAN = _dimension("place from -1 to 1", "", "-0.3", low=-1.0, high=1.0)
-DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive")
-SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive")
-PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive")
+DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare=False)
+SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare=False)
+PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare=False)
 INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high=0.1)
 POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high=0.5)
 SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
@@ -94,7 +97,7 @@ FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
 # Of an input of a sound card: full scale is so much, and no more than so much acts.
 INPUT_FORCE = _dimension("force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low=-1e3, high=1e3)
 INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low=-1.0, high=1.0)
-IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
+IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare=False)
 POLES = _dimension(
     "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
 )
@@ -215,9 +218,11 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
     if not unit:
         if dimension.bare or not word.strip("+-0."):
             return 0
-        first = next(iter(dimension.units))
-        message = f"{quote(word)} has no unit (use {units})"
-        raise TextError(message, length=length, suggestion=word + first, code="E203")
+        usual = dimension.example.lstrip("+-.0123456789")
+        other = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
+        could = f"; it could be {word}{usual} or {word}{other}" if other else ""
+        message = f"{quote(word)} has no unit (use {units}){could}"
+        raise TextError(message, length=length, suggestion=word + usual, code="E203")
     length = len(unit)
     if unit[0] in ":_," or unit[0].isdigit():
         raise _not_a_number(word, dimension)
@@ -301,6 +306,8 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
     if value is None and word[:1].isalpha():
         message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
         raise note_slip(word) or TextError(message, length=len(word), code="E201")
+    if value is None:
+        _check_pitch(word)
     return quantity(word.replace("_", ".") if value is not None else text, dimension)
 
 
@@ -332,6 +339,16 @@ def note_slip(word: str) -> TextError | None:
     else:
         return None
     return TextError(message, length=len(word), suggestion=suggestion, code="E201")
+
+
+def _check_pitch(word: str) -> None:
+    """Refuse a number that could be that of a note of MIDI. Raises TextError E203."""
+    if word.isdigit() and 0 < int(word[:4]) <= _NOTE_NUMBER_MAX:
+        octave, step = divmod(int(word), 12)
+        name = f"{_STEPS[step]}{octave - 1}"
+        message = f"{quote(word)} has no unit; it could be {word}Hz, or the note {name}, which is "
+        message += f"number {word} of MIDI"
+        raise TextError(message, length=len(word), code="E203")
 
 
 def _respelled(word: str) -> str | None:

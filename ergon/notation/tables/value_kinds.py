@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 from ergon.notation.clock.meter import parse_meter
 from ergon.notation.clock.occurrences import parse_times
-from ergon.notation.clock.positions import parse_length, parse_position
+from ergon.notation.clock.positions import parse_length, parse_mark, parse_position
 from ergon.notation.clock.tempo import parse_bpm
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import tuning
@@ -132,6 +133,7 @@ def _truth(text: str) -> bool:
 AXES = ("x", "y", "z")  # of a point in space
 
 MASS = quantity(q.MASS)
+MASS_OR_NUMBER = quantity(q.MASS_OR_NUMBER)
 STIFFNESS = quantity(q.STIFFNESS)
 DAMPING = quantity(q.DAMPING)
 POSITION = quantity(q.POSITION)
@@ -211,6 +213,7 @@ WHEN = Text(
     f"^({_POSITION})$",
     is_position=True,
 )
+MARK = replace(WHEN, parse=_cached(parse_mark))
 LENGTH = Text(
     _cached(parse_length),
     "a length, such as 4bar, 1/2 (beats) or 250ms",

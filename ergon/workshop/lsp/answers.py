@@ -82,7 +82,7 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
             yield from (
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
-        if shape is k.WHEN:
+        if shape in (k.WHEN, k.MARK):
             yield from _name_completions(known.definitions_in("marks"))
     elif isinstance(shape, Reference):
         yield from _name_completions(known.definitions_in(*shape.sections))

@@ -7,7 +7,15 @@ import numpy as np
 import yaml
 
 Modules = dict[str, Any]
-_UNITS = (("f", "Hz"), ("t60", "s"), ("gap", "m"), ("rest", "m"), ("V0", "m/s"), ("X0", "m"))
+_UNITS = (
+    ("M", "kg"),
+    ("f", "Hz"),
+    ("t60", "s"),
+    ("gap", "m"),
+    ("rest", "m"),
+    ("V0", "m/s"),
+    ("X0", "m"),
+)
 
 
 class Dice:
@@ -47,6 +55,8 @@ def text(family: str, seed: int) -> str:
         for fields in module.values():
             bare = [(n, u) for n, u in _UNITS if isinstance(fields.get(n), int | float)]
             fields |= {name: f"{fields[name]!r}{unit}" for name, unit in bare}
+    for key in score.get("keys", {}).values():
+        key["M"] = f"{key['M']!r}kg"
     n_out = len(instrument["out"])
     route = [{"from": f"s.{name}", "to": [i + 1]} for i, name in enumerate(instrument["out"])]
     score["mix"] = {"channels": n_out, "route": route}
