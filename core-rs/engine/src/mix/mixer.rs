@@ -44,6 +44,9 @@ pub struct Mixer {
     routes: Vec<Route>,
     groups: Vec<Glide>,
     rooms: Vec<Room>,
+    /// Curves of routes, each once, and their gains in the present span   (n_curves · SPAN_FRAMES)
+    curves: Vec<Curve>,
+    curve_gains: Vec<f64>,
     /// Input of the rooms   (n_rooms · SPAN_FRAMES)
     sent: Vec<f64>,
     /// Gain of all channels over the frames of the piece.
@@ -73,6 +76,8 @@ impl Mixer {
             routes: Vec::new(),
             groups: vec![Glide::new(rate, 1.0)],
             rooms: Vec::new(),
+            curves: Vec::new(),
+            curve_gains: Vec::new(),
             sent: Vec::new(),
             fade: None,
             residual_gain: None,
@@ -149,11 +154,24 @@ impl Mixer {
             return Err(RouteError::Out { out, n_out });
         }
         self.check_target(to)?;
-        let route = Route::new(rate, [out, group], to, gain, treatment)?;
+        let curve = treatment.curve.clone();
+        let mut route = Route::new(rate, [out, group], to, gain, treatment)?;
+        route.shared_curve = curve.map(|curve| self.share(curve));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(route);
         Ok(())
+    }
+
+    /// The index of a curve among those of all routes.
+    fn share(&mut self, curve: Curve) -> usize {
+        let known = self.curves.iter().position(|own| *own == curve);
+        known.unwrap_or_else(|| {
+            self.curves.push(curve);
+            self.curve_gains
+                .resize(self.curves.len() * SPAN_FRAMES, 0.0);
+            self.curves.len() - 1
+        })
     }
 
     fn check_target(&self, to: To) -> Result<(), RouteError> {
@@ -312,7 +330,7 @@ impl Mixer {
             let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
             let is_frozen =
                 !self.frozen.is_empty() || self.frozen_fading_out.iter().any(Option::is_some);
-            let most = if self.rooms.is_empty() && !is_frozen {
+            let most = if self.rooms.is_empty() && self.curves.is_empty() && !is_frozen {
                 u64::MAX
             } else {
                 SPAN_FRAMES as u64
@@ -333,11 +351,18 @@ impl Mixer {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
         let n_frames = frames.len().checked_div(n_out).unwrap_or(0);
         self.sent.fill(0.0);
+        let gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
+        for (curve, gains) in self.curves.iter().zip(gains) {
+            let gains = gains.iter_mut().take(n_frames).zip(first..);
+            gains.for_each(|(gain, n)| *gain = curve.at(n));
+        }
         let fading_out = self.fading_out.iter_mut().flatten();
         let fading_out = fading_out.filter(|route| !route.has_faded_out(first));
         for route in self.routes.iter_mut().chain(fading_out) {
             let own = &self.groups[route.group];
             let out = route.out;
+            let shared = route.shared_curve;
+            let gains = shared.map(|at| &self.curve_gains[at * SPAN_FRAMES..][..SPAN_FRAMES]);
             let (to, step) = match route.to {
                 To::Channel(channel) => (&mut mixed[channel..], n_channels),
                 To::Room(room) => (&mut self.sent[room * SPAN_FRAMES..], 1),
@@ -348,7 +373,7 @@ impl Mixer {
             let frozen = self.frozen.iter().chain(fading_out);
             let mut frozen = frozen.filter(|one| one.out == out).peekable();
             if frozen.peek().is_none() {
-                route.add(own, first, from, to);
+                route.add((own, gains), first, from, to);
                 continue;
             }
             self.frozen_sum.fill(0.0);
@@ -357,7 +382,7 @@ impl Mixer {
                 sums.for_each(|(sum, n)| *sum += one.at(n));
             }
             route.add(
-                own,
+                (own, gains),
                 first,
                 from.zip(&self.frozen_sum).map(|(x, y)| x + y),
                 to,

@@ -83,6 +83,8 @@ pub(super) struct Room {
     filters: Filters,
     /// Gain of each line in each channel   (n_channels · LINES)
     channel_gains: Vec<f64>,
+    /// Whether nothing has come in yet, so that nothing comes out.
+    is_silent: bool,
     highpass: Section,
 }
 
@@ -123,6 +125,7 @@ impl Room {
             delays: lengths.map(Delay::new),
             filters,
             channel_gains,
+            is_silent: true,
             highpass: Section::new(HIGHPASS.min(0.4 * rate), rate, BUTTERWORTH_2),
         })
     }
@@ -132,6 +135,7 @@ impl Room {
         let Some(old) = old.iter().find(|old| old.spec.name == self.spec.name) else {
             return;
         };
+        self.is_silent = old.is_silent;
         self.highpass.take_over(&old.highpass);
         for (delay, old) in self.delays.iter_mut().zip(&old.delays) {
             delay.take_over(old);
@@ -141,7 +145,10 @@ impl Room {
 
     /// Process input samples (n_frames), and add the output to (n_frames, n_channels).
     pub(super) fn process(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        play(self, sent, mixed, n_channels);
+        self.is_silent = self.is_silent && sent.iter().all(|x| *x == 0.0);
+        if !self.is_silent {
+            play(self, sent, mixed, n_channels);
+        }
     }
 
     /// Process one input sample, and add the output to a frame of channels.

@@ -99,6 +99,8 @@ pub(super) struct Route {
     pub(super) highpass: Option<Section>,
     pub(super) delay: Option<Delay>,
     pub(super) curve: Option<Curve>,
+    /// Index of the curve among those that the mixer computes for all routes.
+    pub(super) shared_curve: Option<usize>,
     /// A factor that glides since a takeover.
     pub(super) fade: Option<Glide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
@@ -136,6 +138,7 @@ impl Route {
             highpass: highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2)),
             delay: (delay > 0).then(|| Delay::new(delay)),
             curve,
+            shared_curve: None,
             fade: None,
             residual_gain: None,
         })
@@ -170,10 +173,11 @@ impl Route {
         self.fade = Some(Glide::between(rate, from, to));
     }
 
-    /// Add the route's signal to its target; `first` is the first frame in the piece.
+    /// Add the route's signal to its target; `first` is the first frame in the piece, `gains` are those of its curve
+    /// from there on, if they are known.
     pub(super) fn add<'a>(
         &mut self,
-        group: &Glide,
+        (group, gains): (&Glide, Option<&[f64]>),
         first: u64,
         from: impl Iterator<Item = f64>,
         to: impl Iterator<Item = &'a mut f64>,
@@ -191,7 +195,7 @@ impl Route {
                     .for_each(|(y, x)| *y += gain * high_passed(section, x));
             }
             (_, section) => {
-                for ((y, x), n) in to.zip(from).zip(first..) {
+                for (at, ((y, x), n)) in to.zip(from).zip(first..).enumerate() {
                     let x = section
                         .as_mut()
                         .map_or(x, |section| high_passed(section, x));
@@ -200,7 +204,11 @@ impl Route {
                         delay.push(x);
                         late
                     });
-                    let curve = self.curve.as_ref().map_or(1.0, |curve| curve.at(n));
+                    let curve = match (gains, &self.curve) {
+                        (Some(gains), _) => gains[at],
+                        (None, Some(curve)) => curve.at(n),
+                        (None, None) => 1.0,
+                    };
                     let fade = self.fade.map_or(1.0, |fade| fade.at(n));
                     *y += self.gain * group.at(n) * fade * curve * x;
                     if let Some(residual) = self.residual_gain {

@@ -126,6 +126,7 @@ impl Mixer {
                 out: own,
                 delay,
                 curve,
+                shared_curve: None,
                 ..before.clone()
             };
             let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
