@@ -1590,6 +1590,13 @@ class Simulation:
         `before` is the hash up to frame `start`, empty at 0. The hash is equal in another
         version of a score whose events differ only later.
         """
+    def output_keys(self, stops: list[int]) -> list[list[str]]:
+        """Hashes of everything that determines each output up to each of the rising frames `stops`
+        (n_stops; n_out).
+
+        Outputs of two simulations with the same hash have the same samples up to there.
+        """
+
     def recall(self, island: StorableIsland, sound: _Floats) -> None:
         """Use `sound` (n_frames · its n_out,) [m or N] for an island from here on instead of
         computing it.

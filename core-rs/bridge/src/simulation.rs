@@ -325,6 +325,11 @@ impl Simulation {
         py.detach(|| self.0.island_key(&island.0, (start, stop), before))
     }
 
+    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
+    fn output_keys(&self, py: Python<'_>, stops: Vec<u64>) -> Vec<Vec<String>> {
+        py.detach(|| self.0.output_keys(&stops))
+    }
+
     /// Use `sound` (n_frames · its n_out,) for an island from here on instead of computing it.
     fn recall(
         &mut self,

@@ -47,7 +47,7 @@ const SLOPE_STEP_AT_REST: f64 = 1e-9;
 /// assert_eq!(law.force(1e-3, 0.0), 2e3 * 1e-3 + 1e8 * 1e-3 * (1e-3 * 1e-3));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Law {
     elastic: Elastic,
     damping: Option<Program>,
@@ -64,16 +64,33 @@ pub struct Law {
 
 /// The first question to [`Law::is_active`] (which includes the law's reach) and its answer, because a session asks all
 /// laws at each of its lines. Copies of a law share it.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default)]
 struct ActivityCache(Arc<OnceLock<(ActivityQuery, bool)>>);
 
 /// A law's reach, and the greatest elongation and rate in question, as bits.
 type ActivityQuery = [u64; 3];
 
-impl fmt::Debug for ActivityCache {
-    /// Does not depend on the question, because networks are identified by their `Debug` output.
+impl fmt::Debug for Law {
+    /// Leaves out what changes no bit of a force, because networks are identified by their `Debug` output.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Asked") // the text is part of these identities
+        let Self {
+            elastic,
+            damping,
+            reach,
+            hardening,
+            shared,
+            native: _,
+            is_open,
+            asked: _,
+        } = self;
+        f.debug_struct("Law")
+            .field("elastic", elastic)
+            .field("damping", damping)
+            .field("reach", reach)
+            .field("hardening", hardening)
+            .field("shared", shared)
+            .field("is_open", is_open)
+            .finish()
     }
 }
 

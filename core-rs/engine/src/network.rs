@@ -3,6 +3,7 @@
 //! Sizes: `n_mat` MATs, `n_lia` LIAs, `n_out` outputs. Arrays are contiguous, one entry a module;
 //! links are stored as runs of equal offset, so that a mesh is a handful of loops.
 
+mod anonymous;
 mod bodies;
 mod bristle;
 mod builder;
@@ -30,6 +31,7 @@ mod space;
 mod subset;
 
 pub use crate::dry::Dry;
+pub(crate) use anonymous::PartOrder;
 pub use bristle::Bristle;
 pub(crate) use contact_law::PowerLaw;
 pub use elements::{Element, ElementKind, Elements};
@@ -204,9 +206,11 @@ impl Network {
         self.mats.kind.iter().filter(|kind| kind.moves()).count()
     }
 
-    /// Whether a part asks for a macrostep.
+    /// Whether a part with MATs here asks for a macrostep.
     pub(crate) fn has_slow_parts(&self) -> bool {
-        self.parts.iter().any(|part| part.macrostep.is_some())
+        let has_mats = |part: usize| self.mats.part.contains(&(part as u32));
+        let mut parts = self.parts.iter().enumerate();
+        parts.any(|(at, part)| part.macrostep.is_some() && has_mats(at))
     }
 
     /// Names of the parts that have moving MATs among `mats`, in the order of the parts.

@@ -40,6 +40,7 @@ const FRAME_STEPS: usize = 16;
 pub struct Simulation {
     plan: Arc<Plan>,
     groups: Vec<Group>,
+    contents: stored::Contents,
     threads: usize,
     frame: u64,
     derivatives: Derivatives,
@@ -125,6 +126,7 @@ impl Simulation {
         };
         let sounds_in = sounds_in::SoundsIn::new(&plan);
         Ok(Self {
+            contents: stored::Contents::new(&plan),
             plan,
             groups,
             sounds_in,

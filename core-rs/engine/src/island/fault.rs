@@ -1,6 +1,7 @@
 //! Parts that diverge: named and stopped, or muted while all others play on.
 
 use super::{Gain, Island, inside};
+use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
 use crate::scheme::Scheme;
@@ -66,11 +67,18 @@ pub(super) struct Mutes {
     outputs: Vec<Option<u64>>,
 }
 
-crate::archive::state!(Mutes {
-    since,
-    last,
-    outputs
-});
+/// Only parts that are muted are written: how many parts a score has changes nothing in an island.
+impl State for Mutes {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        let mut muted: Vec<(usize, u64)> = self.list().collect();
+        archive.list(&mut muted)?;
+        self.since.fill(None);
+        for (part, frame) in muted {
+            *self.since.get_mut(part).ok_or(Damaged)? = Some(frame);
+        }
+        state_of!(self, archive, last, outputs)
+    }
+}
 
 impl Mutes {
     pub(super) fn new(scheme: &Scheme) -> Self {

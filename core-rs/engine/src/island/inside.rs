@@ -1,5 +1,7 @@
 //! Bodies inside an island, each computed by a method of its own.
 
+use std::sync::Arc;
+
 use super::energy_account::Gain;
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
@@ -8,7 +10,7 @@ use crate::archive::{Archive, Damaged, State};
 use crate::guard::FinerFrames;
 use crate::integrate::MeshMethod;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::network::Error;
+use crate::network::{Error, Network, PartOrder};
 use crate::state::Body;
 
 /// A body as the plan describes it.
@@ -50,15 +52,34 @@ impl BodyPlan {
         })
     }
 
-    /// The same body without strikes.
-    pub(crate) fn without_strikes(&self) -> Self {
+    /// The same body without strikes and names, with parts by their rank in `order`.
+    pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
         let mut own = self.clone();
+        let network = Arc::new(self.network().anonymous(order));
         match &mut own {
-            Self::Modal(modal) => modal.struck.iter_mut().for_each(|own| own.blows.clear()),
-            Self::Mesh(mesh) => mesh.strikes.clear(),
-            Self::Slow(_) => {}
+            Self::Modal(modal) => {
+                modal.struck.iter_mut().for_each(|own| own.blows.clear());
+                modal.of = network;
+            }
+            Self::Mesh(mesh) => {
+                mesh.strikes.clear();
+                mesh.network = network;
+            }
+            Self::Slow(slow) => {
+                slow.part = order.rank(slow.part);
+                slow.network = network;
+            }
         }
         own
+    }
+
+    /// The network of its modules.
+    pub(crate) fn network(&self) -> &Network {
+        match self {
+            Self::Modal(modal) => &modal.of,
+            Self::Mesh(mesh) => &mesh.network,
+            Self::Slow(slow) => &slow.network,
+        }
     }
 
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].

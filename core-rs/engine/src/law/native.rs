@@ -1,7 +1,5 @@
 //! A law as machine code compiled elsewhere from [`Law::rows`], and the functions that such code calls.
 
-use std::fmt;
-
 use super::Law;
 use super::table::{FIRST_ROW, Row};
 use super::tree::{Binary, Unary};
@@ -31,16 +29,9 @@ pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64
 pub const FUNCTIONS: [(&str, Function); 3] = [("exp", exp), ("tanh", tanh), ("power", power)];
 
 /// The entry point of a law's native code.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Native {
     entry: usize,
-}
-
-impl fmt::Debug for Native {
-    /// Does not depend on the place of the code, because networks are identified by their `Debug` output.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Native")
-    }
 }
 
 impl Law {

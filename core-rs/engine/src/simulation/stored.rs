@@ -4,7 +4,7 @@
 //! recalls the sound of one stretch after the other, and continues from the state at the end of the last known stretch.
 //! The samples are those of a render from frame 0. Banks are always computed: reading them would cost more.
 
-use std::sync::OnceLock;
+mod keys;
 
 use super::Simulation;
 use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
@@ -12,14 +12,13 @@ use crate::archive::Damaged;
 use crate::interrupt;
 use crate::island::{Fault, Island};
 use crate::kernel::thread_team::{ThreadTeam, flushed};
-use crate::plan::{Content, Unit};
+use crate::plan::Unit;
+pub(super) use keys::Contents;
 
 /// An island whose stretches can be stored.
 #[derive(Clone, Debug)]
 pub struct StorableIsland {
     unit: usize,
-    /// Computed when its first key is asked for, because many islands are too cheap to be looked up.
-    content: OnceLock<Content>,
     /// Number of outputs that hear it.
     pub n_out: usize,
     /// Work by the table of costs [ns a frame].
@@ -36,7 +35,6 @@ impl Simulation {
             {
                 Some(StorableIsland {
                     unit,
-                    content: OnceLock::new(),
                     n_out: island.n_out(),
                     cost: pair.1.cost(),
                 })
@@ -49,13 +47,7 @@ impl Simulation {
     /// A hash of everything that determines an island up to the last of `frames` (64 hex digits); `before` is the hash
     /// up to the first of `frames`, or empty if that is 0.
     pub fn island_key(&self, island: &StorableIsland, frames: (u64, u64), before: &str) -> String {
-        match &self.plan.units[island.unit] {
-            Unit::IslandPlan(island_plan) => {
-                let content = island.content.get_or_init(|| Content::of(island_plan));
-                content.key(island_plan, frames, before)
-            }
-            Unit::Bank(_) => String::new(),
-        }
+        self.unit_key(island.unit, frames, before)
     }
 
     /// From here on, take the sound of an island from `sound` (n_frames · its n_out) instead of computing it; the

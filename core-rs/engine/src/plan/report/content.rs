@@ -1,5 +1,5 @@
 //! Hashes of all that the sound of an island up to an instant depends on: the same in another version of the score
-//! whose events differ only later.
+//! whose events differ only later, and in any score that has an equal island under other names or in another place.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Arguments, Write};
@@ -8,20 +8,28 @@ use sha2::{Digest, Sha256};
 
 use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
-use crate::network::Network;
+use crate::network::{Network, PartOrder};
 use crate::plan::IslandPlan;
-use crate::timeline::{Ergon, Strike, Timeline};
+use crate::timeline::{Ergon, Key, Strike, Timeline};
 
 /// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
 /// are spread over two frames.
 const MARGIN: u64 = 4;
 
 /// A writer that hashes what is written.
-struct Sink(Sha256);
+pub(super) struct Sink(Sha256);
 
 impl Sink {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self(Sha256::new())
+    }
+
+    pub(super) fn add(&mut self, bytes: impl AsRef<[u8]>) {
+        self.0.update(bytes);
+    }
+
+    pub(super) fn end(self) -> [u8; 32] {
+        self.0.finalize().into()
     }
 }
 
@@ -33,7 +41,7 @@ impl Write for Sink {
 }
 
 /// A hash of formatted text (64 hex digits).
-pub(in crate::plan) fn hex_of(words: Arguments<'_>) -> String {
+pub(crate) fn hex_of(words: Arguments<'_>) -> String {
     hex(&digest(words))
 }
 
@@ -51,9 +59,17 @@ struct Events {
 }
 
 impl Events {
-    /// `also`: what else the hash has to include.
-    fn of(network: &Network, timeline: &Timeline, also: Arguments<'_>) -> Self {
+    /// `also`: what else the hash has to include; `order`: the parts of the island.
+    fn of(network: &Network, order: &PartOrder, timeline: &Timeline, also: Arguments<'_>) -> Self {
+        let network = network.anonymous(order);
+        let keys = timeline.keys.iter();
         let rest = Timeline {
+            keys: keys
+                .map(|key| Key {
+                    name: String::new(),
+                    ..*key
+                })
+                .collect(),
             gestures: Vec::new(),
             strikes: Vec::new(),
             ergons: Vec::new(),
@@ -125,10 +141,13 @@ impl Content {
             sleeps,
             to_whole: _,
         } = island;
-        let bodies: Vec<BodyPlan> = bodies.iter().map(BodyPlan::without_strikes).collect();
+        let networks = bodies.iter().map(BodyPlan::network);
+        let order = PartOrder::of(networks.chain([&**network]));
+        let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&order)).collect();
         let numbers = (contact_substeps, oversampling, sleeps);
         Self(Events::of(
             network,
+            &order,
             timeline,
             format_args!("{bodies:?}\n{numbers:?}"),
         ))
@@ -205,6 +224,7 @@ impl<'a> IslandContent<'a> {
             .collect();
         let events = Events::of(
             network,
+            &PartOrder::of([network]),
             timeline,
             format_args!("{places:?} {manners:?}\n{also}"),
         );
@@ -249,7 +269,7 @@ fn of_gesture(gesture: &Gesture) -> (f64, [u8; 32]) {
     )
 }
 
-fn digest(text: Arguments<'_>) -> [u8; 32] {
+pub(super) fn digest(text: Arguments<'_>) -> [u8; 32] {
     let mut sink = Sink::new();
     // Writing into a hash cannot fail.
     let _ = sink.write_fmt(text);

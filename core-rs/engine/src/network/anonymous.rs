@@ -1,0 +1,119 @@
+//! A network without what its motion does not depend on, so that equal islands of two scores are equal.
+
+use super::{Network, Output, Part};
+
+/// The parts that some networks with a common list of parts have modules of, in the order of that list.
+///
+/// The order of parts may decide the order of sums, but how many other parts a score has does not.
+#[derive(Clone, Debug)]
+pub(crate) struct PartOrder(Vec<usize>);
+
+impl PartOrder {
+    pub(crate) fn of<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
+        let mut parts: Vec<usize> = Vec::new();
+        for network in networks {
+            let mut own: Vec<usize> = network
+                .mats
+                .part
+                .iter()
+                .map(|&part| part as usize)
+                .collect();
+            own.dedup(); // modules of a part are mostly adjacent
+            parts.extend(own);
+            parts.extend(network.runs.iter().map(|run| run.part));
+        }
+        parts.sort_unstable();
+        parts.dedup();
+        Self(parts)
+    }
+
+    /// How many of the parts are before a part.
+    pub(crate) fn rank(&self, part: usize) -> usize {
+        self.0.partition_point(|&own| own < part)
+    }
+}
+
+impl Network {
+    /// The same modules without names and places on the bench, with parts by their rank in `order`.
+    pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
+        let mut own = self.clone();
+        own.current = 0;
+        own.names = super::names::Names::default();
+        let parts = order.0.iter().filter_map(|&part| self.parts.get(part));
+        own.parts = parts
+            .map(|part| Part {
+                name: String::new(),
+                ..part.clone()
+            })
+            .collect();
+        own.mats.place.clear();
+        for part in &mut own.mats.part {
+            *part = order.rank(*part as usize) as u32;
+        }
+        for run in &mut own.runs {
+            run.part = order.rank(run.part);
+        }
+        let outputs = own.outputs.into_iter();
+        own.outputs = outputs
+            .map(|output| Output {
+                name: String::new(),
+                ..output
+            })
+            .collect();
+        own
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::{Term, Tie};
+
+    /// A bell after `before` other parts, of which every second has a module.
+    fn bell(before: &[&str], name: &str, f: f64) -> (Network, Vec<u32>) {
+        let mut network = Network::new();
+        let tie = Tie::Tuned { f, t60: None };
+        for (at, other) in before.iter().enumerate() {
+            network.part(other, None);
+            if at % 2 == 0 {
+                network.mas("m", 1e-3, 0.0, 0.0).unwrap();
+            }
+        }
+        network.part(name, None);
+        let hum = network.cel("hum", 2e-3, tie, 0.0, 0.0, 0.0).unwrap();
+        let head = network.mas("head", 1e-3, 0.0, 0.0).unwrap();
+        network.spring("tie", hum, head, 1e3, 0.0, 0.0).unwrap();
+        let term = Term::Position {
+            first: hum,
+            len: 1,
+            weight: 1.0,
+        };
+        network.listen(name, vec![term]).unwrap();
+        (network, vec![hum as u32, head as u32])
+    }
+
+    fn text(before: &[&str], name: &str, f: f64) -> String {
+        let (network, mats) = bell(before, name, f);
+        let links: Vec<u32> = (0..network.n_lia() as u32).collect();
+        let island = network.subset(&mats, &[], &links).network;
+        format!("{:?}", island.anonymous(&PartOrder::of([&island])))
+    }
+
+    #[test]
+    fn names_and_other_parts_do_not_count() {
+        let alone = text(&[], "bell", 440.0);
+        assert_eq!(text(&[], "gong", 440.0), alone);
+        assert_eq!(text(&["a", "b", "c"], "bell", 440.0), alone);
+        assert_ne!(text(&[], "bell", 441.0), alone);
+    }
+
+    #[test]
+    fn parts_keep_their_order() {
+        let (network, _) = bell(&["a", "b", "c"], "bell", 440.0);
+        let order = PartOrder::of([&network]);
+        assert_eq!([0, 2, 3].map(|part| order.rank(part)), [0, 1, 2]);
+        let anonymous = network.anonymous(&order);
+        assert_eq!(anonymous.mats.part, [0, 1, 2, 2]);
+        assert_eq!(anonymous.parts.len(), 3);
+    }
+}

@@ -1,0 +1,79 @@
+//! Hashes of all that the sound of a bank up to a frame depends on, wherever its outputs are in the score.
+
+use std::collections::BTreeSet;
+
+use crate::bank::Kick;
+use crate::plan::BankPlan;
+use crate::plan::report::content::{Sink, digest, hex};
+use crate::units::Rate;
+
+/// A hash of a bank without its blows, and the outputs that hear it.
+#[derive(Clone, Debug)]
+pub(crate) struct BankContent {
+    fixed: [u8; 32],
+    /// Rising indices of outputs of the scene.
+    pub(crate) outputs: Vec<u32>,
+}
+
+impl BankContent {
+    pub(crate) fn of(bank: &BankPlan, rate: Rate) -> Self {
+        let heard = bank.oscillators.iter().flat_map(|own| &own.heard);
+        let outputs: BTreeSet<u32> = heard.map(|&(output, _)| output).collect();
+        let outputs = Vec::from_iter(outputs);
+        let mut sink = Sink::new();
+        sink.add(rate.hertz().to_le_bytes());
+        sink.add([u8::from(bank.is_open)]);
+        for own in &bank.oscillators {
+            for number in [own.a, own.b, own.now, own.before] {
+                sink.add(number.to_le_bytes());
+            }
+            sink.add((own.heard.len() as u64).to_le_bytes());
+            for (output, weight) in &own.heard {
+                let rank = outputs.partition_point(|other| other < output);
+                sink.add((rank as u64).to_le_bytes());
+                sink.add(weight.to_le_bytes());
+            }
+        }
+        for own in &bank.strikes {
+            let (among, responses) = (&own.among, &own.responses);
+            let (share, w) = (&own.share, own.w);
+            sink.add(digest(format_args!(
+                "{among:?} {responses:?} {share:?} {w:?}"
+            )));
+        }
+        Self {
+            fixed: sink.end(),
+            outputs,
+        }
+    }
+
+    /// A hash of all that the bank depends on up to frame `until` (64 hex digits); `before` is that hash up to frame
+    /// `from`, empty at 0.
+    pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), before: &str) -> String {
+        let falls = |frame: u64| frame <= until && (from == 0 || frame > from);
+        let mut sink = Sink::new();
+        sink.add(before);
+        sink.add(self.fixed);
+        sink.add(until.to_le_bytes());
+        for (at, own) in bank.oscillators.iter().enumerate() {
+            for blow in own.blows.iter().filter(|blow| falls(blow.frame)) {
+                sink.add((at as u64).to_le_bytes());
+                sink.add(blow.frame.to_le_bytes());
+                let numbers = match blow.kick {
+                    Kick::By(step) => [step, f64::NAN, f64::NAN],
+                    Kick::Ergon { mass, speed, w } => [mass, speed, w],
+                };
+                numbers.iter().for_each(|x| sink.add(x.to_le_bytes()));
+            }
+        }
+        for (at, own) in bank.strikes.iter().enumerate() {
+            for (frame, part, impulse) in own.blows.iter().filter(|blow| falls(blow.0)) {
+                sink.add((at as u64).to_le_bytes());
+                sink.add(frame.to_le_bytes());
+                sink.add(part.to_le_bytes());
+                sink.add(impulse.to_le_bytes());
+            }
+        }
+        hex(&sink.end())
+    }
+}

@@ -1,0 +1,109 @@
+//! Keys of units and outputs: hashes of all that their sound depends on, without names and places in the score.
+
+use std::sync::{Arc, OnceLock};
+
+use crate::plan::{BankContent, Content, Plan, Unit, whole};
+use crate::simulation::Simulation;
+use crate::simulation::group::GROUPS_MAX;
+
+/// What the units of a plan depend on, each computed when its first key is asked for.
+#[derive(Clone, Debug)]
+pub(in crate::simulation) struct Contents(Arc<[OnceLock<UnitContent>]>);
+
+#[derive(Clone, Debug)]
+enum UnitContent {
+    Island(Box<Content>),
+    Bank(BankContent),
+}
+
+impl Contents {
+    pub(in crate::simulation) fn new(plan: &Plan) -> Self {
+        Self(plan.units.iter().map(|_| OnceLock::new()).collect())
+    }
+}
+
+impl Simulation {
+    /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `before` is the hash up
+    /// to the first of `frames`, or empty if that is 0.
+    pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), before: &str) -> String {
+        let own = &self.plan.units[unit];
+        match (own, self.content(unit)) {
+            (Unit::IslandPlan(island_plan), UnitContent::Island(content)) => {
+                content.key(island_plan, frames, before)
+            }
+            (Unit::Bank(bank), UnitContent::Bank(content)) => content.key(bank, frames, before),
+            _ => String::new(),
+        }
+    }
+
+    fn content(&self, unit: usize) -> &UnitContent {
+        self.contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
+            Unit::IslandPlan(island_plan) => {
+                UnitContent::Island(Box::new(Content::of(island_plan)))
+            }
+            Unit::Bank(bank) => UnitContent::Bank(BankContent::of(bank, self.plan.timeline_rate)),
+        })
+    }
+
+    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
+    ///
+    /// Outputs of two simulations with the same hash have the same samples up to there.
+    pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
+        let plan = &*self.plan;
+        let still = plan.network.outputs().iter().zip(&plan.still);
+        let first: Vec<String> = still
+            .map(|(output, still)| {
+                format!(
+                    "{:?} {} {:x}",
+                    plan.timeline_rate.hertz(),
+                    output.order,
+                    still.to_bits()
+                )
+            })
+            .collect();
+        let mut keys = vec![first; stops.len()];
+        // Sums are rounded group by group.
+        let mut last_group = vec![usize::MAX; plan.still.len()];
+        for (group, units) in plan.groups(GROUPS_MAX).into_iter().enumerate() {
+            for unit in units.filter(|unit| *unit < plan.n_heard) {
+                let outputs = self.outputs_of(unit);
+                let (mut from, mut before) = (0, String::new());
+                for (keys, &stop) in keys.iter_mut().zip(stops) {
+                    before = self.unit_key(unit, (from, stop), &before);
+                    from = stop;
+                    for (local, &output) in outputs.iter().enumerate() {
+                        let next = if last_group[output] == group {
+                            '+'
+                        } else {
+                            ','
+                        };
+                        let key = &mut keys[output];
+                        *key += &format!("{next}{before}.{local}");
+                    }
+                }
+                outputs
+                    .iter()
+                    .for_each(|&output| last_group[output] = group);
+            }
+        }
+        for key in keys.iter_mut().flatten() {
+            *key = crate::plan::hex_of(format_args!("{key}"));
+        }
+        keys
+    }
+
+    /// Outputs of the scene that hear a unit, in its order.
+    fn outputs_of(&self, unit: usize) -> Vec<usize> {
+        match (&self.plan.units[unit], self.content(unit)) {
+            (Unit::IslandPlan(island_plan), _) => {
+                let n_out = island_plan.network.outputs().len();
+                let outputs = &island_plan.to_whole.outputs;
+                (0..n_out).map(|local| whole(outputs, local)).collect()
+            }
+            (Unit::Bank(_), UnitContent::Bank(content)) => {
+                content.outputs.iter().map(|&own| own as usize).collect()
+            }
+            (Unit::Bank(_), UnitContent::Island(_)) => Vec::new(),
+        }
+    }
+}
