@@ -42,6 +42,7 @@ from benches.pmpd import pmpd
 from benches.precision import precision
 from benches.quetzalcoatl import quetzalcoatl
 from benches.random_keys import random_keys
+from benches.recall import recall
 from benches.repl import repl
 from benches.replan import replan
 from benches.soak import soak, soak_live
@@ -80,6 +81,7 @@ def main(arguments: list[str]) -> int:
         "evening": evening,
         "edits": edits,
         "cluster": cluster,
+        "recall": recall,
         "replan": replan,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),

@@ -61,7 +61,7 @@ def cluster() -> list[Row]:
             if on is not None:
                 sent = job_of(prepared.loaded, prepared.stage, None, None)
                 job = replace(job, workers=share_work(on, sent))
-            _, done = render_array(prepared.stage, job, lambda _: None)
+            _, done, _ = render_array(prepared.stage, job, lambda _: None)
             spent = time.perf_counter() - begun
             sounds[name] = done.sha256
             return spent

@@ -193,7 +193,7 @@ def _for_workstation(
         _say(console, path)
     if done is not None:
         print_rendered(console, done)
-        print_finer_steps(console, done.simulation)
+        print_finer_steps(console, done.reports)
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:

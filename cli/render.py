@@ -217,7 +217,7 @@ def _is_silent(done: Completed) -> bool:
 
 def _tell(console: Console, done: Completed) -> None:
     print_rendered(console, done)
-    print_finer_steps(console, done.simulation)
+    print_finer_steps(console, done.reports)
 
 
 def _watch(console: Console, path: str, output: str | None, asked: FileOptions) -> None:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ergon.exchange.frozen import Frozen
     from ergon.exchange.safe import FileRefusedError
     from ergon.notation.text.errors import Diagnostic
-    from ergon.rendering.render import RenderedFile, RenderedFiles
+    from ergon.rendering.job import RenderedFile, RenderedFiles
     from ergon.repl.session.api import NotTaken
     from ergon.repl.session_protocol import Reply, State
     from ergon.scores.gesture.movement import MovementStats
@@ -151,8 +151,8 @@ _PLACES = {
     "FileRefusedError": "exchange.safe",
     "Render": "api.render",
     "RenderOptions": "api.render",
-    "RenderedFile": "rendering.render",
-    "RenderedFiles": "rendering.render",
+    "RenderedFile": "rendering.job",
+    "RenderedFiles": "rendering.job",
     "Reply": "repl.session_protocol",
     "Report": "common.report",
     "ScoreError": "api.errors",

@@ -12,7 +12,7 @@ from .render import FileOptions, prepare, target, write
 from .render_journal import JOURNAL, render_journal
 
 if TYPE_CHECKING:
-    from ergon.rendering.render import RenderedFiles
+    from ergon.rendering.job import RenderedFiles
 
 
 def render_to_file(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ergon._core import LookRun, MotionLook, MotionRecorder, Simulation, Window
     from ergon.rendering.filmed import Film
-    from ergon.rendering.render import RenderJob
+    from ergon.rendering.job import RenderJob
     from ergon.scores.staging.stage import Stage
 
 FPS = 60.0  # samples of the motion a second

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon._core import Network, Simulation
+    from ergon._core import Network
     from ergon.live.recorded import HandRecording
     from ergon.notation.text.errors import Diagnostic
-    from ergon.rendering.render import RenderedFiles, RenderJob
+    from ergon.rendering.job import RenderedFiles, RenderJob
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.stage import Stage
+    from ergon.scores.staging.stage import Reports, Stage
 
     from .cluster import Cluster
 
@@ -116,13 +116,15 @@ class PreparedRender:
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """Files that were written, with the job, network and simulation behind them."""
+    """Files that were written, with the job and network behind them, and what the simulation
+    reports.
+    """
 
     files: RenderedFiles
     job: RenderJob
     plan_s: float
     network: Network
-    simulation: Simulation
+    reports: Reports
     faint: tuple[Diagnostic, ...] = ()  # W324, W325: a file that is silent, or nearly
 
 
@@ -172,7 +174,7 @@ def render(
         _shared(prepared, job, report) as job,
         _render_progress(prepared, "rendering", report) as at,
     ):
-        frames, done = render_array(prepared.stage, job, at)
+        frames, done, prepared.stage.reports = render_array(prepared.stage, job, at)
     return Render(frames, prepared.stage.rate, done.peak, done.loudness, done.gain)
 
 
@@ -226,10 +228,12 @@ def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = No
         _render_progress(prepared, task, report) as at,
     ):
         done = render(stage, job, at)
+        stage.reports = done.outcome
     job = replace(job, stop=job.start + done.n_frames)
     found = tuple(faint_diagnostics(stage.piece, job.format.bits, done.mix.peak))
     scores.show(report, prepared.loaded, found)
-    return Completed(done, job, prepared.plan_s, stage.network, stage.simulation, found)
+    reports = stage.simulation if stage.reports is None else stage.reports
+    return Completed(done, job, prepared.plan_s, stage.network, reports, found)
 
 
 def check_shared(options: RenderOptions) -> None:
@@ -268,7 +272,7 @@ def _shared(
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
     """What is written, from the options and the score. Raises OptionError."""
     from ergon.exchange.stretch_store import of_user
-    from ergon.rendering.render import RenderJob
+    from ergon.rendering.job import RenderJob
 
     bits: Bits = options.bits or piece.render.bits
     n_channels = options.channels or piece.render.channels or stage.n_channels
@@ -298,6 +302,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         force=file.force,
         fades_from=stage.fades_from if options.to is None else None,
         stretches=of_user(),
+        measures_instruments=not options.draft,  # which takes about as long as mixing
     )
 
 

@@ -43,8 +43,9 @@ def render_journal(
     that cannot be read or played.
     """
     from ergon.exchange.wave_header import Stamp, WaveFormat
+    from ergon.rendering.job import RenderJob
     from ergon.rendering.level import Level
-    from ergon.rendering.render import RenderJob, render
+    from ergon.rendering.render import render
     from ergon.repl.session.journal_content import read_journal
     from ergon.repl.session.replay import ReplayedSession
 

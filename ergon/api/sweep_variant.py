@@ -75,7 +75,7 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
     begun, cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
-        frames, done = render_array(stage, job, lambda _: None)
+        frames, done, _ = render_array(stage, job, lambda _: None)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - begun
     found = measures(frames, stage.rate)
     rows = stage.plan.rows() if stage.plan is not None else []

@@ -55,6 +55,10 @@ class CacheFolder:
             os.utime(path)
         return data
 
+    def has(self, key: str) -> bool:
+        """Whether something was kept under a key."""
+        return self._path(key).is_file()
+
     def write(self, key: str, content: bytes) -> bool:
         """Store the content, if possible; True if it was stored."""
         if len(content) > self.n_bytes_one:

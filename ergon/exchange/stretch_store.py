@@ -60,6 +60,10 @@ class StretchStore:
         sound = np.frombuffer(rest[_LENGTH.size : stop], dtype="<f8")
         return Stretch(sound.astype(np.float64, copy=False), bytes(rest[stop:]))
 
+    def has(self, key: str) -> bool:
+        """Whether there is a stretch under a key, which may still be damaged."""
+        return self._folder.has(of_this_version(key))
+
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
         """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
         samples = sound.astype("<f8", copy=False).tobytes()

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.rendering.render import BLOCK, frames_of
+from ergon.rendering.job import BLOCK
+from ergon.rendering.render import frames_of
 
 from .boards import Board
 from .force_bounds import force_response

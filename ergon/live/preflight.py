@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.rendering.render import BLOCK, frames_of
+from ergon.rendering.job import BLOCK
+from ergon.rendering.render import frames_of
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem

@@ -17,6 +17,7 @@ DOMINANCE_LU = 20.0  # [LU] by which one instrument hides all others
 MEASURED_OUTPUTS_MAX = (
     256  # instruments times channels: beyond that measuring costs more than mixing
 )
+_PEAKS = 10  # in a step of 100 ms
 _GATE = -70.0  # [LUFS] absolute gate of BS.1770-4: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
 
@@ -34,7 +35,8 @@ class Balance:
     """Measures the level of one instrument by itself, before the limiter.
 
     The 400 ms blocks of BS.1770 are kept, because which of them pass its gates depends on the
-    gain.
+    gain. They begin every 100 ms of the piece, whatever part of it is in the file, so that what
+    an earlier render measured is known in this one. Peaks are those of 10 ms each.
     """
 
     def __init__(
@@ -48,10 +50,11 @@ class Balance:
         self._name, self._mixer = name, mixer
         self._meter = _core.Meter(rate, n_channels)
         self._n_channels = n_channels
-        self._step = (int(rate + 0.5) + 5) // 10
+        self._step = max(_PEAKS, (int(rate + 0.5) + 5) // 10)
         self._start, self._stop = start, stop
-        self._at = self._measured = 0
+        self._pending: list[NDArray[np.float64]] = []
         self._blocks: list[float] = []
+        self._peaks: list[NDArray[np.float64]] = []
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_out)."""
@@ -59,26 +62,67 @@ class Balance:
 
         mixed = np.zeros((len(frames), self._n_channels))
         self._mixer.process(frames, mixed)
-        kept = mixed[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
-        self._at += len(frames)
-        while len(kept):
-            count = min(self._step - self._measured % self._step, len(kept))
-            self._meter.process(np.ascontiguousarray(kept[:count]))
-            kept = kept[count:]
-            self._measured += count
-            if self._measured % self._step == 0 and self._measured >= 4 * self._step:
-                self._blocks.append(self._meter.momentary)
+        self._pending.append(mixed)
+        if sum(map(len, self._pending)) < self._step:
+            return
+        rest = np.concatenate(self._pending)
+        while len(rest) >= self._step:
+            self._measure(rest[: self._step])
+            rest = rest[self._step :]
+        self._pending = [rest]
 
-    def level(self, gain: float) -> InstrumentLevel:
-        """The level in a file that has this gain (a ratio)."""
+    def _measure(self, step: NDArray[np.float64]) -> None:
         import numpy as np
 
-        blocks = np.array(self._blocks) + 20.0 * np.log10(max(gain, 1e-30))
+        self._meter.process(np.ascontiguousarray(step))
+        self._blocks.append(self._meter.momentary)
+        edges = np.arange(_PEAKS) * len(step) // _PEAKS
+        self._peaks.append(np.maximum.reduceat(np.abs(step).max(axis=1, initial=0.0), edges))
+
+    @property
+    def n_measures(self) -> int:
+        """How many numbers are measured of each 100 ms."""
+        return 1 + _PEAKS
+
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """What was measured of each 100 ms (n_steps, 1 + 10): the level of the last 400 ms [LUFS],
+        and peaks as ratios.
+        """
+        import numpy as np
+
+        if not self._blocks:
+            return np.zeros((0, 1 + _PEAKS))
+        return np.column_stack([np.array(self._blocks), np.array(self._peaks)])
+
+    def recall(self, measured: NDArray[np.float64], stop: int) -> bool:
+        """Take what an earlier render measured, in place of frames up to `stop`; False if it is too
+        short.
+        """
+        if len(measured) < min(stop, self._stop) // self._step:
+            return False
+        self._blocks, self._peaks = list(measured[:, 0]), list(measured[:, 1:])
+        return True
+
+    def level(self, gain: float, stop: int | None = None) -> InstrumentLevel:
+        """The level in a file that has this gain (a ratio), and may end sooner, at `stop`."""
+        import numpy as np
+
+        stop = self._stop if stop is None else stop
+        first, last = -(-self._start // self._step), stop // self._step
+        # The first block that lies in the file ends 400 ms after its beginning.
+        blocks = np.array(self._blocks[first + 3 : last]) + 20.0 * np.log10(max(gain, 1e-30))
         blocks = blocks[blocks > _GATE]
         if len(blocks):
             blocks = blocks[blocks > _mean(blocks) + _RELATIVE]
         loudness = _mean(blocks) if len(blocks) else -np.inf
-        return InstrumentLevel(self._name, self._meter.peak * gain, float(loudness))
+        cells = np.arange(len(self._peaks) * _PEAKS)
+        begins = cells // _PEAKS * self._step + cells % _PEAKS * self._step // _PEAKS
+        inside = (begins >= self._start) & (begins + self._step // _PEAKS < stop)
+        peaks = np.array(self._peaks).reshape(-1)[inside]
+        return InstrumentLevel(
+            self._name, float(np.max(peaks, initial=0.0)) * gain, float(loudness)
+        )
 
 
 def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:

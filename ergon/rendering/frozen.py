@@ -16,7 +16,8 @@ from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
 
 from .ahead import ahead
-from .render import BLOCK, frames_of, stem_paths
+from .job import BLOCK
+from .render import frames_of, stem_paths
 from .staged import Staged
 
 

@@ -54,6 +54,10 @@ class FrameSpool:
         self._at = 0
         self.peak = 0.0
 
+    def begin(self, first: int) -> None:
+        """Let the next block begin at frame `first` of the piece."""
+        self._at = first
+
     def __enter__(self) -> Self:
         """Begin."""
         return self
@@ -137,10 +141,9 @@ class MasterChain:
         stop: int,
         limit: float | None,
         silences: Sequence[Silence] = (),
+        first: int = 0,
     ) -> None:
-        """Write frames `start` to `stop`, counted from 0 at the first frame that `take`
-        receives.
-        """
+        """Write frames `start` to `stop` of the piece; `take` receives them from `first` on."""
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -149,7 +152,9 @@ class MasterChain:
         self._meter = _core.Meter(rate, n_channels)
         self._limiter = None if limit is None else _core.Limiter(rate, n_channels, limit)
         self.latency = self._limiter.latency if self._limiter is not None else 0
-        self._at = -self.latency  # index in the piece of the next frame that leaves the limiter
+        self._at = (
+            first - self.latency
+        )  # index in the piece of the next frame that leaves the limiter
         self._start, self._stop = start, stop
         self._rate, self._silences = rate, silences
 

@@ -18,83 +18,21 @@ from typing import TYPE_CHECKING, BinaryIO
 from ergon import _core
 from ergon.exchange import sound
 from ergon.exchange.safe import FileGroup, check_target, file_group
-from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
-from .balance import MEASURED_OUTPUTS_MAX, Balance, InstrumentLevel
-from .filmed import Film, FilmedSimulation
-from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
-from .remote import RemoteSimulation, Workers
+from .balance import MEASURED_OUTPUTS_MAX, Balance
+from .filmed import FilmedSimulation
+from .job import RenderedFile, RenderedFiles, RenderJob
+from .level import ArrayWriter, FrameSpool, MasterChain, Writer, ceiling_gain
+from .memory import memory_of
+from .mixed_stretches import KnownMix, MixRecorder, Outcome
+from .remote import RemoteSimulation
 from .resumed import ResumedSimulation
-from .silence import Silence
 from .staged import Mixer, Simulation, Staged
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-    from ergon.exchange.stretch_store import StretchStore
-
-BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
-
-
-@dataclass(frozen=True, slots=True)
-class RenderJob:
-    """What is rendered: frames `start` to `stop` of the piece, in channels and bits of `format`."""
-
-    target: str
-    format: WaveFormat
-    start: int
-    stop: int
-    level: Level
-    stamp: Stamp
-    stems: Path | None = None
-    block: int = BLOCK
-    threads: int = 1
-    force: bool = False
-    inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
-    silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
-    # The file ends where the sound has faded after this frame, at `stop` at the latest.
-    fades_from: int | None = None
-    stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
-    film: Film | None = None  # the motion file to write as well
-    workers: Workers | None = None  # other processes that compute islands
-
-    def __post_init__(self) -> None:
-        """Raise FileRefusedError when the target cannot hold the samples."""
-        sound.check_format(self.target, self.format)
-
-    @property
-    def n_frames(self) -> int:
-        """Frames in the file."""
-        return self.stop - self.start
-
-
-@dataclass(frozen=True, slots=True)
-class RenderedFile:
-    """One file: peak and gain as ratios, loudness [LUFS], hash of the samples."""
-
-    path: str
-    peak: float
-    loudness: float
-    gain: float
-    sha256: str
-
-
-@dataclass(frozen=True, slots=True)
-class RenderedFiles:
-    """The files that a render wrote, their length, and how long it took: `wall` [s].
-
-    `instruments` are the levels of the instruments, if there are several. `recalled` is the
-    share of the work that an earlier render had done (0 to 1).
-    """
-
-    mix: RenderedFile
-    stems: tuple[RenderedFile, ...]
-    wall: float
-    n_frames: int
-    instruments: tuple[InstrumentLevel, ...] = ()
-    recalled: float = 0.0
 
 
 @dataclass(slots=True)
@@ -103,7 +41,8 @@ class _Track:
 
     path: str
     mixer: Mixer
-    begin: Callable[[RenderJob], MasterChain]  # once the length of the file is known
+    # Once the length of the file is known: the job, and the first frame that comes.
+    begin: Callable[[RenderJob, int], MasterChain]
     held: FrameSpool | None
     finish: MasterChain | None = None
 
@@ -147,22 +86,59 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
             file = files.open(name, binary=True)
 
             def written_to(
-                of: RenderJob, name: str = name, file: BinaryIO = file, limit: float | None = limit
+                of: RenderJob,
+                first: int,
+                name: str = name,
+                file: BinaryIO = file,
+                limit: float | None = limit,
             ) -> MasterChain:
                 writer = sound.writer(name, file, of.format, of.n_frames, of.stamp)
-                return _chain(writer, stage, of, limit)
+                return _chain(writer, stage, of, limit, first)
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
         filmed = _filmed(files, stage, job, reference)
-        resumed = None if filmed else _resumed(stage, job)
-        job, written = _fill(stage, job, tracks, progress, balances, filmed or resumed)
         if filmed is not None:
+            job, written = _fill(stage, job, tracks, progress, balances, filmed)
             filmed.finish()
+            recalled, outcome = 0.0, None
+        else:
+            job, written, recalled, outcome = _recalled_or_computed(
+                stage, job, tracks, progress, balances
+            )
     wall = time.perf_counter() - start
-    levels = tuple(balance.level(written[0].gain) for balance in balances)
-    recalled = 0.0 if resumed is None else resumed.recalled
-    return RenderedFiles(written[0], tuple(written[1:]), wall, job.n_frames, levels, recalled)
+    levels = tuple(balance.level(written[0].gain, job.stop) for balance in balances)
+    stems_written = tuple(written[1:])
+    return RenderedFiles(written[0], stems_written, wall, job.n_frames, levels, recalled, outcome)
+
+
+def _recalled_or_computed(
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    progress: Callable[[int], None],
+    balances: Sequence[Balance],
+) -> tuple[RenderJob, list[RenderedFile], float, Outcome | None]:
+    """Fill the files with what is known, or compute it. Returns the job, whose end is known then,
+    the files, the share that was recalled, and the outcome if nothing was computed.
+    """
+    memory = memory_of(stage, job)
+    if memory is None:
+        resumed = _resumed(stage, job)
+        job, written = _fill(stage, job, tracks, progress, balances, resumed)
+        return job, written, 0.0 if resumed is None else resumed.recalled, None
+    is_alone = len(tracks) == 1
+    known = memory.known_mix(job, balances) if is_alone else None
+    if known is not None:
+        fade = _silence_detector(job, stage.rate)
+        job, written = _fill_known(job, tracks[0], known, fade, progress)
+        return job, written, 1.0, known.outcome
+    computing = memory.computing(job, balances, records=is_alone)
+    job, written = _fill(
+        stage, job, tracks, progress, computing.balances, computing.simulation, computing.recorder
+    )
+    computing.finish(job)
+    return job, written, computing.simulation.recalled, None
 
 
 def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
@@ -195,6 +171,8 @@ def _filmed(
 
 def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
     """A balance for each instrument, if there are several and not too many."""
+    if not job.measures_instruments:
+        return []
     stems = stage.stems(highpass=job.level.highpass, reference=job.level.reference)
     if not 1 < len(stems) <= MEASURED_OUTPUTS_MAX // max(1, stage.n_channels):
         return []
@@ -206,8 +184,9 @@ def _balances(stage: Staged, job: RenderJob) -> list[Balance]:
 
 def render_array(
     stage: Staged, job: RenderJob, progress: Callable[[int], None]
-) -> tuple[NDArray[np.float64], RenderedFile]:
-    """The mix of `job` as (n_frames, n_channels), and its measures; no file is written.
+) -> tuple[NDArray[np.float64], RenderedFile, Outcome | None]:
+    """The mix of `job` as (n_frames, n_channels), its measures, and the outcome if it is recalled;
+    no file is written.
 
     The format of `job` has to be "double". Raises DivergedError.
     """
@@ -215,15 +194,15 @@ def render_array(
 
     made: list[NDArray[np.float64]] = []
 
-    def written_to(of: RenderJob) -> MasterChain:
+    def written_to(of: RenderJob, first: int) -> MasterChain:
         made.append(np.zeros((of.n_frames, of.format.n_channels)))
-        return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit)
+        return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit, first)
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = _track(stack, job, "-", mixer, written_to)
-        _, (done,) = _fill(stage, job, [track], progress, (), _resumed(stage, job))
-    return made[0], done
+        _, (done,), _, outcome = _recalled_or_computed(stage, job, [track], progress, ())
+    return made[0], done, outcome
 
 
 def _fill(
@@ -233,21 +212,60 @@ def _fill(
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     simulation: Simulation | None,
+    recorder: MixRecorder | None = None,
 ) -> tuple[RenderJob, list[RenderedFile]]:
     """Compute the files; returns them and the job, whose end is known then."""
     if job.fades_from is None:
         for track in tracks:
-            track.finish = track.begin(job)
-    stop = _simulate(stage, simulation or stage.simulation, job, tracks, progress, balances)
+            track.finish = track.begin(job, 0)
+    stop = _simulate(
+        stage, simulation or stage.simulation, job, tracks, progress, balances, recorder
+    )
     job = replace(job, stop=stop)
     for track in tracks:
-        track.finish = track.finish or track.begin(job)
+        track.finish = track.finish or track.begin(job, 0)
     _release(job, tracks)
     return job, [_close(track) for track in tracks]
 
 
-def _chain(writer: Writer, stage: Staged, job: RenderJob, limit: float | None) -> MasterChain:
-    chain = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences)
+def _fill_known(
+    job: RenderJob,
+    track: _Track,
+    known: KnownMix,
+    fade: _core.SilenceDetector | None,
+    progress: Callable[[int], None],
+) -> tuple[RenderJob, list[RenderedFile]]:
+    """Fill a file with mixed frames that are known, and compute nothing."""
+    if track.held is not None:
+        track.held.begin(known.first)
+    if job.fades_from is None:
+        track.finish = track.begin(job, known.first)
+    at, stop = known.first, job.stop
+    for mixed in known.blocks(job.block):
+        folded = _fold(mixed, job.format.n_channels)
+        end = None if fade is None else fade.take(folded)
+        track.take(folded)
+        at += len(mixed)
+        progress(min(at, job.stop))
+        if end is not None:
+            stop = min(max(end, job.start), job.stop)
+            break
+    job = replace(job, stop=stop)
+    track.finish = track.finish or track.begin(job, known.first)
+    _release(job, [track])
+    return job, [_close(track)]
+
+
+def _silence_detector(job: RenderJob, rate: float) -> _core.SilenceDetector | None:
+    if job.fades_from is None:
+        return None
+    return _core.SilenceDetector(rate, job.format.n_channels, job.fades_from)
+
+
+def _chain(
+    writer: Writer, stage: Staged, job: RenderJob, limit: float | None, first: int
+) -> MasterChain:
+    chain = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences, first)
     chain.gain = job.level.gain
     return chain
 
@@ -257,7 +275,7 @@ def _track(
     job: RenderJob,
     path: str,
     mixer: Mixer,
-    begin: Callable[[RenderJob], MasterChain],
+    begin: Callable[[RenderJob, int], MasterChain],
 ) -> _Track:
     held = None
     if job.level.normalise is not None or job.fades_from is not None:
@@ -274,6 +292,7 @@ def _simulate(
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
+    recorder: MixRecorder | None,
 ) -> int:
     """Mix all frames; returns the frame at which the files end."""
     import numpy as np
@@ -282,9 +301,7 @@ def _simulate(
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     last = min(stage.n_frames, job.stop + max(latencies, default=0))
-    fade = None
-    if job.fades_from is not None:
-        fade = _core.SilenceDetector(stage.rate, job.format.n_channels, job.fades_from)
+    fade = _silence_detector(job, stage.rate)
     blocks = frames_of(simulation, last, job.block)
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
@@ -295,6 +312,8 @@ def _simulate(
             for track in tracks:
                 mixed = np.zeros((len(frames), stage.n_channels))
                 track.mixer.process(frames, mixed)
+                if recorder is not None and track is tracks[0]:
+                    recorder.take(mixed)
                 folded = _fold(mixed, job.format.n_channels)
                 if fade is not None and track is tracks[0]:
                     end = fade.take(folded)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from . import stretches
+from .mixed_stretches import Outcome
 from .stretches import StretchedSimulation, is_expensive
 
 if TYPE_CHECKING:
@@ -38,10 +39,19 @@ class _Part:
 class ResumedSimulation(StretchedSimulation):
     """The next `n_frames` frames of a simulation at frame 0; known stretches are recalled."""
 
-    def __init__(self, simulation: Simulation, store: StretchStore, n_frames: int) -> None:
-        """Find the islands that are expensive enough."""
+    def __init__(
+        self,
+        simulation: Simulation,
+        store: StretchStore,
+        n_frames: int,
+        outcomes: dict[int, Outcome] | None = None,
+    ) -> None:
+        """Find the islands that are expensive enough.
+
+        `outcomes` gets what the simulation reports at the end of each stretch, by its frame.
+        """
         super().__init__(simulation, n_frames)
-        self._store = store
+        self._store, self._outcomes = store, outcomes
         self._parts = [_Part(island) for island in simulation.storable() if is_expensive(island)]
         if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
             self._parts = []
@@ -63,8 +73,6 @@ class ResumedSimulation(StretchedSimulation):
                 part.is_recalled, part.state = True, known.state
                 self.n_recalled += stretches.STRETCH_FRAMES
                 continue
-            if part.state is not None:
-                self._simulation.set_state(part.island, part.state)
             part.is_recalled, part.state = False, None
             if is_whole and self._is_kept:
                 self._simulation.record(part.island)
@@ -72,6 +80,12 @@ class ResumedSimulation(StretchedSimulation):
 
     def _end(self) -> None:
         """Keep what was computed of a complete stretch."""
+        for part in self._parts:
+            if part.is_recalled and part.state is not None:
+                # What the simulation reports is then that of a render which recalls nothing.
+                self._simulation.set_state(part.island, part.state)
+        if self._outcomes is not None:
+            self._outcomes[self._at] = Outcome.of(self._simulation)
         if self._at % stretches.STRETCH_FRAMES:
             return
         for part in self._parts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,3 +57,22 @@ class Staged(Protocol):
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> Sequence[tuple[str, Mixer]]:
         """A new mixer for every player or instrument, with its name."""
+
+
+@runtime_checkable
+class KeyedStage(Staged, Protocol):
+    """A staged piece whose mix is recognised in a later render."""
+
+    @property
+    def mix_cost(self) -> float:
+        """About how long mixing a frame takes [ns]."""
+
+    def mix_key(
+        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+    ) -> str:
+        """A hash of all that the frames of `mixer` depend on; `taps` are hashes of outputs."""
+
+    def stem_keys(
+        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+    ) -> Sequence[str]:
+        """A hash of all that the frames of each mixer of `stems` depend on."""

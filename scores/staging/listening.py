@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from itertools import repeat
 from math import floor
 
@@ -17,6 +18,7 @@ from ergon.scores.reading.piece import Piece, Route
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER = 1e9  # [s]
+_WAY_NS, _ROOM_NS = 10.0, 300.0
 _PRESSURE = 1.0  # of a route that radiates, at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
@@ -98,6 +100,38 @@ class Listening:
                     to_room=way.room is not None,
                 )
         return mixer
+
+    def mix_key(
+        self,
+        taps: Sequence[str],
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        parts: Collection[str] | None = None,
+    ) -> str:
+        """A hash of all that the frames of such a mixer depend on, up to a frame up to which `taps`
+        are the hashes of what each tap gives.
+        """
+        rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
+        ways = [
+            (
+                taps[way.tap],
+                way.channel,
+                way.gain if reference is None else way.gain * (reference / way.quantity),
+                highpass if way.highpass is None else way.highpass,
+                way.room,
+                way.delay,
+                way.fade,
+            )
+            for way in self.ways
+            if parts is None or way.part in parts
+        ]
+        return sha256(repr((self.n_channels, rooms, self.fade, ways)).encode()).hexdigest()
+
+    @property
+    def cost(self) -> float:
+        """About how long mixing a frame takes [ns]."""
+        return _WAY_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
 
 
 def check_rooms(piece: Piece, collector: Collector) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from ergon import _core
 from ergon.instruments import native
@@ -59,6 +59,8 @@ class Stage:
     memory: StageMemory = field(default_factory=StageMemory)
     placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
+    # What an earlier simulation reported, where this one was not run because its sound is known.
+    reports: Reports | None = None
 
     @property
     def network(self) -> _core.Network:
@@ -112,13 +114,36 @@ class Stage:
         self, *, highpass: float | None = None, reference: float | None = None
     ) -> list[tuple[str, _core.Mixer]]:
         """A new mixer for every instrument that is heard, with all its notes."""
+        return [
+            (name, self.mixer(highpass=highpass, reference=reference, parts=parts))
+            for name, parts in self._stem_parts().items()
+        ]
+
+    def _stem_parts(self) -> dict[str, list[str]]:
         family = self.piece.note_families()
         heard: dict[str, list[str]] = {}
         for part in self.listening.parts():
             heard.setdefault(family.get(part, part), []).append(part)
+        return heard
+
+    @property
+    def mix_cost(self) -> float:
+        """About how long mixing a frame takes [ns]."""
+        return self.listening.cost
+
+    def mix_key(
+        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+    ) -> str:
+        """A hash of all that the frames of `mixer` depend on; `taps` are hashes of outputs."""
+        return self.listening.mix_key(taps, highpass=highpass, reference=reference)
+
+    def stem_keys(
+        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+    ) -> list[str]:
+        """A hash of all that the frames of each mixer of `stems` depend on."""
         return [
-            (name, self.mixer(highpass=highpass, reference=reference, parts=parts))
-            for name, parts in heard.items()
+            self.listening.mix_key(taps, highpass=highpass, reference=reference, parts=parts)
+            for parts in self._stem_parts().values()
         ]
 
     def fault(self, error: _core.DivergedError) -> Diagnostic:
@@ -138,10 +163,21 @@ class Stage:
         """Modules that have generated energy so far, each at the place where it is written
         (W404).
         """
+        reports = self.simulation if self.reports is None else self.reports
         return [
             Diagnostic("W404", gain.sentence, place_of(self.piece, gain.name), None, self._hint)
-            for gain in self.simulation.gains()
+            for gain in reports.gains()
         ]
+
+
+class Reports(Protocol):
+    """What a simulation reports of its parts: `_core.Simulation`."""
+
+    def finer(self) -> list[_core.FinerPart]:
+        """The parts with frames of more than one step."""
+
+    def gains(self) -> list[_core.EnergyGain]:
+        """Modules that made energy."""
 
 
 # MATs that may be struck, by part, module and member (-1: the middle one), with the engine's

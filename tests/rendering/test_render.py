@@ -11,8 +11,9 @@ from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
 from ergon.rendering.ahead import ahead
+from ergon.rendering.job import RenderJob
 from ergon.rendering.level import Level
-from ergon.rendering.render import RenderJob, render, stem_paths
+from ergon.rendering.render import render, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
 

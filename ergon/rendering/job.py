@@ -1,0 +1,85 @@
+"""What is asked of a render, and what it wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.exchange import sound
+from ergon.exchange.wave_header import Stamp, WaveFormat
+
+from .balance import InstrumentLevel
+from .filmed import Film
+from .level import Level
+from .mixed_stretches import Outcome
+from .remote import Workers
+from .silence import Silence
+
+if TYPE_CHECKING:
+    from ergon.exchange.stretch_store import StretchStore
+
+BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
+
+
+@dataclass(frozen=True, slots=True)
+class RenderJob:
+    """What is rendered: frames `start` to `stop` of the piece, in channels and bits of `format`."""
+
+    target: str
+    format: WaveFormat
+    start: int
+    stop: int
+    level: Level
+    stamp: Stamp
+    stems: Path | None = None
+    block: int = BLOCK
+    threads: int = 1
+    force: bool = False
+    inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
+    silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
+    # The file ends where the sound has faded after this frame, at `stop` at the latest.
+    fades_from: int | None = None
+    stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
+    film: Film | None = None  # the motion file to write as well
+    workers: Workers | None = None  # other processes that compute islands
+    measures_instruments: bool = True  # how loud each is by itself, if there are several
+
+    def __post_init__(self) -> None:
+        """Raise FileRefusedError when the target cannot hold the samples."""
+        sound.check_format(self.target, self.format)
+
+    @property
+    def n_frames(self) -> int:
+        """Frames in the file."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedFile:
+    """One file: peak and gain as ratios, loudness [LUFS], hash of the samples."""
+
+    path: str
+    peak: float
+    loudness: float
+    gain: float
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedFiles:
+    """The files that a render wrote, their length, and how long it took: `wall` [s].
+
+    `instruments` are the levels of the instruments, if there are several. `recalled` is the
+    share of the work that an earlier render had done (0 to 1); if that is all, `outcome` is what
+    its simulation reported.
+    """
+
+    mix: RenderedFile
+    stems: tuple[RenderedFile, ...]
+    wall: float
+    n_frames: int
+    instruments: tuple[InstrumentLevel, ...] = ()
+    recalled: float = 0.0
+    outcome: Outcome | None = None

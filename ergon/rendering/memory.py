@@ -1,0 +1,113 @@
+"""What a render takes from earlier ones, and what it leaves for later ones.
+
+Three things are stored by the hash of all that they depend on: the sound of each island
+(`resumed`), the mix (`mixed_stretches`), and how loud each instrument is (`known_levels`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from . import stretches
+from .known_levels import KnownLevels
+from .mixed_stretches import KnownMix, MixedStretches, MixRecorder, Outcome, keys_of
+from .resumed import ResumedSimulation
+from .staged import KeyedStage, Staged
+
+if TYPE_CHECKING:
+    from ergon.exchange.stretch_store import StretchStore
+
+    from .balance import Balance
+    from .job import RenderJob
+
+_WORK_MIN = 0.25  # s on one core: a shorter render is not worth any files
+_LOOK_AHEAD = 0.01  # [s] at least what a limiter sees ahead of the last frame
+
+
+@dataclass(slots=True)
+class ComputedRender:
+    """A render that is computed: its simulation, what it measures itself, and what it stores."""
+
+    simulation: ResumedSimulation
+    balances: list[Balance]
+    recorder: MixRecorder | None
+    _memory: RenderMemory
+    _all: Sequence[Balance]
+    _numbers: list[int]
+
+    def finish(self, job: RenderJob) -> None:
+        """Store what is known once the job has ended at its last frame."""
+        if self.recorder is not None:
+            self.recorder.end(Outcome.of(self._memory.simulation), ending_of(job))
+        self._memory.levels.put(self._all, self._numbers, job.stop)
+        self._memory.store.forget()
+
+
+class RenderMemory:
+    """Earlier renders of a staged piece."""
+
+    def __init__(
+        self, stage: KeyedStage, job: RenderJob, store: StretchStore, simulation: _core.Simulation
+    ) -> None:
+        """Compute the keys of all stretches."""
+        self.store, self.simulation = store, simulation
+        self._n_frames, self._rate = stage.n_frames, stage.rate
+        step = stretches.STRETCH_FRAMES
+        taps = simulation.output_keys([*range(step, stage.n_frames, step), stage.n_frames])
+        highpass, reference = job.level.highpass, job.level.reference
+        mixes = [stage.mix_key(own, highpass=highpass, reference=reference) for own in taps]
+        stems = [stage.stem_keys(own, highpass=highpass, reference=reference) for own in taps]
+        self._mixed = MixedStretches(
+            store,
+            keys_of(mixes),
+            n_frames=stage.n_frames,
+            n_channels=stage.n_channels,
+            score=job.stamp.score,
+        )
+        self.levels = KnownLevels(store, stems)
+
+    def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
+        """All that is heard of a job, with the levels in `balances`; None if any is not known."""
+        start, stop = job.start, job.stop
+        if job.level.limit is not None or job.fades_from is not None:
+            # What limiter and search do depends on all that came before.
+            start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
+        known = self._mixed.known(start, stop, ending_of(job))
+        if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
+            return None
+        return known
+
+    def computing(
+        self, job: RenderJob, balances: Sequence[Balance], *, records: bool
+    ) -> ComputedRender:
+        """How to compute a job, with what is known of its parts; `records`: its mix is stored."""
+        recorder = MixRecorder(self._mixed, self._n_frames) if records else None
+        outcomes = None if recorder is None else recorder.outcomes
+        simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, outcomes)
+        numbers = self.levels.recall(balances, job.stop)
+        own = [balances[number] for number in numbers]
+        return ComputedRender(simulation, own, recorder, self, balances, numbers)
+
+
+def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:
+    """The memory of a job; None if there is no store, or too little to compute."""
+    simulation = stage.simulation
+    # With frozen parts, the simulation reads frames from files, and there is nothing to store.
+    if job.stretches is None or job.workers is not None:
+        return None
+    if not isinstance(simulation, _core.Simulation) or not isinstance(stage, KeyedStage):
+        return None
+    each = sum(island.cost for island in simulation.storable()) + 2.0 * stage.mix_cost
+    if 1e-9 * stage.n_frames * each < _WORK_MIN:
+        return None
+    return RenderMemory(stage, job, job.stretches, simulation)
+
+
+def ending_of(job: RenderJob) -> tuple[int, int] | None:
+    """The search for silence that may end a job."""
+    return None if job.fades_from is None else (job.fades_from, job.format.n_channels)

@@ -1,0 +1,229 @@
+"""Mixed stretches that earlier renders have computed: a render of known ones computes nothing.
+
+    stretch 0 | stretch 1 | stretch 2 …     a hash of all that the mix depends on up to its end
+     mixed       mixed       mixed          (n_frames, n_channels), before levels and the limiter
+
+Islands are recalled one by one (`resumed`), and then mixed. An excerpt of a piece that did not
+change, and a second render, take the mixed frames as they are. The samples are those of a render
+that recalls nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from . import stretches
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon.exchange.stretch_store import StretchStore
+
+# The search for silence that ended a render: the frame from which on, and the number of channels.
+Ending = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a simulation reports: parts with finer frames, and links that made energy.
+
+    It names modules, so it is that of one score only.
+    """
+
+    parts_finer: tuple[_core.FinerPart, ...] = ()
+    energy_gains: tuple[_core.EnergyGain, ...] = ()
+
+    @classmethod
+    def of(cls, simulation: _core.Simulation) -> Outcome:
+        """The reports of a simulation now."""
+        return cls(tuple(simulation.finer()), tuple(simulation.gains()))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to report."""
+        return not self.parts_finer and not self.energy_gains
+
+    def finer(self) -> list[_core.FinerPart]:
+        """As `Simulation.finer`."""
+        return list(self.parts_finer)
+
+    def gains(self) -> list[_core.EnergyGain]:
+        """As `Simulation.gains`."""
+        return list(self.energy_gains)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Mixed frames, and the outcome after them; `ending` if the render ended within the stretch."""
+
+    frames: NDArray[np.float64]
+    outcome: Outcome
+    ending: Ending | None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownMix:
+    """Mixed frames from frame `first` of the piece on, stretch by stretch, and the outcome."""
+
+    first: int
+    frames: tuple[NDArray[np.float64], ...]
+    outcome: Outcome
+
+    @property
+    def stop(self) -> int:
+        """The frame after the last."""
+        return self.first + sum(map(len, self.frames))
+
+    def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
+        """All frames, at most `n_frames` at a time."""
+        for stretch in self.frames:
+            for at in range(0, len(stretch), n_frames):
+                yield stretch[at : at + n_frames]
+
+
+class MixedStretches:
+    """The mix of a piece, by the hash of all that it depends on up to the end of each stretch.
+
+    `keys` are these hashes, of stretches up to frame `n_frames`; `score` is the hash of the
+    score.
+    """
+
+    def __init__(
+        self,
+        store: StretchStore,
+        keys: Sequence[str],
+        *,
+        n_frames: int,
+        n_channels: int,
+        score: str,
+    ) -> None:
+        """Read nothing yet."""
+        self._store, self._keys, self._score = store, keys, score
+        self._n_frames, self._n_channels = n_frames, n_channels
+
+    def known(self, start: int, stop: int, ending: Ending | None) -> KnownMix | None:
+        """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
+        it, or its outcome, is not known.
+
+        If the sound is followed to its end, the mix may end sooner, by the same `ending`.
+        """
+        step = stretches.STRETCH_FRAMES
+        first = start // step
+        found: list[_Stretch] = []
+        before = Outcome() if first == 0 else None
+        for index in range(first, (stop - 1) // step + 1):
+            stretch = self._read(index)
+            if stretch is None:
+                return None
+            if found:
+                before = found[-1].outcome
+            found.append(stretch)
+            after = index * step + len(stretch.frames)
+            has_ended = ending is not None and stretch.ending == ending
+            if after >= stop or has_ended:
+                break
+            if after < self._stop(index):
+                return None
+        last = found[-1]
+        if stop < after and not has_ended:
+            # What happened within the stretch may have happened after `stop`.
+            if before is None:
+                earlier = self._read(first - 1)
+                before = None if earlier is None else earlier.outcome
+            if before != last.outcome:
+                return None
+        frames = [stretch.frames for stretch in found]
+        if ending is None:
+            frames[-1] = frames[-1][: stop - after + len(frames[-1])]
+        return KnownMix(first * step, tuple(frames), last.outcome)
+
+    def put(
+        self, at: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
+    ) -> bool:
+        """Store the frames from frame `at` on, where a stretch begins; False if the folder takes
+        nothing.
+        """
+        index = at // stretches.STRETCH_FRAMES
+        if self._store.has(self._keys[index]):
+            known = self._read(index)
+            if known is not None and len(known.frames) >= len(frames):
+                return True
+        finer, gains = outcome.parts_finer, outcome.energy_gains
+        head = [list(finer), list(gains), "" if outcome.is_empty else self._score, ending]
+        return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(head).encode())
+
+    def _stop(self, index: int) -> int:
+        return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)
+
+    def _read(self, index: int) -> _Stretch | None:
+        known = self._store.get(self._keys[index])
+        if known is None or len(known.sound) % self._n_channels:
+            return None
+        try:
+            finer, gains, score, ending = json.loads(known.state)
+            outcome = Outcome(
+                tuple(_core.FinerPart(*one) for one in finer),
+                tuple(_core.EnergyGain(*one) for one in gains),
+            )
+            ending = None if ending is None else (int(ending[0]), int(ending[1]))
+        except (ValueError, TypeError, LookupError):
+            return None
+        if not outcome.is_empty and score != self._score:
+            return None  # the names may be others now
+        return _Stretch(known.sound.reshape(-1, self._n_channels), outcome, ending)
+
+
+class MixRecorder:
+    """Stores the mix of a render, stretch by stretch, as it is computed.
+
+    `outcomes` gets the outcome at the end of each stretch before its last frames come.
+    """
+
+    def __init__(self, mixed: MixedStretches, n_frames: int) -> None:
+        """Begin at frame 0 of a piece of `n_frames`."""
+        self.outcomes: dict[int, Outcome] = {}
+        self._mixed, self._n_frames = mixed, n_frames
+        self._at = 0
+        self._blocks: list[NDArray[np.float64]] = []
+        self._is_kept = True
+
+    def take(self, mixed: NDArray[np.float64]) -> None:
+        """Take the next mixed frames (n_frames, n_channels)."""
+        while len(mixed) and self._is_kept:
+            start = self._at - self._n_pending
+            stop = min(start + stretches.STRETCH_FRAMES, self._n_frames)
+            now = mixed[: stop - self._at]
+            self._blocks.append(now)
+            self._at += len(now)
+            mixed = mixed[len(now) :]
+            if self._at == stop:
+                self._put(self.outcomes.pop(stop, None), None)
+
+    def end(self, outcome: Outcome, ending: Ending | None) -> None:
+        """Store what has come of the last stretch, which the render `ending` cut short."""
+        if self._n_pending and self._is_kept and ending is not None:
+            self._put(outcome, ending)
+
+    @property
+    def _n_pending(self) -> int:
+        return sum(map(len, self._blocks))
+
+    def _put(self, outcome: Outcome | None, ending: Ending | None) -> None:
+        import numpy as np
+
+        frames, self._blocks = np.concatenate(self._blocks), []
+        if outcome is not None:
+            self._is_kept = self._mixed.put(self._at - len(frames), frames, outcome, ending)
+
+
+def keys_of(mixes: Sequence[str]) -> list[str]:
+    """The keys of stretches, from the hashes of all that their mixes depend on."""
+    return [hashlib.sha256(f"mix {mix}".encode()).hexdigest() for mix in mixes]

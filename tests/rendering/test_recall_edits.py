@@ -1,0 +1,284 @@
+"""What is recalled after an edit: all that it does not reach, to the bytes of a new render."""
+
+import hashlib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ergon
+from ergon.api.render import Render, RenderOptions
+from ergon.api.score import read, stage_piece
+from ergon.rendering import memory, resumed, stretches
+
+_HAMMER = "h: {{CEL: {{M: 3g, f: 1Hz, t60: 0.3s}}}}"
+_BELL = (
+    "modules: {{m: {{CEL: {{M: 2g, f: {f}Hz, t60: 0.5s}}}}, "
+    + _HAMMER
+    + ", b: {{BUT: {{between: [h, m], K: 9e3N/m, Z: 0.1Ns/m, gap: 0.2mm}}}}}}, out: {{SOX: m}}"
+)
+_PLATE = "{{shape: hex, radius: 2, M: 50g, f: {f}Hz, t60: 1s, hardening: 1e10N/m3}}"
+_GONG = (
+    "modules: {{p: {{PLATE: "
+    + _PLATE
+    + "}}, "
+    + _HAMMER
+    + ", b: {{BUT: {{between: [h, p.centre], K: 900N/m, gap: 0.1mm}}}}}}, out: {{SOX: p.1}}"
+)
+_RAIN = "BANK: {{count: 12, f: 90Hz..{f}Hz, t60: 0.2s..1s, M: 1g}}, out: {{SOX: {name}.all}}"
+_FADE = "mix: {master: {fade: [{at: 0s, gain: -6dB}, {at: 1s, gain: 0dB}]}}\nrender:"
+_KINDS = {"bell": _BELL, "gong": _GONG, "rain": _RAIN}
+_STRUCK = {"bell": "h", "gong": "h", "rain": "all"}
+
+
+@dataclass(frozen=True)
+class Part:
+    """An instrument: its kind, its pitch [Hz], and when it is struck [s]."""
+
+    kind: str
+    f: float
+    times: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Instruments by name, and the notes of one that has several."""
+
+    parts: tuple[tuple[str, Part], ...] = (
+        ("a", Part("bell", 440.0, (0.1, 0.9))),
+        ("b", Part("gong", 700.0, (0.2,))),
+        ("c", Part("rain", 900.0, (0.0, 1.0))),
+    )
+    notes: tuple[str, ...] = ("A4", "C5")
+    unused: tuple[str, ...] = field(default=())
+
+    def text(self) -> str:
+        body = ["ergon: 1", "rates: {audio: 8kHz}", "accuracy: {error: -40dB}", "instruments:"]
+        for name, part in self.parts:
+            body.append(f"  {name}: {{{_KINDS[part.kind].format(f=part.f, name=name)}}}")
+        body += [f"  {name}: {{{_BELL.format(f=300)}}}" for name in self.unused]
+        chime = _BELL.format(f=440)
+        body.append(f"  chime: {{f: A4, notes: [{', '.join(self.notes)}], {chime}}}")
+        body.append("strikes:")
+        for name, part in self.parts:
+            for number, at in enumerate(part.times):
+                impulse = "1uNs..9uNs, for: 0.5s, rate: 4Hz" if part.kind == "rain" else "2mNs"
+                to = f"{name}.{_STRUCK[part.kind]}"
+                body.append(f"  {name}-{number}: {{to: {to}, at: {at}s, impulse: {impulse}}}")
+        body.append("  tune: {to: chime.h, at: 0.3s, notes: A4 C5, every: 1/2, impulse: 2mNs}")
+        body.append("render: {tail: 0.5s, bits: float}")
+        return "\n".join(body) + "\n"
+
+
+def renamed(score: Score, number: int) -> Score:
+    parts = list(score.parts)
+    number %= len(parts)
+    name, part = parts[number]
+    parts[number] = (f"{name}x", part)
+    return replace(score, parts=tuple(parts))
+
+
+def reordered(score: Score, number: int) -> Score:
+    number %= len(score.parts)
+    return replace(score, parts=score.parts[number:] + score.parts[:number])
+
+
+def with_unused(score: Score, number: int) -> Score:
+    return replace(score, unused=(*score.unused, f"u{len(score.unused)}-{number}"))
+
+
+def with_part(score: Score, number: int) -> Score:
+    kind = sorted(_KINDS)[number % len(_KINDS)]
+    name = f"n{number}"
+    if name in dict(score.parts):
+        return score
+    return replace(score, parts=((name, Part(kind, 500.0 + number, (0.4,))), *score.parts))
+
+
+def without_part(score: Score, number: int) -> Score:
+    number %= len(score.parts)
+    rest = score.parts[:number] + score.parts[number + 1 :]
+    return replace(score, parts=rest) if rest else score
+
+
+def retuned(score: Score, number: int) -> Score:
+    parts = list(score.parts)
+    number %= len(parts)
+    name, part = parts[number]
+    parts[number] = (name, replace(part, f=part.f + 10.0))
+    return replace(score, parts=tuple(parts))
+
+
+def moved(score: Score, number: int) -> Score:
+    parts = list(score.parts)
+    number %= len(parts)
+    name, part = parts[number]
+    later = (*part.times[:-1], part.times[-1] + 0.25)
+    parts[number] = (name, replace(part, times=later))
+    return replace(score, parts=tuple(parts))
+
+
+def with_note(score: Score, number: int) -> Score:
+    note = ("D4", "F4", "G4", "E5", "G5")[number % 5]
+    return score if note in score.notes else replace(score, notes=(note, *score.notes))
+
+
+EDITS = (renamed, reordered, with_unused, with_part, without_part, retuned, moved, with_note)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Stretches of 4,096 frames, of islands of any cost, in a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
+    monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    return tmp_path / "cache" / "ergon"
+
+
+def rendered(
+    score: Score, patch: pytest.MonkeyPatch, *, kept: bool = True, **options: str | int
+) -> Render:
+    Path("a.yaml").write_text(score.text())
+    patch.setenv("ERGON_CACHE", "on" if kept else "off")
+    return ergon.render("a.yaml", RenderOptions(**options))  # type: ignore[arg-type]
+
+
+def digest(done: Render) -> str:
+    return hashlib.sha256(done.frames.tobytes()).hexdigest()
+
+
+def check_edits(edits: list[tuple[int, int]], patch: pytest.MonkeyPatch) -> None:
+    score = Score()
+    rendered(score, patch)
+    for kind, number in edits:
+        score = EDITS[kind](score, number)
+        scratch = rendered(score, patch, kept=False)
+        assert digest(rendered(score, patch)) == digest(scratch)
+
+
+def series() -> st.SearchStrategy[list[tuple[int, int]]]:
+    edit = st.tuples(st.integers(0, len(EDITS) - 1), st.integers(0, 7))
+    return st.lists(edit, min_size=1, max_size=4)
+
+
+@settings(max_examples=4, deadline=None)
+@given(series())
+def test_edited_scores_sound_as_from_scratch(edits: list[tuple[int, int]]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        check_edits(edits, patch)
+
+
+@pytest.mark.slow
+@settings(max_examples=200, deadline=None)
+@given(series())
+def test_many_edited_scores_sound_as_from_scratch(edits: list[tuple[int, int]]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        check_edits(edits, patch)
+
+
+class Recalled:
+    """The frames of islands that each render recalled and computed."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.all: list[resumed.ResumedSimulation] = []
+        plain = resumed.ResumedSimulation.__init__
+
+        def init(simulation: resumed.ResumedSimulation, *of: object) -> None:
+            plain(simulation, *of)  # type: ignore[arg-type]
+            self.all.append(simulation)
+
+        patch.setattr(resumed.ResumedSimulation, "__init__", init)
+
+    @property
+    def computed(self) -> int:
+        return self.all[-1].n_computed
+
+
+@pytest.mark.parametrize(
+    ("edit", "number"),
+    [(renamed, 0), (renamed, 1), (reordered, 1), (with_unused, 0), (with_note, 0)],
+)
+def test_an_edit_that_changes_no_island_computes_none(
+    edit, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    score, recalled = Score(), Recalled(monkeypatch)
+    rendered(score, monkeypatch)
+    whole = recalled.computed
+    # Another route changes the mix, so that islands are recalled one by one.
+    louder = score.text().replace("render:", _FADE)
+    Path("a.yaml").write_text(louder)
+    ergon.render("a.yaml")
+    last_stretches = recalled.computed
+    assert last_stretches < whole / 2
+    rendered(edit(score, number), monkeypatch)
+    assert len(recalled.all) < 3 or recalled.computed <= last_stretches
+
+
+def test_a_retuned_part_is_computed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    score, recalled = Score(), Recalled(monkeypatch)
+    rendered(score, monkeypatch)
+    whole = recalled.computed
+    rendered(retuned(score, 1), monkeypatch)
+    assert 0 < recalled.computed < 0.7 * whole
+
+
+@pytest.mark.parametrize(
+    ("edit", "number"), [(renamed, 1), (reordered, 1), (with_unused, 0), (with_note, 0)]
+)
+def test_an_edit_that_changes_no_island_plans_none(
+    edit, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    score = Score()
+    rendered(score, monkeypatch)
+    Path("a.yaml").write_text(edit(score, number).text())
+    assert stage_piece(read("a.yaml"), RenderOptions()).stage.is_plan_kept
+
+
+def test_a_known_piece_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    score, recalled = Score(), Recalled(monkeypatch)
+    first = rendered(score, monkeypatch)
+    n_computed = len(recalled.all)
+    assert digest(rendered(score, monkeypatch)) == digest(first)
+    for options in (
+        {"from_": "0.7s", "to": "1.2s"},
+        {"from_": "0.6s"},
+        {"to": "0.8s"},
+        {"from_": "0.1s", "channels": 1},
+    ):
+        excerpt = rendered(score, monkeypatch, **options)
+        assert len(recalled.all) == n_computed
+        assert digest(excerpt) == digest(rendered(score, monkeypatch, kept=False, **options))
+
+
+def test_a_known_piece_is_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    recalled = Recalled(monkeypatch)
+    text = Score().text().replace("tail: 0.5s", "tail: auto")
+    Path("a.yaml").write_text(text)
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    scratch = ergon.render("a.yaml")
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    first = ergon.render("a.yaml")
+    assert len(recalled.all) == 1
+    again = ergon.render("a.yaml")
+    assert len(recalled.all) == 1
+    assert digest(scratch) == digest(first) == digest(again)
+
+
+def test_limited_and_normalised_excerpts_are_those_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    master = "mix: {master: {normalise: -1dB, limit: -6dB}}\nrender:"
+    Path("a.yaml").write_text(Score().text().replace("render:", master))
+    recalled = Recalled(monkeypatch)
+    sounds = []
+    for kept in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", kept)
+        ergon.render("a.yaml")
+        sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", to="1.3s"))))
+    assert len(set(sounds)) == 1
+    assert len(recalled.all) == 1
