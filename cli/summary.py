@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from ergon.exchange.wave_header import BYTES
@@ -11,12 +12,14 @@ from .console import Console, plural
 from .units import decibels, level, loudness_of, octets, seconds
 
 if TYPE_CHECKING:
-    from ergon._core import Simulation
     from ergon.api.render import Completed
-    from ergon.rendering.render import RenderJob
-    from ergon.scores.staging.stage import Stage
+    from ergon.rendering.job import RenderJob
+    from ergon.scores.staging.stage import Reports, Stage
 
 _SHORT = 12  # digits of a hash that are shown
+_GUARANTEES = ("proved", "guarded", "tried")  # from the strongest to the weakest
+# The scheme diverges at this λmax (Jury): the ratio is how much stiffer everything may become.
+_LAMBDA_LIMIT = 4.0
 
 
 def print_rendered(console: Console, completed: Completed) -> None:
@@ -95,9 +98,34 @@ def print_rendered(console: Console, completed: Completed) -> None:
                 console.warn(f"{over}; lower the gain of its routes, or limit or normalise it")
 
 
-def print_finer_steps(console: Console, simulation: Simulation) -> None:
+def _guarantee(stage: Stage) -> str:
+    """The weakest guarantee of stability among the parts of the plan that is rendered."""
+    rows = stage.plan.rows() if stage.plan is not None else []
+    known = [row.guarantee for row in rows if row.guarantee is not None]
+    return max(known, key=_GUARANTEES.index, default=_GUARANTEES[0])
+
+
+def _lambda_max(stage: Stage) -> float | None:
+    """λmax of all modules stepped once a frame; None if that would diverge, so that the plan takes
+    modes, other methods or more steps.
+    """
+    from ergon import _core
+
+    try:
+        return stage.network.certify(stage.rate).lambda_max
+    except _core.EngineError:
+        return None
+
+
+def _plain_stability(margin: float | None) -> str:
+    if margin is None:
+        return "module by module, once a frame, it would diverge"
+    return f"module by module, once a frame, everything could be {margin:.3g} times as stiff"
+
+
+def print_finer_steps(console: Console, reports: Reports) -> None:
     """Say for which parts frames were computed in finer steps, one line or record for each."""
-    for part, frames, most in simulation.finer():
+    for part, frames, most in reports.finer():
         if console.json:
             console.record("finer", part=part, frames=frames, most=most)
             continue
@@ -109,15 +137,15 @@ def print_finer_steps(console: Console, simulation: Simulation) -> None:
 
 
 def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
-    """Say what a render would write, and whether its scheme is stable."""
-    certificate = stage.network.certify(stage.rate)
+    """Say what a render would write, and how sure it is that its plan is stable."""
+    guarantee = _guarantee(stage)
     n_files = 1 + (len(stage.stems()) if job.stems is not None else 0)
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     held = 0
     if job.level.normalise is not None:
         held = job.stop * job.format.n_channels * 8 * n_files
-    # The scheme diverges at λmax = 4 (Jury): the margin is how much stiffer everything may become.
-    margin = 4 / certificate.lambda_max if certificate.lambda_max > 0 else float("inf")
+    lambda_max = _lambda_max(stage)
+    margin = None if lambda_max is None else _LAMBDA_LIMIT / lambda_max if lambda_max else math.inf
     if console.json:
         console.record(
             "plan",
@@ -131,9 +159,9 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             disk_bytes=size,
             temporary_bytes=held,
             modules=stage.network.n_mat + stage.network.n_lia,
-            lambda_max=certificate.lambda_max,
+            lambda_max=lambda_max,
             margin=margin,
-            certificate=certificate.guarantee,
+            certificate=guarantee,
         )
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
@@ -145,7 +173,6 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{job.stop:,} frames, {steps:.3g} module-steps",
-        f"stability: {certificate.guarantee} ({certificate.method}); everything could be "
-        f"{margin:.3g} times as stiff",
+        f"stability: {guarantee}, as planned; {_plain_stability(margin)}",
     ]
     console.data("\n".join(lines) + "\n")

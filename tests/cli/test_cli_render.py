@@ -117,6 +117,25 @@ def test_a_dry_run_writes_nothing(folder: Path, capsys: Capture) -> None:
     assert record["margin"] > 1
 
 
+def test_a_dry_run_takes_what_a_render_takes(capsys: Capture) -> None:
+    """Module by module, once a frame, this string would diverge; a plan takes its modes."""
+    stiff = """\
+ergon: 1
+instruments:
+  wire: {modules: {s: {STRING: {masses: 40, M: 2g, f: 700Hz, t60: 1s}}}, out: {SOX: s.9}}
+strikes: {a: {to: [wire.s.3], at: 0.1s, impulse: 1mNs}}
+render: {tail: 0.1s}
+"""
+    Path("stiff.yaml").write_text(stiff)
+    assert app.run(["render", "-n", "stiff.yaml"]) == 0
+    assert "once a frame, it would diverge" in capsys.readouterr().out
+    assert app.run(["render", "-n", "--json", "stiff.yaml"]) == 0
+    (record,) = records(capsys)
+    assert record["margin"] is None
+    assert record["certificate"] == "proved"
+    assert app.run(["render", "-q", "stiff.yaml"]) == 0
+
+
 def test_foreign_files_are_refused_and_ours_replaced(capsys: Capture) -> None:
     soundfile.write("bell.wav", np.zeros(10), 44_100)
     before = Path("bell.wav").read_bytes()
