@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -14,16 +13,13 @@ if TYPE_CHECKING:
 
 
 class KnownLevels:
-    """Measures of instruments, by the hashes of all that each depends on up to the end of each
+    """Measures of instruments, by `keys`: hashes of all that each depends on up to the end of each
     stretch (n_stretches; n_instruments).
     """
 
     def __init__(self, store: StretchStore, keys: Sequence[Sequence[str]]) -> None:
         """Read nothing yet."""
-        self._store = store
-        self._keys = [
-            [hashlib.sha256(f"levels {key}".encode()).hexdigest() for key in own] for own in keys
-        ]
+        self._store, self._keys = store, keys
 
     def recall(self, balances: Sequence[Balance], stop: int) -> list[int]:
         """Give balances what is known of them up to frame `stop`; the numbers of the others."""

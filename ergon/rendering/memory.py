@@ -15,7 +15,7 @@ from ergon import _core
 
 from . import stretches
 from .known_levels import KnownLevels
-from .mixed_stretches import KnownMix, MixedStretches, MixRecorder, Outcome, keys_of
+from .mixed_stretches import KnownMix, MixedStretches, MixRecorder, Outcome, key_of
 from .resumed import ResumedSimulation
 from .staged import KeyedStage, Staged
 
@@ -58,18 +58,22 @@ class RenderMemory:
         self.store, self.simulation = store, simulation
         self._n_frames, self._rate = stage.n_frames, stage.rate
         step = stretches.STRETCH_FRAMES
-        taps = simulation.output_keys([*range(step, stage.n_frames, step), stage.n_frames])
+        stops = [*range(step, stage.n_frames, step), stage.n_frames]
         highpass, reference = job.level.highpass, job.level.reference
-        mixes = [stage.mix_key(own, highpass=highpass, reference=reference) for own in taps]
-        stems = [stage.stem_keys(own, highpass=highpass, reference=reference) for own in taps]
+        mixes, levels = [], []
+        for stop, taps in zip(stops, simulation.output_keys(stops), strict=True):
+            mix = stage.mix_key(taps, highpass=highpass, reference=reference)
+            stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
+            mixes.append(key_of("mix", stop, mix))
+            levels.append([key_of("levels", stop, stem) for stem in stems])
         self._mixed = MixedStretches(
             store,
-            keys_of(mixes),
+            mixes,
             n_frames=stage.n_frames,
             n_channels=stage.n_channels,
             score=job.stamp.score,
         )
-        self.levels = KnownLevels(store, stems)
+        self.levels = KnownLevels(store, levels)
 
     def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
         """All that is heard of a job, with the levels in `balances`; None if any is not known."""

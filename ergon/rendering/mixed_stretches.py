@@ -224,6 +224,8 @@ class MixRecorder:
             self._is_kept = self._mixed.put(self._at - len(frames), frames, outcome, ending)
 
 
-def keys_of(mixes: Sequence[str]) -> list[str]:
-    """The keys of stretches, from the hashes of all that their mixes depend on."""
-    return [hashlib.sha256(f"mix {mix}".encode()).hexdigest() for mix in mixes]
+def key_of(what: str, stop: int, depends: str) -> str:
+    """The key of what is stored of a stretch that ends at frame `stop`, from the hash of all else
+    that it depends on.
+    """
+    return hashlib.sha256(f"{what} {stop} {depends}".encode()).hexdigest()

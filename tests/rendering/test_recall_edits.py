@@ -282,3 +282,16 @@ def test_limited_and_normalised_excerpts_are_those_of_the_whole(
         sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", to="1.3s"))))
     assert len(set(sounds)) == 1
     assert len(recalled.all) == 1
+
+
+def test_what_stands_still_is_faded_as_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its sound is the same in all stretches, but not what the mix makes of it."""
+    still = "  wall: {modules: {w: {SOL: {X0: 1mm}}}, out: {SOX: w}}\n"
+    text = "ergon: 1\nrates: {audio: 8kHz}\ninstruments:\n" + still + "render: {tail: 2s}\n"
+    Path("a.yaml").write_text(text.replace("render:", _FADE).replace("2s", "2s, bits: float"))
+    sounds = []
+    for kept in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", kept)
+        sounds.append(ergon.render("a.yaml"))
+    assert len(set(map(digest, sounds))) == 1
+    assert sounds[0].peak > 0.0
