@@ -18,7 +18,7 @@ FAMILIES = described()
 CARDS = [(family, name) for family, said in FAMILIES.items() for name in said["cards"]]
 with (FOLDER / "cards.csv").open(encoding="utf-8") as file:
     ROWS: dict[str, dict[str, str]] = {row["name"]: row for row in csv.DictReader(file)}
-HISSES = ("pebbles", "hat")  # stones click, and a hat hisses
+HISSES = ("pebbles", "hat", "triangle")  # stones click, a hat and a triangle hiss
 
 
 def test_every_instrument_of_a_family_has_a_card() -> None:
