@@ -58,7 +58,9 @@ def keep(
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
     kept = space.kept(kept, piece, start)
-    kept = window.automation(window.duet(kept)).put(("marks", END), window.at(stop))
+    end = window.at(stop)
+    end = end if "|" in end else f"{end}beats"
+    kept = window.automation(window.duet(kept)).put(("marks", END), end)
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.

@@ -65,7 +65,7 @@ class Position:
     text: str = ""
 
 
-_LIKE_BAR_BEAT = re.compile(r"([0-9]+)(?:\.([1-9]))?")
+_LIKE_BAR_BEAT = re.compile(r"([0-9]+)\.([1-9])")
 _NOTHING = Length()  # most positions add nothing: they share it
 
 
@@ -136,11 +136,11 @@ def parse_position(text: str) -> Position:
 
 
 def parse_mark(text: str) -> Position:
-    """Read the position of a mark: a number has its unit there. Raises TextError."""
+    """Read the position of a mark, where `3.1` has a unit. Raises TextError."""
     position = parse_position(text)
     word, start = stripped(text)
     if (match := _LIKE_BAR_BEAT.fullmatch(word)) and position.plus.is_some:
-        bar, beat = match[1], match[2] or "1"
+        bar, beat = match.groups()
         message = f"'{word}' has no unit; it could be bar {bar}, beat {beat} ({bar}|{beat}), or "
         message += f"{word} beats after the beginning ({word}beats)"
         suggestion = f"{bar}|{beat}"
