@@ -233,7 +233,8 @@ hands = several(
         "--live",
         multiple=True,
         metavar="PLAYER=DEVICE",
-        help="Play a player's key by a device, such as remi=firefader:/dev/ttyACM0#1; repeatable.",
+        help="Play a player's key by a device, such as remi=firefader:/dev/ttyACM0#1, or without "
+        "one, such as remi=page:; repeatable.",
     ),
     click.option(
         "--unchecked",

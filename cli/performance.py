@@ -16,7 +16,7 @@ from .outcome import Late, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.boards import Board
+    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import Stage
@@ -34,18 +34,19 @@ class ShownPerformance:
         console: Console,
         stage: Stage,
         performance: _core.Performance,
-        boards: Sequence[Board],
+        hands: LedHands,
         *,
         strict: bool,
         plain: bool,
     ) -> None:
-        """Show a stage that is played on boards."""
+        """Show a stage that hands play."""
         from ergon.live.display import PerformanceViewer
 
         self._console, self._stage, self._performance = console, stage, performance
         self._watcher = PerformanceViewer(stage)
         self._players = [hand.player for hand in stage.live]
-        self._boards = [board.display_name for board in boards]
+        self._hands = hands
+        self._boards = [board.display_name for board in hands.boards]
         self._strict = strict
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
         self._drawn = 0
@@ -184,6 +185,8 @@ class ShownPerformance:
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
+        for sentence in self._hands.summaries():
+            self._say(sentence)
         if heard.missing or heard.discarded:
             missing, early = heard.missing / self._stage.rate, heard.discarded / self._stage.rate
             self._console.warn(

@@ -108,12 +108,11 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
         while True:
             performance = begin(stage, config, console)
             shown = ShownPerformance(
-                console, stage, performance, ready.boards, strict=strict, plain=plain
+                console, stage, performance, ready.hands, strict=strict, plain=plain
             )
             shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
             if not asked.loop or (osc is not None and osc.stopped):
                 return
             config = replace(config, start=0)
     finally:
-        if config.pages is not None:
-            config.pages.close()
+        ready.close()

@@ -13,7 +13,7 @@ from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.boards import Board
+    from ergon.live.led_hands import LedHands
 
 _LOOK = 0.1  # [s]
 _HAND = "hand"
@@ -59,9 +59,9 @@ def record(
         raise Refused(f"{output}: the name of a recording ends in {recording.SUFFIX}")
     if path.exists():
         raise Refused(f"{path} exists, and a recording overwrites no file")
-    boards = _boards(live)
+    hands = _hands(live)
     try:
-        performance = capture(boards, path, tick=tick, seconds=seconds)
+        performance = capture(hands.boards, path, tick=tick, seconds=seconds)
     except _core.EngineError as error:
         if error.module == "record":  # somebody else's file may be there by now
             raise Refused(str(error)) from None
@@ -72,6 +72,7 @@ def record(
         _until_over(console, performance)
     finally:
         performance.stop()
+        hands.close()
         try:
             performance.close(0.1)
         except _core.EngineError as error:
@@ -93,15 +94,20 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
             return
 
 
-def _boards(live: tuple[str, ...]) -> list[Board]:
+def _hands(live: tuple[str, ...]) -> LedHands:
     from dataclasses import replace
 
     from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
     from ergon.live.calibration import known_axes
+    from ergon.live.led_hands import open_led_hands
 
     try:
         found = boards(parse_live_options(_named(live)), device_urls())
-        return [replace(board, calibrations=known_axes(board.url)) for board in found]
+        if any(board.kind == "page" for board in found):
+            raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
+        return open_led_hands(
+            [replace(board, calibrations=known_axes(board.url)) for board in found]
+        )
     except BoardError as error:
         raise Refused(f"--live: {error}") from None
 

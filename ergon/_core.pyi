@@ -1748,6 +1748,66 @@ class Meter:
     momentary: float  # of the last 400 ms, without gating; LUFS
 
 @final
+class Lead:
+    """A stream of positions that leads a virtual finger, which holds the key of the device `name`.
+
+    The path is read with a fixed delay, by linear interpolation between time stamps.
+    """
+
+    def __new__(
+        cls,
+        name: str,
+        *,
+        finger: tuple[float, float, float],
+        delay: float,
+        travel: float,
+        lockstep: bool = False,
+        present: bool = True,
+    ) -> Self:
+        """`finger` is its spring [N/m] and damper [N·s/m] to the pointer, and its mass [kg].
+
+        `delay` [s] is that of the path, `travel` [m] the length of the key's, whose middle is at 0.
+        In lockstep time is that of the ticks. A key whose player is not `present` is played by its
+        stand-in. Raises EngineError for impossible numbers, or a name that is in use.
+        """
+    @property
+    def name(self) -> str:
+        """The URL of the device."""
+    def now(self) -> float:
+        """Time of the stream's clock [s]; not for lockstep."""
+    def place(self, time: float, x: float, firmness: float = 1.0) -> bool:
+        """The pointer was at `x` [m] at `time` [s]; False if that is refused, and counted.
+
+        The stiffness of the finger is multiplied by `firmness`. A time that is over 0.5 s old or
+        5 ms ahead is replaced by that of the arrival.
+        """
+    def lift(self, time: float) -> bool:
+        """The pointer was lifted at `time` [s]; False as for `place`."""
+    @property
+    def present(self) -> bool:
+        """Whether a player is there."""
+    def set_present(self, present: bool) -> None:
+        """The player has come or gone; without one the stand-in plays."""
+    def close(self) -> None:
+        """Give the name back: another stream may have it."""
+    @property
+    def tally(self) -> dict[str, float]:
+        """Numbers of positions `taken`, `refused`, `misdated` and `late`; the mean `gap` between
+        them while the pointer moves, and its standard `deviation` [s].
+        """
+
+def even_path(
+    stamps: _Floats, arrivals: _Floats, positions: _Floats, times: _Floats, delay: float
+) -> tuple[_Floats, int]:
+    """The even path [m] that a finger follows at rising `times` [s], and how many positions came
+    too late for it.
+
+    The pointer was at `positions` [m] at the instants `stamps` [s], which became known at
+    `arrivals` [s], in this order. At each time the path is read where it was `delay` [s] earlier;
+    NaN before its first position.
+    """
+
+@final
 class ViewServer:
     """Serves the page, with a `.motion` file or what is played, to browsers until it is closed, by
     HTTP and WebSocket on one port.
@@ -1760,12 +1820,14 @@ class ViewServer:
         sound: Path | str | None = None,
         at: str = "127.0.0.1:0",
         key: str,
+        leads: Sequence[Lead] = (),
     ) -> Self:
         """Listen at HOST:PORT; port 0 is any free one. The `key`, 32 hexadecimal digits, is part of
         every address: other users of this machine can reach the port too.
 
         `sound` is a WAV file of one or two channels, which pages that ask for it play with the
-        picture. Raises EngineError if the address does not belong to this machine.
+        picture. Pages may play the keys of `leads`. Raises EngineError if the address does not
+        belong to this machine.
         """
     @property
     def url(self) -> str:

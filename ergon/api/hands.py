@@ -13,21 +13,44 @@ from .errors import DeviceError, OptionError
 if TYPE_CHECKING:
     from ergon.live.boards import Board
     from ergon.live.calibration import Axis
+    from ergon.live.led_hands import LedHands
     from ergon.scores.reading.piece import Piece
 
 
 def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
     """Devices of `PLAYER=DEVICE` texts, each under a player's key. Raises OptionError."""
     from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
+    from ergon.live.led_address import is_led, parse_led_address
 
     try:
         asked = parse_live_options(live)
         for name in asked:
             if name not in piece.players:
                 raise OptionError("live", no_player_message(piece, name))
-        return boards(asked, device_urls() if asked else {})
+        opened = boards(asked, device_urls() if asked else {})
+        for board in opened:
+            if is_led(board.url):
+                parse_led_address(board.url)
+        return opened
     except BoardError as error:
         raise OptionError("live", str(error)) from None
+
+
+def led_hands(boards: Sequence[Board], report: Report) -> LedHands:
+    """Open what leads the fingers on keys without a device. Raises OptionError."""
+    from ergon.live.boards import BoardError
+    from ergon.live.led_address import is_led
+    from ergon.live.led_hands import LedHands, open_led_hands
+
+    if not any(is_led(board.url) for board in boards):
+        return LedHands(boards)
+    try:
+        opened = open_led_hands(boards)
+    except BoardError as error:
+        raise OptionError("live", str(error)) from None
+    for sentence in opened.sentences:
+        report.say(sentence)
+    return opened
 
 
 def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:

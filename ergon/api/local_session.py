@@ -19,7 +19,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_board
+from .hands import boards_of, calibrated_board, led_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -27,6 +27,7 @@ from .pages import pages_of, sees_all
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
+    from ergon.live.led_hands import LedHands
     from ergon.live.perform import PlaybackConfig
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
@@ -72,15 +73,20 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
-    pages = pages_of(options, report)
+    led = led_hands(boards, report)
     try:
+        pages = pages_of(options, report, led.page_leads)
         journal = Journal.begin(Path(options.journal))
     except JournalError as error:
+        led.close()
         raise OptionError("journal", str(error)) from None
+    except OptionError:
+        led.close()
+        raise
     try:
         hands = free_path(journal.path.with_suffix(".take")) if real else None
         about = {"journal": journal.path.name}
-        config = replace(config, record=hands, about=about, pages=pages)
+        config = replace(config, record=hands, about=about, pages=pages, boards=led.boards)
         make, opening = _engine(
             version, first.clock, first.past, config, folder, report, is_seen=is_seen
         )
@@ -103,11 +109,13 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     except BaseException:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
+        led.close()
         raise
     began = opening(session.schedule.engine.tick_frames, hands).fields()
     journal.append("session", **began, disk=session.disk.hashes_by_name(version.texts))
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
+    session.attach(_SummarisedHands(led, report))
     attach_midi(session, engine.performance, ports)
     if osc is not None:
         session.attach(SessionOsc(session, osc, engine.performance))
@@ -121,6 +129,20 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     with signals_blocked_in_threads():
         session.run()
     return session
+
+
+@dataclass(frozen=True, slots=True)
+class _SummarisedHands:
+    """What leads keys without a device; its end says what came for each."""
+
+    led: LedHands
+    report: Report
+
+    def close(self) -> None:
+        """Let nothing lead a hand any more."""
+        self.led.close()
+        for sentence in self.led.summaries():
+            self.report.say(sentence)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ import hmac
 import ipaddress
 import os
 import secrets
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,16 +27,21 @@ ANYWHERE = "127.0.0.1:0"  # any free port of this machine
 _SECRET_BYTES = 32
 
 
-def pages_of(options: PerformanceOptions, report: Report) -> Pages | None:
-    """A server of pages that show a performance, its address reported; None if none is asked for.
+def pages_of(
+    options: PerformanceOptions, report: Report, leads: Sequence[_core.Lead] = ()
+) -> Pages | None:
+    """A server of pages that show a performance and play the keys of `leads`, its address reported;
+    None if none is asked for.
 
     Raises OptionError if nothing can be served at that address.
     """
-    if not options.view and options.view_at is None:
+    if not options.view and options.view_at is None and not leads:
         return None
-    server = serve(options.view_at or ANYWHERE, "view_at", report)
+    server = serve(options.view_at or ANYWHERE, "view_at", report, leads=leads)
     report.event("view", url=server.url)
     report.say(f"seen at {server.url}")
+    if leads:
+        report.say(f"keys are played there, or at {server.url}hands.html alone")
     return Pages(server, window)
 
 
@@ -54,6 +60,7 @@ def serve(
     report: Report,
     motion: Path | None = None,
     sound: Path | None = None,
+    leads: Sequence[_core.Lead] = (),
 ) -> _core.ViewServer:
     """A server of pages at HOST:PORT; its address has a key, for others can reach every port.
 
@@ -64,13 +71,14 @@ def serve(
     is_local = _is_loopback(at)
     key = _local_key(at) if is_local else secrets.token_hex(16)
     try:
-        server = _core.ViewServer(motion, sound=sound, at=at, key=key)
+        server = _core.ViewServer(motion, sound=sound, at=at, key=key, leads=leads)
     except _core.EngineError as error:
         raise OptionError(option, str(error)) from None
     if not is_local:
         report.say(
             "from another machine, replace 127.0.0.1 in the address by the address of this "
             "machine; anyone who has the address with its key can watch the piece"
+            + (" and play its keys" if leads else "")
         )
     return server
 

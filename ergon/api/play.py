@@ -16,7 +16,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_board, guide_stiffnesses, no_player_message
+from .hands import boards_of, calibrated_board, guide_stiffnesses, led_hands, no_player_message
 from .options import AccuracyOptions, PerformanceOptions
 from .osc import osc_of
 from .pages import pages_of, sees_all
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import VerifiedStem
     from ergon.live.boards import Board
+    from ergon.live.led_hands import LedHands
     from ergon.live.osc import OscServer
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.reading.piece import Piece
@@ -61,9 +62,15 @@ class PreparedPlay:
     """A score ready to be played."""
 
     stage: Stage
-    boards: Sequence[Board]
+    hands: LedHands
     config: PlaybackConfig
     osc: OscServer | None
+
+    def close(self) -> None:
+        """End the server of pages, and let nothing lead a hand any more."""
+        if self.config.pages is not None:
+            self.config.pages.close()
+        self.hands.close()
 
 
 def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedPlay:
@@ -99,7 +106,13 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         stems = freeze.verified(stage, frozen, options.frozen)
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
-    return PreparedPlay(stage, boards, replace(config, pages=pages_of(options, report)), osc)
+    hands = led_hands(boards, report)
+    try:
+        pages = pages_of(options, report, hands.page_leads)
+    except OptionError:
+        hands.close()
+        raise
+    return PreparedPlay(stage, hands, replace(config, boards=hands.boards, pages=pages), osc)
 
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:

@@ -14,10 +14,13 @@ from ergon.common.structured import MalformedTextError, parse_toml
 from ergon.common.user_folders import config_folder
 
 if TYPE_CHECKING:
+    from ergon import _core
+
     from .calibration import Axis
 
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
+LED_KINDS = ("page", "midi", "osc", "gamepad")  # keys that are played without a device
 _MAX_BYTES = 1 << 18  # a list of devices is small; what is larger is another file
 
 
@@ -29,13 +32,15 @@ class BoardError(ErgonError):
 class Board:
     """A device, its axes as (axis, player), and the calibrations of axes by their numbers.
 
-    `name` is its name in the user's list, if it was given by name.
+    `name` is its name in the user's list, if it was given by name. `lead` leads the finger on a key
+    without a device, once it is open.
     """
 
     url: str
     axes: tuple[tuple[int, str], ...]
     calibrations: Mapping[int, Axis] = field(default_factory=dict)
     name: str = ""
+    lead: _core.Lead | None = None
 
     @property
     def display_name(self) -> str:
@@ -49,11 +54,11 @@ class Board:
 
     @property
     def has_motor(self) -> bool:
-        """Whether it may have a real motor: not if it is emulated in this process or by a
-        pseudo-terminal.
+        """Whether it may have a real motor: not if it is played without a device, or emulated in
+        this process or by a pseudo-terminal.
         """
         where = self.url.partition("?")[0].partition(":")[2]
-        return self.kind != "emul" and not where.startswith("/dev/pts/")
+        return self.kind not in ("emul", *LED_KINDS) and not where.startswith("/dev/pts/")
 
     @property
     def is_emulated(self) -> bool:
@@ -110,6 +115,8 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     names: dict[str, str] = {}
     for player, text in asked.items():
         url, axis = resolve(text, known)
+        if url.partition("?")[0] == "page:":  # each player has a key of the page
+            url = url.replace(":", f":{player}", 1)
         if ":" not in text and (named := _DEVICE_NAME.match(text)):
             names.setdefault(url, named["name"])
         axes = found.setdefault(url, [])

@@ -18,6 +18,7 @@ mod frames;
 mod guardian;
 mod key_model;
 mod law;
+mod lead;
 mod limiter;
 mod maths;
 mod meter;
@@ -77,6 +78,8 @@ mod _core {
     use super::key_model::{key_force_derivatives, key_path};
     #[pymodule_export]
     use super::law::{Law, law_functions};
+    #[pymodule_export]
+    use super::lead::{Lead, even_path};
     #[pymodule_export]
     use super::limiter::Limiter;
     #[pymodule_export]

@@ -7,10 +7,11 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ergon_live::perform::Showing;
-use ergon_view::serve::{Key, Limits, Options, Server};
+use ergon_view::serve::{Key, Limits, Options, PageKey, Server};
 use pyo3::prelude::*;
 
 use crate::error::plain_error;
+use crate::lead::Lead;
 use crate::motion::Window;
 use crate::perform::Performance;
 
@@ -41,13 +42,14 @@ impl ViewServer {
 #[pymethods]
 impl ViewServer {
     #[new]
-    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key))]
+    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key, leads=Vec::new()))]
     fn new(
         py: Python<'_>,
         path: Option<PathBuf>,
         sound: Option<PathBuf>,
         at: &str,
         key: &str,
+        leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
         let no_place = || {
             plain_error(format!(
@@ -62,6 +64,10 @@ impl ViewServer {
             key,
             file: path,
             sound,
+            keys: leads
+                .iter()
+                .map(|lead| lead.0.clone() as Arc<dyn PageKey>)
+                .collect(),
             limits: Limits::default(),
         };
         let server = Server::start(options).map_err(plain_error)?;

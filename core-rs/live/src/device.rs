@@ -8,6 +8,7 @@ mod emulated;
 mod firefader;
 mod frame;
 pub(crate) mod haply;
+mod led;
 #[cfg(unix)]
 mod lock;
 mod port;
@@ -90,11 +91,21 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
         Kind::Frame | Kind::FrameUdp => Box::new(frame::Frame::open(url, canceller)?),
         Kind::Haply => Box::new(haply::Haply::open(url, canceller)?),
         Kind::Emul => Box::new(Emulated::open(url)?),
+        Kind::Led => return Err(url.cannot("a key that is played without a device has no motor")),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
         return Err(url.cannot(NO_AXIS));
     }
     Ok(device)
+}
+
+/// Open the key that a stream of positions plays, in ticks of `period` [s]. It is opened `again` only while somebody
+/// plays it; a performance may begin without.
+///
+/// # Errors
+/// [`DeviceError`] if nothing leads it, or nobody plays it now.
+pub fn open_led(url: &Url, period: f64, again: bool) -> Result<Box<dyn Device>, DeviceError> {
+    Ok(Box::new(led::Led::open(url, period, again)?))
 }
 
 /// The driver of a kind of device for a board that is emulated inside this process.

@@ -8,6 +8,7 @@ pub mod device;
 pub mod doctor;
 pub mod emulate;
 pub mod faults;
+pub mod lead;
 pub mod metrology;
 pub mod perform;
 pub mod realtime;

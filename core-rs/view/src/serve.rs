@@ -1,7 +1,7 @@
 //! Serves the page and its data over HTTP and WebSocket on one port: a blocking thread for each connection, with limits
 //! for all.
 //!
-//! A page cannot control anything: it may ask for files, and for the time.
+//! A page may ask for files and for the time, and may play the keys that are on offer. Nothing else can be controlled.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -18,13 +18,16 @@ mod answer;
 mod assets;
 mod connection;
 mod hub;
+mod keys;
 mod pace;
+mod player;
 mod request;
 mod strangers;
 mod viewer;
 
 pub use access::Key;
 pub use hub::{Cursor, Hub, Keep, Next};
+pub use keys::{PageKey, PagePoints};
 
 use strangers::Strangers;
 
@@ -69,6 +72,8 @@ pub struct Options {
     pub file: Option<PathBuf>,
     /// The WAV or FLAC file that is played with it.
     pub sound: Option<PathBuf>,
+    /// The keys that pages may play.
+    pub keys: Vec<Arc<dyn PageKey>>,
     /// See [`Limits`].
     pub limits: Limits,
 }
@@ -81,6 +86,7 @@ impl Options {
             key,
             file: Some(file),
             sound: None,
+            keys: Vec::new(),
             limits: Limits::default(),
         }
     }

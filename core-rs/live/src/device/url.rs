@@ -18,6 +18,8 @@ pub enum Kind {
     Haply,
     /// An emulated device in this process.
     Emul,
+    /// A key that a stream of positions plays by a virtual finger.
+    Led,
 }
 
 impl Kind {
@@ -28,6 +30,10 @@ impl Kind {
         ("frame+udp", Self::FrameUdp),
         ("haply", Self::Haply),
         ("emul", Self::Emul),
+        ("page", Self::Led),
+        ("midi", Self::Led),
+        ("osc", Self::Led),
+        ("gamepad", Self::Led),
     ];
 
     /// The name with which a URL of this kind begins.
@@ -47,7 +53,7 @@ impl Kind {
     pub(crate) fn is_serial(self) -> bool {
         match self {
             Self::FireFader | Self::Frame => true,
-            Self::FrameUdp | Self::Haply | Self::Emul => false,
+            Self::FrameUdp | Self::Haply | Self::Emul | Self::Led => false,
         }
     }
 }
@@ -141,6 +147,14 @@ impl Url {
         }
         let kind = Kind::NAMED.iter().find(|known| known.0 == name);
         let kind = kind.ok_or_else(|| UrlError::Kind(name.to_owned()))?.1;
+        if kind == Kind::Led {
+            // Its options are those of the stream, which is found by its whole name.
+            return Ok(Self {
+                target: rest.to_owned(),
+                text: text.to_owned(),
+                ..Self::in_process(kind)
+            });
+        }
         let (rest, axis) = match rest.rsplit_once('#') {
             None => (rest, None),
             Some((rest, axis)) => {
@@ -198,6 +212,11 @@ impl Url {
             values: Vec::new(),
             text: "a board in this process".to_owned(),
         }
+    }
+
+    /// The name of the stream that leads a key.
+    pub(super) fn led_name(&self) -> &str {
+        &self.text
     }
 
     /// The text of an option.
@@ -283,7 +302,7 @@ mod tests {
             ("hapi:/dev/ttyACM1", "not supported yet"),
             (
                 "falcon:usb",
-                "the kinds are firefader, frame, frame+udp, haply and emul",
+                "the kinds are firefader, frame, frame+udp, haply, emul, page, midi, osc and gamepad",
             ),
             ("/dev/ttyACM0", "colon"),
             ("firefader:", "a path"),

@@ -10,7 +10,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::Command;
 use super::hand_limit::{self, MeasuredKey};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url, WaitCanceller, ports};
+use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, WaitCanceller, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// Time between two attempts to open a lost device.
@@ -92,7 +92,7 @@ impl Keyboard {
         config: DeviceConfig,
         axes: Vec<(usize, usize)>,
     ) -> Result<Self, device::DeviceError> {
-        let device = config.open()?;
+        let device = config.open(false)?;
         let n = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= n) {
             return Err(config.url.cannot(device::NO_AXIS));
@@ -178,11 +178,12 @@ impl Keyboard {
 }
 
 impl DeviceConfig {
-    fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
-        let device = calibrate::with_calibration(
-            device::open_until(&self.url, &self.canceller)?,
-            &self.calibration,
-        );
+    fn open(&self, again: bool) -> Result<Box<dyn Device>, device::DeviceError> {
+        let device = match self.url.kind {
+            Kind::Led => device::open_led(&self.url, self.period, again)?,
+            _ => device::open_until(&self.url, &self.canceller)?,
+        };
+        let device = calibrate::with_calibration(device, &self.calibration);
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url
@@ -354,7 +355,7 @@ impl ReconnectLoop {
             if self.identity.is_some() && self.config.identity() != self.identity {
                 continue;
             }
-            let Ok(device) = self.config.open() else {
+            let Ok(device) = self.config.open(true) else {
                 continue;
             };
             // The name may belong to another device, but the force scales were computed for the first one.

@@ -10,7 +10,7 @@ use super::answer::{self, Status};
 use super::pace::Paced;
 use super::request::{self, Request, RequestError};
 use super::strangers::StrangerPlace;
-use super::{Shared, Slot, access, assets, viewer};
+use super::{Shared, Slot, access, assets, keys, player, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
@@ -93,20 +93,30 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
     let options = &shared.options;
     let Admitted { request, name, .. } = admitted;
     if let Some(key) = &request.upgrade {
-        if name != "live" {
-            return Err(Status::NotFound.into());
-        }
+        let serve = match name.as_str() {
+            "live" => viewer::send_to_page,
+            "hands" if !options.keys.is_empty() => player::take_from_page,
+            _ => return Err(Status::NotFound.into()),
+        };
         let slot = Slot::take(&shared.tally.viewers, options.limits.viewers);
         let slot = slot.ok_or(Status::Full)?;
         answer::switch_protocols(&mut Paced::new(stream, options.limits)?, key)?;
         let rest = request.rest.clone();
-        viewer::send_to_page(stream.try_clone()?, rest, shared, slot);
+        serve(stream.try_clone()?, rest, shared, slot);
         return Ok(());
     }
     let mut out = Paced::new(stream, options.limits)?;
     // A page requests the file to learn whether there is one; if not, it shows the live piece.
     if name == "motion" && options.file.is_none() {
         return Ok(answer::no_content(&mut out)?);
+    }
+    if name == "hands" {
+        let keys = keys::listed(&options.keys);
+        return Ok(answer::send_bytes(
+            &mut out,
+            "application/json",
+            keys.as_bytes(),
+        )?);
     }
     let given = match name.as_str() {
         "motion" => Some((&options.file, "application/octet-stream")),

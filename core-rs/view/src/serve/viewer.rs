@@ -19,7 +19,7 @@ const WAIT: Duration = Duration::from_millis(10);
 const READ_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// How the connection to a viewer ended.
-enum End {
+pub(super) enum End {
     /// The page was closed, or the server.
     Left,
     /// The client read too slowly, or sent a message that the protocol does not have.
@@ -93,12 +93,12 @@ fn answer_messages(socket: &mut WebSocket<TcpStream>, shared: &Shared) -> Result
     Ok(())
 }
 
-fn is_wait(error: &std::io::Error) -> bool {
+pub(super) fn is_wait(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), WouldBlock | TimedOut | Interrupted)
 }
 
-fn ended(error: &Error) -> End {
+pub(super) fn ended(error: &Error) -> End {
     match error {
         Error::ConnectionClosed | Error::AlreadyClosed => End::Left,
         Error::Io(error) if !is_wait(error) => End::Left,

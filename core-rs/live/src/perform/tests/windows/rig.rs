@@ -170,6 +170,7 @@ pub(super) fn served(limits: Limits) -> Arc<Server> {
         key: ergon_view::serve::Key::new(&"0".repeat(32)).expect("a key"),
         file: None,
         sound: None,
+        keys: Vec::new(),
         limits,
     };
     Arc::new(Server::start(options).expect("a server"))

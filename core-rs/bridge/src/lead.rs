@@ -1,0 +1,148 @@
+//! Streams of positions that lead the fingers on keys without a device.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ergon_live::lead::path::{PathReader, Placed};
+use ergon_live::lead::{Finger, Lead as Stream, LeadOptions};
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::error::{module_error, plain_error};
+
+/// A stream of positions that leads the finger on a key.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Lead(pub(crate) Arc<Stream>);
+
+#[pymethods]
+impl Lead {
+    #[new]
+    #[pyo3(signature = (name, *, finger, delay, travel, lockstep=false, present=true))]
+    fn new(
+        name: String,
+        finger: (f64, f64, f64),
+        delay: f64,
+        travel: f64,
+        lockstep: bool,
+        present: bool,
+    ) -> PyResult<Self> {
+        let (stiffness, damping, mass) = finger;
+        let numbers = [stiffness, damping, mass, delay, travel];
+        let is_possible = numbers.iter().all(|x| x.is_finite() && *x >= 0.0)
+            && stiffness > 0.0
+            && mass > 0.0
+            && travel > 0.0;
+        if !is_possible {
+            return Err(module_error(
+                "finger",
+                "stiffness, mass and travel must be above zero, damping and delay at least zero",
+            ));
+        }
+        let options = LeadOptions {
+            name,
+            finger: Finger {
+                stiffness,
+                damping,
+                mass,
+            },
+            delay,
+            travel,
+            lockstep,
+        };
+        let refused = format!("{} is in use", options.name);
+        let stream = Stream::new(options, present);
+        stream.map(Self).ok_or_else(|| plain_error(refused))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.options().name
+    }
+
+    /// Time of the stream's clock [s].
+    fn now(&self) -> f64 {
+        self.0.now()
+    }
+
+    /// The pointer was at `x` [m] at `time` [s of the stream's clock]; False if that is refused.
+    #[pyo3(signature = (time, x, firmness=1.0))]
+    fn place(&self, time: f64, x: f64, firmness: f64) -> bool {
+        let firmness = Some(firmness);
+        self.0.feed(Placed { time, x, firmness }).is_ok()
+    }
+
+    /// The pointer was lifted at `time` [s].
+    fn lift(&self, time: f64) -> bool {
+        let (x, firmness) = (0.0, None);
+        self.0.feed(Placed { time, x, firmness }).is_ok()
+    }
+
+    /// Whether a player is there.
+    #[getter]
+    fn present(&self) -> bool {
+        self.0.is_present()
+    }
+
+    /// The player has come or gone.
+    fn set_present(&self, present: bool) {
+        self.0.set_present(present);
+    }
+
+    /// Give the name back: another stream may have it.
+    fn close(&self) {
+        self.0.close();
+    }
+
+    /// Counts of positions, and mean and deviation of the gaps between them [s].
+    #[getter]
+    fn tally(&self) -> BTreeMap<&'static str, f64> {
+        let tally = self.0.tally();
+        BTreeMap::from([
+            ("taken", tally.taken as f64),
+            ("refused", tally.refused as f64),
+            ("misdated", tally.misdated as f64),
+            ("late", tally.late as f64),
+            ("gap", tally.gap),
+            ("deviation", tally.deviation),
+        ])
+    }
+}
+
+/// The even path that a finger follows, at rising instants `times` [s], (n_times,) [m], and the number of positions that
+/// came too late. The pointer was at `positions` [m] at the instants `stamps` [s], which became known at `arrivals` [s].
+#[pyfunction]
+pub(crate) fn even_path<'py>(
+    py: Python<'py>,
+    stamps: PyReadonlyArray1<'_, f64>,
+    arrivals: PyReadonlyArray1<'_, f64>,
+    positions: PyReadonlyArray1<'_, f64>,
+    times: PyReadonlyArray1<'_, f64>,
+    delay: f64,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, u64)> {
+    let (stamps, arrivals) = (stamps.as_slice()?, arrivals.as_slice()?);
+    let (positions, times) = (positions.as_slice()?, times.as_slice()?);
+    if stamps.len() != arrivals.len() || stamps.len() != positions.len() {
+        return Err(module_error(
+            "stamps",
+            "stamps, arrivals and positions must be equally many",
+        ));
+    }
+    let (mut reader, mut read) = (PathReader::new(delay), 0);
+    let path = times.iter().map(|&time| {
+        let mut next = || {
+            let is_there = arrivals.get(read).is_some_and(|&arrival| arrival <= time);
+            is_there.then(|| {
+                read += 1;
+                Placed {
+                    time: stamps[read - 1],
+                    x: positions[read - 1],
+                    firmness: Some(1.0),
+                }
+            })
+        };
+        let placed = reader.read(time - delay, &mut next);
+        placed.map_or(f64::NAN, |(x, _)| x)
+    });
+    let path: Vec<_> = path.collect();
+    Ok((PyArray1::from_vec(py, path), reader.late()))
+}

@@ -1,0 +1,174 @@
+//! A key that a stream of positions plays by a virtual finger: a device without a wire. Unlike [`super::Emulated`] it
+//! runs by the wall's clock, unless its stream is in lockstep.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Unit, Url};
+use crate::device::MAX_AXES;
+use crate::emulate::Key;
+use crate::lead::finger::{FingerMotion, HeldKey, Pull};
+use crate::lead::path::PathReader;
+use crate::lead::{self, Lead};
+use crate::safety::SafeForce;
+
+/// Greatest force [N].
+const FORCE_MAX: f64 = 20.0;
+/// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance that
+/// is corrected in a tick.
+const CLOCK_OFF: f64 = 0.02;
+const CORRECTION: f64 = 0.01;
+
+/// A key under a led finger.
+pub(super) struct Led {
+    lead: Arc<Lead>,
+    path: PathReader,
+    motion: FingerMotion,
+    spec: Spec,
+    stats: Stats,
+    period: f64,
+    /// End of the present tick on the clock of the lead [s].
+    time: f64,
+    ticks: u64,
+    pointer: Option<(f64, f64)>,
+    answered: bool,
+}
+
+impl Led {
+    pub(super) fn open(url: &Url, period: f64, again: bool) -> Result<Self, DeviceError> {
+        let lead = lead::find(url.led_name());
+        let lead = lead.ok_or_else(|| url.closed("nothing leads this key"))?;
+        if again {
+            if !lead.is_present() {
+                return Err(url.closed("nobody plays this key"));
+            }
+            lead.forget();
+        }
+        Ok(Self::new(lead, period))
+    }
+
+    fn new(lead: Arc<Lead>, period: f64) -> Self {
+        let options = lead.options();
+        let half = 0.5 * options.travel;
+        let usual = Key::default();
+        let key = HeldKey {
+            mass: usual.mass,
+            damping: usual.damping,
+            range: [-half, half],
+        };
+        Self {
+            path: PathReader::new(options.delay),
+            motion: FingerMotion::new(options.finger, key, period),
+            spec: Spec {
+                dof: 1,
+                unit: Unit::Metre,
+                pos_lsb: 0.0,
+                pos_range: key.range,
+                force_max_continuous: FORCE_MAX,
+                force_max_peak: FORCE_MAX,
+                force_lsb: 0.0,
+                rate_nominal: Some(1.0 / period),
+                loop_delay_s: Some(0.0),
+                inertia: Some(key.mass),
+                damping: Some(key.damping),
+                touch_gated: false,
+                can_lockstep: true,
+                can_wide: true,
+            },
+            stats: Stats::default(),
+            period,
+            time: if options.lockstep { 0.0 } else { lead.now() },
+            ticks: 0,
+            pointer: None,
+            answered: false,
+            lead,
+        }
+    }
+
+    /// The end of the next tick on the clock of the lead [s]: ticks are even, and follow the wall's clock slowly.
+    fn next_time(&self) -> f64 {
+        if self.lead.options().lockstep {
+            return self.ticks as f64 * self.period;
+        }
+        let time = self.time + self.period;
+        let off = self.lead.now() - time;
+        if off.abs() > CLOCK_OFF {
+            time + off
+        } else {
+            time + CORRECTION * off
+        }
+    }
+
+    fn is_gone(&self) -> bool {
+        !self.lead.is_present()
+    }
+
+    fn advance(&mut self, force: f64) {
+        self.ticks += 1;
+        self.time = self.next_time();
+        let lead = &self.lead;
+        let delay = lead.options().delay;
+        let to = self.path.read(self.time - delay, &mut || lead.next());
+        let pull = to.map(|(to, firmness)| Pull {
+            // A finger that has just landed has no earlier position.
+            from: self.pointer.map_or(to, |pointer| pointer.0),
+            to,
+            firmness,
+        });
+        self.pointer = to;
+        self.motion.advance(force, pull);
+        let motion = &self.motion;
+        let led = |x: f64| if motion.is_held() { x } else { f64::NAN };
+        let points = [
+            led(motion.pointer()),
+            led(motion.finger()),
+            motion.key(),
+            motion.force(),
+        ];
+        self.lead.publish(points, self.path.late());
+    }
+}
+
+impl Device for Led {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        if self.is_gone() {
+            return Err(Gone::Closed);
+        }
+        self.advance(force.newtons().first().copied().unwrap_or(0.0));
+        self.stats.sent += 1;
+        self.answered = false;
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        if self.is_gone() {
+            return Err(Gone::Closed);
+        }
+        into.fresh = !self.answered;
+        self.stats.received += u64::from(into.fresh);
+        self.answered = true;
+        into.position = [0.0; MAX_AXES];
+        into.position[0] = self.motion.key();
+        into.touch[0] = self.motion.is_held();
+        into.force_enabled[0] = true;
+        (into.hot, into.let_go) = (false, false);
+        into.seq = self.ticks as u32;
+        into.t_dev_us = Some((self.ticks as f64 * self.period * 1e6) as u64 as u32);
+        Ok(into.fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.lead.options().lockstep
+    }
+
+    /// The key advances only when a force is sent, so there is no force to end.
+    fn zero(&mut self) {}
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+}

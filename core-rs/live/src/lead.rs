@@ -1,0 +1,12 @@
+//! Hands without force: a stream of positions, such as that of a pointer on a page, leads a virtual finger, and the
+//! finger holds the key of a device that exists only here.
+//!
+//! [`Lead`] takes the stream from any thread. [`path`] makes an even path of it, [`finger`] moves finger and key, and
+//! `device::led` is the driver, through which the key is a device like all others.
+
+pub mod finger;
+pub mod path;
+mod stream;
+
+pub use finger::Finger;
+pub use stream::{Lead, LeadOptions, LeadTally, Refusal, find};

@@ -1,0 +1,275 @@
+//! A finger between a pointer and a key: the pointer pulls the finger by a spring and a damper, and the fingertip holds
+//! the key by its pulp.
+//!
+//! A finger is modelled as a mass with a spring and a damper by A. Z. Hajian and R. D. Howe, "Identification of the
+//! mechanical impedance at the human finger tip", J. Biomech. Eng. 119 (1997); that its stiffness grows with the force
+//! of the muscles is why a pen's pressure scales it here.
+
+/// Longest step of the computation [s]: at the usual constants, the square of frequency times step is below 5e-4.
+const STEP_MAX: f64 = 25e-6;
+/// Time in which a finger that lands on a key goes from there to its pointer [s].
+const LANDING: f64 = 0.1;
+
+/// The constants of a finger.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finger {
+    /// Spring to the pointer [N/m].
+    pub stiffness: f64,
+    /// Damper to the pointer [N·s/m].
+    pub damping: f64,
+    /// Moving mass [kg].
+    pub mass: f64,
+}
+
+/// Spring [N/m] and damper [N·s/m] of the pulp of a fingertip on the key.
+pub const PULP: (f64, f64) = (2_000.0, 2.0);
+
+impl Default for Finger {
+    fn default() -> Self {
+        Self {
+            stiffness: 400.0,
+            damping: 2.0,
+            mass: 6e-3,
+        }
+    }
+}
+
+/// The constants of the key that a finger holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeldKey {
+    /// Moving mass [kg].
+    pub mass: f64,
+    /// Damper to the ground [N·s/m].
+    pub damping: f64,
+    /// Its two ends [m].
+    pub range: [f64; 2],
+}
+
+/// The pointer during a tick: its positions at both ends [m], and the factor of the finger's stiffness.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pull {
+    /// At the beginning of the tick.
+    pub from: f64,
+    /// At its end.
+    pub to: f64,
+    /// 1 for an ordinary pressure.
+    pub firmness: f64,
+}
+
+/// A finger and its key in motion.
+#[derive(Clone, Debug)]
+pub struct FingerMotion {
+    finger: Finger,
+    key: HeldKey,
+    period: f64,
+    steps: u32,
+    /// Position [m] of finger and key, and speed [m/s] half a step earlier.
+    x: [f64; 2],
+    v: [f64; 2],
+    /// Distance of the key from the pointer when the finger landed [m], and the time since then [s]; `None` while no
+    /// finger is on the key.
+    landed: Option<(f64, f64)>,
+    pointer: f64,
+    force: f64,
+}
+
+impl FingerMotion {
+    /// A key at rest in the middle, without a finger, in ticks of `period` [s].
+    pub fn new(finger: Finger, key: HeldKey, period: f64) -> Self {
+        let middle = 0.5 * (key.range[0] + key.range[1]);
+        Self {
+            finger,
+            key,
+            period,
+            steps: (period / STEP_MAX).ceil().max(1.0) as u32,
+            x: [middle; 2],
+            v: [0.0; 2],
+            landed: None,
+            pointer: middle,
+            force: 0.0,
+        }
+    }
+
+    /// Advance by one tick under a force on the key [N]; `pull`: the pointer, if it leads the finger.
+    pub fn advance(&mut self, force: f64, pull: Option<Pull>) {
+        let h = self.period / f64::from(self.steps);
+        self.force = 0.0;
+        let Some(pull) = pull else {
+            self.landed = None;
+            for _ in 0..self.steps {
+                self.move_free_key(force, h);
+            }
+            // A finger that is not on the key waits over it.
+            (self.x[0], self.v[0]) = (self.x[1], self.v[1]);
+            self.pointer = self.x[1];
+            return;
+        };
+        let (offset, since) = *self.landed.get_or_insert((self.x[1] - pull.from, 0.0));
+        let (now, then) = (
+            pull.from + offset * left(since),
+            pull.to + offset * left(since + self.period),
+        );
+        self.landed = Some((offset, since + self.period));
+        let speed = (then - now) / self.period;
+        let k = self.finger.stiffness * pull.firmness;
+        for step in 0..self.steps {
+            let pointer = now + speed * h * f64::from(step);
+            self.move_held_key(force, k, pointer, speed, h);
+        }
+        self.pointer = then;
+        self.force = k * (then - self.x[0]) + self.finger.damping * (speed - self.v[0]);
+    }
+
+    /// One step of the key alone. Speeds are half a step from positions, and a damper acts on the mean of the speeds
+    /// before and after: both are of second order.
+    fn move_free_key(&mut self, force: f64, h: f64) {
+        let HeldKey { mass, damping, .. } = self.key;
+        self.v[1] += h * (force - damping * self.v[1]) / (mass + 0.5 * h * damping);
+        self.x[1] += h * self.v[1];
+        self.stop_at_ends();
+    }
+
+    /// One step of finger and key, which the pulp couples.
+    fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
+        let (
+            Finger {
+                damping: z, mass, ..
+            },
+            key,
+            (pulp_k, pulp_z),
+        ) = (self.finger, self.key, PULP);
+        let ([x, x_key], [v, v_key]) = (self.x, self.v);
+        let pulp = pulp_k * (x - x_key) + pulp_z * (v - v_key);
+        let pushed = [
+            h * (k * (pointer - x) + z * (speed - v) - pulp),
+            h * (force + pulp - key.damping * v_key),
+        ];
+        // (mass + h/2 · damping) · change = pushed, a system of two equations.
+        let half = 0.5 * h;
+        let (a, b) = (mass + half * (z + pulp_z), -half * pulp_z);
+        let d = key.mass + half * (pulp_z + key.damping);
+        let det = a * d - b * b;
+        self.v[0] += (d * pushed[0] - b * pushed[1]) / det;
+        self.v[1] += (a * pushed[1] - b * pushed[0]) / det;
+        self.x[0] += h * self.v[0];
+        self.x[1] += h * self.v[1];
+        self.stop_at_ends();
+    }
+
+    fn stop_at_ends(&mut self) {
+        let [low, high] = self.key.range;
+        if !(low..=high).contains(&self.x[1]) {
+            self.x[1] = self.x[1].clamp(low, high);
+            self.v[1] = 0.0;
+        }
+    }
+
+    /// Position of the key [m].
+    pub fn key(&self) -> f64 {
+        self.x[1]
+    }
+
+    /// Position of the finger [m].
+    pub fn finger(&self) -> f64 {
+        self.x[0]
+    }
+
+    /// Position of the pointer as it pulls the finger [m].
+    pub fn pointer(&self) -> f64 {
+        self.pointer
+    }
+
+    /// Force of the pointer on the finger at the end of the tick [N].
+    pub fn force(&self) -> f64 {
+        self.force
+    }
+
+    /// Whether a finger is on the key.
+    pub fn is_held(&self) -> bool {
+        self.landed.is_some()
+    }
+}
+
+/// The share of the distance from key to pointer that is left `since` [s] after the finger landed: 1 to 0, smoothly.
+fn left(since: f64) -> f64 {
+    let done = (since / LANDING).min(1.0);
+    1.0 - done * done * (3.0 - 2.0 * done)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: HeldKey = HeldKey {
+        mass: 0.05,
+        damping: 1.0,
+        range: [-0.05, 0.05],
+    };
+
+    fn pull(x: f64) -> Option<Pull> {
+        Some(Pull {
+            from: x,
+            to: x,
+            firmness: 1.0,
+        })
+    }
+
+    #[test]
+    fn springs_share_a_static_force_in_series() {
+        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        (0..5_000).for_each(|_| motion.advance(1.0, pull(0.0)));
+        // 1 N on the key: the finger's spring gives way by 1/400 m, its pulp by 1/2000 m.
+        assert!(
+            (motion.finger() - 2.5e-3).abs() < 1e-9,
+            "{}",
+            motion.finger()
+        );
+        assert!((motion.key() - 3e-3).abs() < 1e-9, "{}", motion.key());
+        assert!((motion.force() + 1.0).abs() < 1e-6, "{}", motion.force());
+    }
+
+    #[test]
+    fn a_landing_finger_does_not_jerk_the_key() {
+        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        let mut last = motion.key();
+        for _ in 0..2_000 {
+            motion.advance(0.0, pull(0.04));
+            assert!((motion.key() - last).abs() < 1e-3, "{last}");
+            last = motion.key();
+        }
+        assert!((last - 0.04).abs() < 1e-6, "{last}");
+        motion.advance(0.0, None);
+        assert!(!motion.is_held());
+    }
+
+    #[test]
+    fn no_pull_passes_the_ends_of_the_key() {
+        let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+        for tick in 0..3_000 {
+            motion.advance(-20.0, (tick % 700 < 500).then_some(pull(0.05)).flatten());
+            assert!(motion.key().abs() <= 0.05, "{}", motion.key());
+        }
+    }
+
+    /// A step twice as long has four times the error: the computation is of second order.
+    #[test]
+    fn half_the_step_has_a_quarter_of_the_error() {
+        let path = |steps: u32| {
+            let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
+            motion.steps = steps;
+            for tick in 0..60_u32 {
+                let parabola = |tick: u32| 1e-3 * f64::from(tick) * f64::from(tick) / 60.0;
+                let pull = Pull {
+                    from: parabola(tick),
+                    to: parabola(tick + 1),
+                    firmness: 1.0,
+                };
+                motion.advance(0.0, Some(pull));
+            }
+            motion.key()
+        };
+        let fine = path(4_096);
+        let (coarse, half) = ((path(16) - fine).abs(), (path(32) - fine).abs());
+        assert!((3.5..4.5).contains(&(coarse / half)), "{coarse} {half}");
+    }
+}

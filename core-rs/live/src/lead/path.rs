@@ -1,0 +1,194 @@
+//! An even path from positions that arrive unevenly: linear interpolation between their time stamps, read with a fixed
+//! delay.
+//!
+//! A pointer that stands still sends nothing. Therefore a path that stood for longer than the delay begins to move only
+//! one delay before the next position; a line from the earlier position would have begun to move long ago.
+
+/// A position of a pointer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// When it was there [s].
+    pub time: f64,
+    /// Where it was [m].
+    pub x: f64,
+    /// Factor of the finger's stiffness; `None`: the finger is lifted.
+    pub firmness: Option<f64>,
+}
+
+/// Reads a path at rising instants.
+#[derive(Clone, Debug)]
+pub struct PathReader {
+    delay: f64,
+    before: Option<Placed>,
+    /// The next position, and when the line to it begins [s].
+    after: Option<(f64, Placed)>,
+    /// The instant that was read last [s].
+    last: f64,
+    late: u64,
+}
+
+impl PathReader {
+    /// A path that stands still for longer than `delay` [s] is taken to stand until `delay` before the next position.
+    pub fn new(delay: f64) -> Self {
+        Self {
+            delay,
+            before: None,
+            after: None,
+            last: f64::NEG_INFINITY,
+            late: 0,
+        }
+    }
+
+    /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next` gives the following positions
+    /// in the order of their time stamps.
+    pub fn read(
+        &mut self,
+        time: f64,
+        next: &mut impl FnMut() -> Option<Placed>,
+    ) -> Option<(f64, f64)> {
+        loop {
+            if self.after.is_none() {
+                self.after = next().map(|placed| self.line_to(placed));
+            }
+            match self.after {
+                Some((_, after)) if after.time <= time => {
+                    (self.before, self.after) = (Some(after), None);
+                }
+                _ => break,
+            }
+        }
+        self.last = time;
+        let before = self.before?;
+        let firmness = before.firmness?;
+        let Some((from, after)) = self.after else {
+            return Some((before.x, firmness));
+        };
+        let share = ((time - from) / (after.time - from)).max(0.0);
+        let next_firmness = after.firmness.unwrap_or(firmness);
+        Some((
+            before.x + share * (after.x - before.x),
+            firmness + share * (next_firmness - firmness),
+        ))
+    }
+
+    /// The line to a position: when it begins, and where it ends. It begins where the path stands now, so that a
+    /// position that comes late makes no jump unless its own instant has passed.
+    fn line_to(&mut self, mut after: Placed) -> (f64, Placed) {
+        let Some(before) = self.before else {
+            return (after.time, after);
+        };
+        if after.firmness.is_none() {
+            after.x = before.x; // a finger is lifted where it was
+        }
+        let was_pause = after.time - before.time > self.delay;
+        let start = before.time.max(after.time - self.delay);
+        let was_awaited = self.last > start && !was_pause && before.firmness.is_some();
+        self.late += u64::from(was_awaited || self.last >= after.time);
+        (start.max(self.last), after)
+    }
+
+    /// Number of positions that came later than the path needed them.
+    pub fn late(&self) -> u64 {
+        self.late
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(path: &[(f64, f64)], delay: f64, times: &[f64]) -> Vec<f64> {
+        let mut rows = path.iter().map(|&(time, x)| Placed {
+            time,
+            x,
+            firmness: Some(1.0),
+        });
+        let mut reader = PathReader::new(delay);
+        let position = |&time: &f64| reader.read(time, &mut || rows.next());
+        times
+            .iter()
+            .map(position)
+            .map(|found| found.map_or(f64::NAN, |(x, _)| x))
+            .collect()
+    }
+
+    #[test]
+    fn a_straight_line_is_read_exactly_however_unevenly_it_is_sampled() {
+        let stamps = [0.0, 1e-3, 9e-3, 9.5e-3, 20e-3, 24e-3, 39e-3];
+        let path: Vec<_> = stamps.iter().map(|&t| (t, 0.5 * t)).collect();
+        let times: Vec<_> = (0..38).map(|ms| 1e-3 * f64::from(ms)).collect();
+        for (time, x) in times.iter().zip(read(&path, 0.02, &times)) {
+            assert!((x - 0.5 * time).abs() < 1e-15, "{time}: {x}");
+        }
+    }
+
+    #[test]
+    fn a_pointer_that_stood_still_moves_one_delay_before_its_next_position() {
+        let path = [(0.0, 0.0), (2.0, 0.01)];
+        let x = read(&path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
+        for (found, wanted) in x.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
+            assert!((found - wanted).abs() < 1e-12, "{x:?}");
+        }
+    }
+
+    #[test]
+    fn a_lifted_finger_is_off_the_key_until_it_lands_again() {
+        let rows = [(0.0, Some(1.0)), (0.1, None), (0.2, Some(2.0))];
+        let mut rows = rows.into_iter().map(|(time, firmness)| Placed {
+            time,
+            x: time,
+            firmness,
+        });
+        let mut reader = PathReader::new(0.02);
+        let mut read = |time| reader.read(time, &mut || rows.next());
+        assert_eq!(read(-0.1), None);
+        assert!(read(0.09).is_some());
+        assert_eq!((read(0.1), read(0.19)), (None, None));
+        assert_eq!(read(0.2), Some((0.2, 2.0)));
+    }
+
+    #[test]
+    fn a_path_that_waited_goes_on_without_a_jump() {
+        let path = [(0.0, 0.0), (0.015, 0.0), (0.03, 0.01), (0.045, 0.01)];
+        let mut came = 2;
+        let mut reader = PathReader::new(0.02);
+        let mut next = 0;
+        let mut last = 0.0;
+        for tick in 0..60 {
+            let time = 1e-3 * f64::from(tick);
+            came = if time > 0.025 { 4 } else { came }; // the third comes 10 ms after the path needs it
+            let mut placed = || {
+                let &(time, x) = path[..came].get(next)?;
+                next += 1;
+                let firmness = Some(1.0);
+                Some(Placed { time, x, firmness })
+            };
+            let (x, _) = reader.read(time, &mut placed).expect("a finger");
+            assert!((x - last).abs() < 0.003, "{tick}: {last} to {x}");
+            last = x;
+        }
+        assert_eq!((last, reader.late()), (0.01, 1));
+    }
+
+    #[test]
+    fn what_comes_too_late_is_counted() {
+        let mut waiting = vec![(0.0, 0.0)];
+        let mut reader = PathReader::new(0.02);
+        let mut next = |waiting: &mut Vec<(f64, f64)>| {
+            waiting.pop().map(|(time, x)| Placed {
+                time,
+                x,
+                firmness: Some(1.0),
+            })
+        };
+        reader.read(0.0, &mut || next(&mut waiting));
+        reader.read(0.5, &mut || next(&mut waiting));
+        assert_eq!(reader.late(), 0);
+        waiting.push((0.4, 1.0));
+        assert_eq!(
+            reader.read(0.5, &mut || next(&mut waiting)),
+            Some((1.0, 1.0))
+        );
+        assert_eq!(reader.late(), 1);
+    }
+}

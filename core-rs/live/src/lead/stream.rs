@@ -1,0 +1,412 @@
+//! The stream of positions on its way from a pointer to the real-time thread, and the points that come back.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Instant;
+
+use ergon_view::serve::{PageKey, PagePoints};
+
+use super::finger::Finger;
+use super::path::Placed;
+
+/// Positions that wait for the real-time thread: at 1,000 a second, those of four seconds.
+const WAITING_MAX: usize = 4_096;
+/// Greatest lasting number of positions a second, and how many may come at once.
+const RATE_MAX: f64 = 4_000.0;
+const BURST_MAX: f64 = 1_024.0;
+/// A time stamp may be this much older or newer than its arrival [s]; others are wrong.
+const OLDEST: f64 = 0.5;
+const NEWEST: f64 = 0.005;
+/// Least distance of two time stamps [s].
+const APART: f64 = 1e-6;
+/// Range of the factor of a finger's stiffness.
+const FIRMNESS: (f64, f64) = (0.1, 2.0);
+/// Gaps between positions that are longer are pauses of the player, not the rate of the pointer [s].
+const PAUSE: f64 = 0.1;
+/// The word for a lift in place of a firmness.
+const LIFTED: f64 = -1.0;
+
+/// How a key is led.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeadOptions {
+    /// The address of the key, such as `page:ada`.
+    pub name: String,
+    /// The finger between pointer and key.
+    pub finger: Finger,
+    /// Delay with which the path is read [s].
+    pub delay: f64,
+    /// Length of the key's travel [m]; its middle is at 0.
+    pub travel: f64,
+    /// Whether time is that of the ticks; otherwise it is that of the wall.
+    pub lockstep: bool,
+}
+
+/// Counts of positions, and the statistics of their arrival.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeadTally {
+    /// Positions taken.
+    pub taken: u64,
+    /// Positions refused: not finite, too many, or another's key.
+    pub refused: u64,
+    /// Positions whose time stamps were impossible; the time of their arrival counted.
+    pub misdated: u64,
+    /// Positions that came later than the path needed them.
+    pub late: u64,
+    /// Mean gap between positions while the pointer moved [s]; 0: none.
+    pub gap: f64,
+    /// Standard deviation of these gaps [s].
+    pub deviation: f64,
+}
+
+/// Why a position was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A number is not finite.
+    #[error("a position has to be a finite number")]
+    NotFinite,
+    /// More positions than a pointer can send.
+    #[error("more than 4,000 positions a second")]
+    TooMany,
+}
+
+/// A stream of positions that leads the finger on a key.
+#[derive(Debug)]
+pub struct Lead {
+    options: LeadOptions,
+    epoch: Instant,
+    feeder: Mutex<Feeder>,
+    /// Places for positions; each is time, position and firmness.
+    places: Box<[[AtomicU64; 3]]>,
+    /// Numbers of positions written and read so far.
+    written: AtomicU64,
+    read: AtomicU64,
+    is_present: AtomicBool,
+    late: AtomicU64,
+    /// Pointer, finger and key [m], and the force of the pointer on the finger [N]; not a number: no finger there.
+    points: [AtomicU64; 4],
+}
+
+#[derive(Debug, Default)]
+struct Feeder {
+    last: f64,
+    tokens: f64,
+    filled: f64,
+    tally: LeadTally,
+    /// Number, sum and sum of squares of gaps.
+    gaps: [f64; 3],
+}
+
+/// The leads of this process by their names, so that a driver finds its stream as it would find a port.
+static LEADS: Mutex<BTreeMap<String, Weak<Lead>>> = Mutex::new(BTreeMap::new());
+
+fn leads() -> MutexGuard<'static, BTreeMap<String, Weak<Lead>>> {
+    LEADS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The lead of a name.
+pub fn find(name: &str) -> Option<Arc<Lead>> {
+    leads().get(name)?.upgrade()
+}
+
+impl Lead {
+    /// A new stream; `None` if there is one of this name. A page's key waits for its page, others are there at once.
+    pub fn new(options: LeadOptions, is_present: bool) -> Option<Arc<Self>> {
+        let mut known = leads();
+        known.retain(|_, lead| lead.strong_count() > 0);
+        if known.contains_key(&options.name) {
+            return None;
+        }
+        let name = options.name.clone();
+        let lead = Arc::new(Self {
+            options,
+            epoch: Instant::now(),
+            feeder: Mutex::new(Feeder {
+                last: f64::NEG_INFINITY,
+                tokens: BURST_MAX,
+                ..Feeder::default()
+            }),
+            places: (0..WAITING_MAX).map(|_| Default::default()).collect(),
+            written: AtomicU64::new(0),
+            read: AtomicU64::new(0),
+            is_present: AtomicBool::new(is_present),
+            late: AtomicU64::new(0),
+            points: [f64::NAN, f64::NAN, 0.0, 0.0].map(|x| AtomicU64::new(x.to_bits())),
+        });
+        known.insert(name, Arc::downgrade(&lead));
+        Some(lead)
+    }
+
+    /// Give the name back: another stream may have it.
+    pub fn close(&self) {
+        let mut known = leads();
+        let is_this = |lead: &Weak<Self>| std::ptr::eq(lead.as_ptr(), self);
+        if known.get(&self.options.name).is_some_and(is_this) {
+            known.remove(&self.options.name);
+        }
+    }
+
+    /// How the key is led.
+    pub fn options(&self) -> &LeadOptions {
+        &self.options
+    }
+
+    /// Time of the stream's clock [s]; not for lockstep.
+    pub fn now(&self) -> f64 {
+        self.epoch.elapsed().as_secs_f64()
+    }
+
+    fn feeder(&self) -> MutexGuard<'_, Feeder> {
+        self.feeder.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Take a position [m] of `time` [s]; positions beyond the travel are at its end. `firmness` `None`: a lift.
+    ///
+    /// # Errors
+    /// [`Refusal`] if it is not taken.
+    pub fn feed(&self, placed: Placed) -> Result<(), Refusal> {
+        let mut feeder = self.feeder();
+        let firmness = placed.firmness.unwrap_or(LIFTED);
+        if ![placed.time, placed.x, firmness]
+            .iter()
+            .all(|x| x.is_finite())
+        {
+            feeder.tally.refused += 1;
+            return Err(Refusal::NotFinite);
+        }
+        let mut time = placed.time;
+        if !self.options.lockstep {
+            let now = self.now();
+            feeder.tokens = (feeder.tokens + RATE_MAX * (now - feeder.filled)).min(BURST_MAX);
+            feeder.filled = now;
+            if !(now - OLDEST..=now + NEWEST).contains(&time) {
+                feeder.tally.misdated += 1;
+                time = now;
+            }
+        }
+        let written = self.written.load(Ordering::Relaxed);
+        let is_full = written - self.read.load(Ordering::Acquire) >= WAITING_MAX as u64;
+        let is_flood = !self.options.lockstep && feeder.tokens < 1.0;
+        if is_full || is_flood {
+            feeder.tally.refused += 1;
+            return Err(Refusal::TooMany);
+        }
+        feeder.tokens -= 1.0;
+        let gap = time - feeder.last;
+        if (APART..PAUSE).contains(&gap) {
+            for (sum, power) in feeder.gaps.iter_mut().zip([1.0, gap, gap * gap]) {
+                *sum += power;
+            }
+        }
+        time = time.max(feeder.last + APART);
+        feeder.last = time;
+        feeder.tally.taken += 1;
+        let half = 0.5 * self.options.travel;
+        let place = &self.places[(written % WAITING_MAX as u64) as usize];
+        let firmness = match placed.firmness {
+            Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
+            None => LIFTED,
+        };
+        for (place, number) in place
+            .iter()
+            .zip([time, placed.x.clamp(-half, half), firmness])
+        {
+            place.store(number.to_bits(), Ordering::Relaxed);
+        }
+        self.written.store(written + 1, Ordering::Release);
+        Ok(())
+    }
+
+    /// The next position, for the one reader.
+    pub(crate) fn next(&self) -> Option<Placed> {
+        let read = self.read.load(Ordering::Relaxed);
+        if read == self.written.load(Ordering::Acquire) {
+            return None;
+        }
+        let place = &self.places[(read % WAITING_MAX as u64) as usize];
+        let [time, x, firmness] =
+            [0, 1, 2].map(|n| f64::from_bits(place[n].load(Ordering::Relaxed)));
+        self.read.store(read + 1, Ordering::Release);
+        let firmness = (firmness != LIFTED).then_some(firmness);
+        Some(Placed { time, x, firmness })
+    }
+
+    /// Forget the positions that wait.
+    pub(crate) fn forget(&self) {
+        while self.next().is_some() {}
+    }
+
+    /// Whether a player is there.
+    pub fn is_present(&self) -> bool {
+        self.is_present.load(Ordering::Acquire)
+    }
+
+    /// The player has come or gone.
+    pub fn set_present(&self, is_present: bool) {
+        self.is_present.store(is_present, Ordering::Release);
+    }
+
+    pub(crate) fn publish(&self, points: [f64; 4], late: u64) {
+        for (place, point) in self.points.iter().zip(points) {
+            place.store(point.to_bits(), Ordering::Relaxed);
+        }
+        self.late.store(late, Ordering::Relaxed);
+    }
+
+    /// Counts so far.
+    pub fn tally(&self) -> LeadTally {
+        let feeder = self.feeder();
+        let [n, sum, squares] = feeder.gaps;
+        let gap = if n > 0.0 { sum / n } else { 0.0 };
+        let variance = if n > 0.0 {
+            squares / n - gap * gap
+        } else {
+            0.0
+        };
+        LeadTally {
+            late: self.late.load(Ordering::Relaxed),
+            gap,
+            deviation: ergon_engine::maths::sqrt(variance.max(0.0)),
+            ..feeder.tally
+        }
+    }
+}
+
+impl PageKey for Lead {
+    fn name(&self) -> &str {
+        let name = self.options.name.as_str();
+        let name = name.split_once(':').map_or(name, |(_, name)| name);
+        name.split_once('?').map_or(name, |(name, _)| name)
+    }
+
+    fn travel(&self) -> f64 {
+        self.options.travel
+    }
+
+    fn hold(&self) -> bool {
+        !self.is_present.swap(true, Ordering::AcqRel)
+    }
+
+    fn is_held(&self) -> bool {
+        self.is_present()
+    }
+
+    fn leave(&self) {
+        self.set_present(false);
+    }
+
+    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool {
+        let placed = Placed {
+            time: self.now() - age,
+            x,
+            // A mouse reports 0.5, the pressure of an ordinary finger.
+            firmness: pressure.map(|pressure| 2.0 * pressure),
+        };
+        self.feed(placed).is_ok()
+    }
+
+    fn refuse(&self) {
+        self.feeder().tally.refused += 1;
+    }
+
+    fn points(&self) -> PagePoints {
+        let [pointer, finger, key, force] =
+            [0, 1, 2, 3].map(|n| f64::from_bits(self.points[n].load(Ordering::Relaxed)));
+        PagePoints {
+            pointer,
+            finger,
+            key,
+            force,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lead(name: &str, lockstep: bool) -> Arc<Lead> {
+        let options = LeadOptions {
+            name: name.into(),
+            finger: Finger::default(),
+            delay: 0.02,
+            travel: 0.1,
+            lockstep,
+        };
+        Lead::new(options, true).expect("a new name")
+    }
+
+    fn placed(time: f64, x: f64) -> Placed {
+        Placed {
+            time,
+            x,
+            firmness: Some(1.0),
+        }
+    }
+
+    #[test]
+    fn positions_come_out_as_they_went_in_within_the_travel() {
+        let lead = lead("osc:/in-and-out", true);
+        for (time, x) in [(0.0, 0.01), (0.1, 9.0), (0.05, -9.0)] {
+            lead.feed(placed(time, x)).unwrap();
+        }
+        assert_eq!(lead.next(), Some(placed(0.0, 0.01)));
+        assert_eq!(lead.next(), Some(placed(0.1, 0.05)));
+        assert_eq!(lead.next(), Some(placed(0.1 + APART, -0.05)), "time rises");
+        assert_eq!(lead.next(), None);
+    }
+
+    #[test]
+    fn nonsense_and_floods_are_refused_and_counted() {
+        let lead = lead("osc:/flood", false);
+        for bad in [placed(f64::NAN, 0.0), placed(0.0, f64::INFINITY)] {
+            assert_eq!(lead.feed(bad), Err(Refusal::NotFinite));
+        }
+        let refused = (0..20_000)
+            .filter(|_| lead.feed(placed(lead.now(), 0.0)).is_err())
+            .count();
+        assert!(refused > 0);
+        let tally = lead.tally();
+        assert_eq!(tally.refused, refused as u64 + 2);
+        assert_eq!(tally.taken, 20_000 - refused as u64);
+    }
+
+    #[test]
+    fn a_wrong_stamp_is_replaced_by_the_time_of_arrival() {
+        let lead = lead("osc:/stamps", false);
+        for time in [-1e9, 1e9] {
+            lead.feed(placed(time, 0.0)).unwrap();
+            let time = lead.next().unwrap().time;
+            assert!((0.0..=lead.now() + 1e-3).contains(&time), "{time}");
+        }
+        assert_eq!(lead.tally().misdated, 2);
+    }
+
+    #[test]
+    fn a_name_is_led_once_at_a_time() {
+        let first = lead("osc:/name", true);
+        let again = LeadOptions {
+            ..first.options().clone()
+        };
+        assert!(Lead::new(again.clone(), true).is_none());
+        assert!(find("osc:/name").is_some());
+        drop(first);
+        assert!(find("osc:/name").is_none());
+        let second = Lead::new(again.clone(), true).expect("the name of one that is gone");
+        second.close();
+        let third = Lead::new(again, true).expect("the name of one that is closed");
+        second.close();
+        assert!(find("osc:/name").is_some_and(|lead| Arc::ptr_eq(&lead, &third)));
+    }
+
+    #[test]
+    fn a_page_holds_a_key_that_no_other_page_holds() {
+        let lead = lead("page:held", false);
+        lead.leave();
+        assert!(lead.hold() && !lead.hold());
+        assert!(lead.is_held());
+        lead.leave();
+        assert!(!lead.is_held());
+        assert!(lead.hold() && !lead.hold());
+    }
+}

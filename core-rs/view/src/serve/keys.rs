@@ -1,0 +1,148 @@
+//! The keys that pages may play: what they take from a page, and what a page sees of them.
+
+use std::fmt;
+use std::sync::Arc;
+
+/// Longest list of positions in a message.
+pub(super) const POSITIONS_MAX: usize = 64;
+/// Bytes of a position: when [s of the server], where [m], pressure from 0 to 1.
+const POSITION_BYTES: usize = 16;
+/// Bytes before the positions: number of the key, what happens, number of positions.
+const HEAD_BYTES: usize = 4;
+/// Longest message from a page [bytes].
+pub(super) const MESSAGE_MAX: usize = HEAD_BYTES + POSITIONS_MAX * POSITION_BYTES;
+
+/// A key that a page may play. Its methods are called from any thread, and wait for nobody for long.
+pub trait PageKey: Send + Sync + fmt::Debug {
+    /// Its name on the page.
+    fn name(&self) -> &str;
+    /// Length of its travel [m], whose middle is at 0.
+    fn travel(&self) -> f64;
+    /// A page takes the key; false if another page holds it.
+    fn hold(&self) -> bool;
+    /// Whether a page holds it.
+    fn is_held(&self) -> bool;
+    /// The page that holds the key leaves it.
+    fn leave(&self);
+    /// The pointer was at `x` [m] `age` [s] ago, with a pressure from 0 to 1, or was lifted; false if that is refused.
+    fn place(&self, age: f64, x: f64, pressure: Option<f64>) -> bool;
+    /// Count a position of a page that does not hold the key.
+    fn refuse(&self);
+    /// What is drawn.
+    fn points(&self) -> PagePoints;
+}
+
+/// Pointer, finger and key [m], and the force of the pointer on the finger [N]. Pointer and finger are not numbers while
+/// no finger is on the key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PagePoints {
+    /// The pointer, as it pulls the finger.
+    pub pointer: f64,
+    /// The finger.
+    pub finger: f64,
+    /// The key.
+    pub key: f64,
+    /// The force of the spring and damper between pointer and finger.
+    pub force: f64,
+}
+
+/// Positions of a pointer on a key, or its lift.
+#[derive(Debug, PartialEq)]
+pub(super) struct Played {
+    /// Number of the key.
+    pub(super) key: usize,
+    /// (when [s of the server], where [m], pressure; none: lifted).
+    pub(super) positions: Vec<(f64, f64, Option<f64>)>,
+}
+
+/// Parses the positions in a message; `None` if it is not such a message.
+pub(super) fn parse(bytes: &[u8]) -> Option<Played> {
+    let (head, rest) = bytes.split_at_checked(HEAD_BYTES)?;
+    let is_lift = match head[1] {
+        0 => false,
+        1 => true,
+        _ => return None,
+    };
+    let n = usize::from(u16::from_le_bytes([head[2], head[3]]));
+    if n == 0 || n > POSITIONS_MAX || rest.len() != n * POSITION_BYTES {
+        return None;
+    }
+    let positions = rest.chunks_exact(POSITION_BYTES).map(|row| {
+        let single = |from: usize| {
+            let word = row[from..from + 4].try_into().expect("four bytes");
+            f64::from(f32::from_le_bytes(word))
+        };
+        let time = f64::from_le_bytes(row[..8].try_into().expect("eight bytes"));
+        (time, single(8), (!is_lift).then(|| single(12)))
+    });
+    Some(Played {
+        key: usize::from(head[0]),
+        positions: positions.collect(),
+    })
+}
+
+/// The keys as JSON, which a page asks for.
+pub(super) fn listed(keys: &[Arc<dyn PageKey>]) -> String {
+    let rows: Vec<_> = keys
+        .iter()
+        .map(|key| {
+            let (name, travel) = (escaped(key.name()), key.travel());
+            format!("{{\"name\": \"{name}\", \"travel\": {travel}}}")
+        })
+        .collect();
+    format!("[{}]", rows.join(", "))
+}
+
+/// Text as it stands inside a string of JSON.
+fn escaped(text: &str) -> String {
+    text.chars()
+        .filter(|c| !c.is_control())
+        .flat_map(|c| {
+            matches!(c, '"' | '\\')
+                .then_some('\\')
+                .into_iter()
+                .chain([c])
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(key: u8, kind: u8, rows: &[(f64, f32, f32)]) -> Vec<u8> {
+        let mut bytes = vec![key, kind];
+        bytes.extend((rows.len() as u16).to_le_bytes());
+        for &(time, x, pressure) in rows {
+            bytes.extend(time.to_le_bytes());
+            bytes.extend(x.to_le_bytes());
+            bytes.extend(pressure.to_le_bytes());
+        }
+        bytes
+    }
+
+    #[test]
+    fn positions_and_lifts_are_read() {
+        let rows = [(1.5, 0.25, 0.5), (1.75, -0.5, 1.0)];
+        let moved = parse(&message(3, 0, &rows)).unwrap();
+        assert_eq!(moved.key, 3);
+        assert_eq!(moved.positions[1], (1.75, -0.5, Some(1.0)));
+        let lifted = parse(&message(0, 1, &rows[..1])).unwrap();
+        assert_eq!(lifted.positions, [(1.5, 0.25, None)]);
+    }
+
+    #[test]
+    fn other_bytes_are_no_positions() {
+        let sound = message(0, 0, &[(0.0, 0.0, 0.0)]);
+        for bytes in [
+            &[][..],
+            &sound[..3],
+            &sound[..19],
+            &message(0, 2, &[(0.0, 0.0, 0.0)]),
+            &message(0, 0, &[]),
+            &message(0, 0, &[(0.0, 0.0, 0.0); POSITIONS_MAX + 1]),
+        ] {
+            assert_eq!(parse(bytes), None);
+        }
+    }
+}

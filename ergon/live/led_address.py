@@ -1,0 +1,163 @@
+"""Addresses of keys that are played without a device, such as `page:`, `midi:cc2` and `osc:/x`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .boards import LED_KINDS, BoardError
+
+if TYPE_CHECKING:
+    from ergon.notation.tables.quantities import Dimension
+
+# Axes of a gamepad: their numbers in Linux, and signs: a stick that is pushed away counts down.
+GAMEPAD_AXES = {
+    "lx": (0, 1),
+    "ly": (1, -1),
+    "lt": (2, 1),
+    "rx": (3, 1),
+    "ry": (4, -1),
+    "rt": (5, 1),
+}
+OSC_PORT = 9001  # of 127.0.0.1, where positions are expected
+_CONTROLLER = re.compile(r"cc(\d{1,3})\Z")
+_OSC_ADDRESS = re.compile(r"/[A-Za-z0-9_./-]{1,80}\Z")
+_CONTROLLERS = range(120)  # above are messages to whole channels
+_DELAY_MAX = 0.5  # [s] that a player could still play with
+_FIELDS = {"K": "stiffness", "Z": "damping", "M": "mass", "travel": "travel", "delay": "delay"}
+
+
+@dataclass(frozen=True, slots=True)
+class Finger:
+    """A finger: spring [N/m] and damper [N·s/m] to its pointer, and its moving mass [kg].
+
+    A. Z. Hajian and R. D. Howe, "Identification of the mechanical impedance at the human finger
+    tip", J. Biomech. Eng. 119 (1997), model a finger by these three.
+    """
+
+    stiffness: float = 400.0
+    damping: float = 2.0
+    mass: float = 6e-3
+
+
+@dataclass(frozen=True, slots=True)
+class LedAddress:
+    """A key's source of positions: its kind, which of its values, and how they lead the finger.
+
+    `delay` [s] is that of the path, `travel` [m] the length of the key's, `port` the OSC port,
+    `source` a MIDI input or the file of a gamepad, `channel` (1 to 16) a MIDI channel; None is
+    any. In lockstep, which is for tests, time is that of the ticks.
+    """
+
+    kind: str
+    what: str
+    finger: Finger
+    delay: float = 0.02
+    travel: float = 0.1
+    port: int = OSC_PORT
+    source: str = ""
+    channel: int | None = None
+    lockstep: bool = False
+
+    @property
+    def controller(self) -> int | None:
+        """The number of the MIDI controller; None for other values."""
+        found = _CONTROLLER.match(self.what)
+        return int(found[1]) if found else None
+
+
+def is_led(url: str) -> bool:
+    """Whether a URL is that of a key that is played without a device."""
+    return url.partition(":")[0] in LED_KINDS
+
+
+def parse_led_address(url: str) -> LedAddress:
+    """The source at a URL `KIND:WHAT?OPTION&OPTION=VALUE`. Raises BoardError."""
+    target, _, options = url.partition("?")
+    kind, _, what = target.partition(":")
+    _check_what(url, kind, what)
+    numbers: dict[str, float] = {}
+    others: dict[str, int | str | bool] = {}
+    for option in filter(None, options.split("&")):
+        name, has_value, text = option.partition("=")
+        if option == "lockstep":
+            others["lockstep"] = True
+        elif name in _FIELDS and has_value:
+            numbers[_FIELDS[name]] = _quantity(url, name, text)
+        elif (kind, name) in _SPECIAL and has_value:
+            field, read = _SPECIAL[kind, name]
+            others[field] = read(url, text)
+        else:
+            raise BoardError(f"{url}: unknown option '{option}'; {_known_options(kind)}")
+    finger = Finger(**{name: numbers.pop(name) for name in tuple(numbers) if name in _FINGER})
+    if numbers.get("delay", 0.0) > _DELAY_MAX:
+        raise BoardError(f"{url}: a delay is at most {_DELAY_MAX * 1e3:g} ms")
+    return LedAddress(kind, what, finger, **numbers, **others)  # type: ignore[arg-type]
+
+
+_FINGER = ("stiffness", "damping", "mass")
+
+
+def _check_what(url: str, kind: str, what: str) -> None:
+    if kind == "osc" and not _OSC_ADDRESS.match(what):
+        raise BoardError(f"{url}: after osc: comes the address of its messages, such as osc:/x")
+    if kind == "gamepad" and what not in GAMEPAD_AXES:
+        raise BoardError(f"{url}: after gamepad: comes one of {', '.join(GAMEPAD_AXES)}")
+    if kind != "midi":
+        return
+    controller = _CONTROLLER.match(what)
+    if controller and int(controller[1]) not in _CONTROLLERS:
+        raise BoardError(f"{url}: controllers have the numbers 0 to 119")
+    if not controller and what not in ("bend", "pressure"):
+        raise BoardError(f"{url}: after midi: comes cc and a number (cc2), bend or pressure")
+
+
+def _known_options(kind: str) -> str:
+    special = [name for known, name in _SPECIAL if known == kind]
+    names = [*_FIELDS, *special]
+    return f"the options are {', '.join(names)}"
+
+
+def _quantity(url: str, name: str, text: str) -> float:
+    from ergon.notation.tables import quantities
+    from ergon.notation.text.errors import TextError
+
+    dimensions: Mapping[str, Dimension] = {
+        "K": quantities.STIFFNESS,
+        "Z": quantities.DAMPING,
+        "M": quantities.MASS,
+        "travel": quantities.SIZE,
+        "delay": quantities.DURATION,
+    }
+    try:
+        value = quantities.quantity(text, dimensions[name])
+    except TextError as error:
+        raise BoardError(f"{url}: {name}: {error.message}") from None
+    if name == "K" and value == 0.0:
+        raise BoardError(
+            f"{url}: K has to be above zero: without a spring nothing leads the finger"
+        )
+    return value
+
+
+def _number_between(low: int, high: int) -> Callable[[str, str], int]:
+    def read(url: str, text: str) -> int:
+        if not text.isascii() or not text.isdecimal() or not low <= int(text) <= high:
+            raise BoardError(f"{url}: '{text}' is not a number from {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def _text(_url: str, text: str) -> str:
+    return text
+
+
+_SPECIAL: Mapping[tuple[str, str], tuple[str, Callable[[str, str], int | str]]] = {
+    ("midi", "in"): ("source", _text),
+    ("gamepad", "in"): ("source", _text),
+    ("midi", "channel"): ("channel", _number_between(1, 16)),
+    ("osc", "port"): ("port", _number_between(1, 65535)),
+}

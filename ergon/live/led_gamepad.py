@@ -1,0 +1,124 @@
+"""Sticks and triggers of gamepads as positions of keys, by the events of Linux (evdev)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import struct
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .boards import BoardError
+from .led_address import GAMEPAD_AXES
+
+if TYPE_CHECKING:
+    from ergon import _core
+
+    from .led_address import LedAddress
+
+_EVENT = struct.Struct("llHHi")  # seconds, microseconds, type, code, value
+_ABS_INFO = struct.Struct("6i")  # value, least, greatest, fuzz, flat, resolution
+_ABSOLUTE = 3  # the type of events of sticks
+_GET_RANGE = 0x80184540  # EVIOCGABS(0)
+_SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
+_EVENTS_AT_ONCE = 64
+_LOOK = 0.2  # [s] between two looks whether a thread is to end
+_USUAL_RANGE = (-32768, 32767)  # of files of events, which have no device to ask
+_PADS = Path("/dev/input/by-id")
+_PAD_NAMES = "*-event-joystick"
+
+
+class GamepadValues:
+    """Passes events of one axis on as positions of a key."""
+
+    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+        """The ends of the axis are those of the key."""
+        self._address, self._lead = address, lead
+        self.code, self._sign = GAMEPAD_AXES[address.what]
+        self.range = _USUAL_RANGE
+
+    def receive(self, value: int, instant: float) -> None:
+        """Take a value that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
+        low, high = self.range
+        share = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
+        is_lockstep = self._address.lockstep
+        when = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
+        self._lead.place(when, 0.5 * self._address.travel * share)
+
+    def leave(self) -> None:
+        """The gamepad is gone: the stand-in plays."""
+        self._lead.set_present(False)
+
+
+def events(data: bytes) -> Iterator[tuple[int, int, float]]:
+    """(number of the axis, value, instant [s]) of each event of a stick; others are left out."""
+    for seconds, micro, kind, code, value in _EVENT.iter_unpack(data):
+        if kind == _ABSOLUTE:
+            yield code, value, seconds + 1e-6 * micro
+
+
+def pad_path(named: str) -> Path:
+    """The device of a gamepad: the path `named`, or the only one there is. Raises BoardError."""
+    if named:
+        return Path(named)
+    found = sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
+    if len(found) == 1:
+        return found[0]
+    there = ", ".join(map(str, found)) or "none"
+    raise BoardError(f"which gamepad? ?in=PATH says so; there is {there}")
+
+
+class GamepadPort:
+    """An open gamepad, whose events are passed on by their axes."""
+
+    def __init__(self, path: Path, values: Sequence[GamepadValues]) -> None:
+        """Open a gamepad. Raises BoardError."""
+        try:
+            self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise BoardError(f"the gamepad {path} cannot be opened: {error.strerror}") from None
+        self._values = values
+        self._over = threading.Event()
+        self._prepare()
+        self._thread = threading.Thread(target=self._run, name="ergon gamepad", daemon=True)
+        self._thread.start()
+
+    def _prepare(self) -> None:
+        """Learn the ranges of the axes, and let events bear the times of `time.monotonic`."""
+        import fcntl
+
+        with contextlib.suppress(OSError):  # a file or a pipe of events
+            fcntl.ioctl(self._file, _SET_CLOCK, struct.pack("i", time.CLOCK_MONOTONIC))
+        for value in self._values:
+            with contextlib.suppress(OSError):
+                raw = fcntl.ioctl(self._file, _GET_RANGE + value.code, bytes(_ABS_INFO.size))
+                _, low, high, *_ = _ABS_INFO.unpack(raw)
+                if low < high:
+                    value.range = (low, high)
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            if not select.select([self._file], [], [], _LOOK)[0]:
+                continue
+            try:
+                data = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
+            except OSError:  # unplugged
+                data = b""
+            if not data:
+                for value in self._values:
+                    value.leave()
+                return
+            for code, number, instant in events(data[: len(data) // _EVENT.size * _EVENT.size]):
+                for value in self._values:
+                    if value.code == code:
+                        value.receive(number, instant)
+
+    def close(self) -> None:
+        """Pass on nothing any more."""
+        self._over.set()
+        self._thread.join()
+        os.close(self._file)

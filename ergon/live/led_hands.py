@@ -1,0 +1,168 @@
+"""Keys that are played without a device: their fingers, and the sources that lead them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
+
+from ergon import _core
+
+from .boards import Board, BoardError
+from .led_address import LedAddress, is_led, parse_led_address
+from .led_gamepad import GamepadPort, GamepadValues, pad_path
+from .led_sources import MidiValues, OscPort, OscValues, open_midi_input
+from .midi_ports import VIRTUAL, InputPort, SystemInput
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_FAST = 10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
+
+
+class _Source(Protocol):
+    def close(self) -> None:
+        """Pass on nothing any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class LedHands:
+    """Boards with their leads, and the open sources of positions."""
+
+    boards: Sequence[Board] = ()
+    sources: Sequence[_Source] = ()
+    sentences: Sequence[str] = field(default_factory=tuple)  # about what is open
+
+    @property
+    def page_leads(self) -> list[_core.Lead]:
+        """The leads of keys that pages play."""
+        return [
+            board.lead for board in self.boards if board.lead is not None and board.kind == "page"
+        ]
+
+    def close(self) -> None:
+        """Let nothing lead a finger any more."""
+        for source in self.sources:
+            source.close()
+        for board in self.boards:
+            if board.lead is not None:
+                board.lead.close()
+
+    def summaries(self) -> Iterator[str]:
+        """A sentence for each led key about its path: rate, latency, error."""
+        for board in self.boards:
+            if board.lead is not None:
+                yield summary(board, board.lead)
+
+
+def open_led_hands(
+    boards: Sequence[Board], make_midi: Callable[[str], InputPort] = SystemInput
+) -> LedHands:
+    """Open what leads the fingers on keys without a device; other boards stay as they are.
+
+    Raises BoardError, and then nothing stays open.
+    """
+    addresses = {board.url: parse_led_address(board.url) for board in boards if is_led(board.url)}
+    leads: dict[str, _core.Lead] = {}
+    sources: list[_Source] = []
+    sentences: list[str] = []
+    try:
+        for url, address in addresses.items():
+            leads[url] = _lead(url, address)
+        for port, values in _osc_values(addresses, leads).items():
+            osc = OscPort(port)
+            sources.append(osc)
+            for value in values:
+                osc.add(value)
+            osc.begin()
+            paths = ", ".join(value.path for value in values)
+            sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
+        for name, listeners in _midi_values(addresses, leads).items():
+            midi = open_midi_input(name or VIRTUAL, listeners, make_midi)
+            sources.append(midi)
+            sentences.append(f"positions are taken from the MIDI input {midi.name}")
+        for name, axes in _gamepad_values(addresses, leads).items():
+            path = pad_path(name)
+            sources.append(GamepadPort(path, axes))
+            sentences.append(f"positions are taken from the gamepad {path}")
+    except BoardError:
+        for source in (*sources, *leads.values()):
+            source.close()
+        raise
+    led = [replace(board, lead=leads.get(board.url)) for board in boards]
+    return LedHands(led, sources, sentences)
+
+
+def _lead(url: str, address: LedAddress) -> _core.Lead:
+    finger = address.finger
+    try:
+        return _core.Lead(
+            url,
+            finger=(finger.stiffness, finger.damping, finger.mass),
+            delay=address.delay,
+            travel=address.travel,
+            lockstep=address.lockstep,
+            present=address.kind != "page",
+        )
+    except _core.EngineError as error:
+        raise BoardError(str(error)) from None
+
+
+def _osc_values(
+    addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
+) -> dict[int, list[OscValues]]:
+    """The values of each port; of keys in lockstep none, whose messages a test brings."""
+    found: dict[int, list[OscValues]] = {}
+    for url, address in addresses.items():
+        if address.kind == "osc" and not address.lockstep:
+            found.setdefault(address.port, []).append(OscValues(address, leads[url]))
+    return found
+
+
+def _midi_values(
+    addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
+) -> dict[str, list[MidiValues]]:
+    """The values of each input, as `_osc_values`."""
+    found: dict[str, list[MidiValues]] = {}
+    for url, address in addresses.items():
+        if address.kind == "midi" and not address.lockstep:
+            found.setdefault(address.source, []).append(MidiValues(address, leads[url]))
+    return found
+
+
+def _gamepad_values(
+    addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
+) -> dict[str, list[GamepadValues]]:
+    """The values of each gamepad, as `_osc_values`."""
+    found: dict[str, list[GamepadValues]] = {}
+    for url, address in addresses.items():
+        if address.kind == "gamepad" and not address.lockstep:
+            found.setdefault(address.source, []).append(GamepadValues(address, leads[url]))
+    return found
+
+
+def summary(board: Board, lead: _core.Lead) -> str:
+    """What came for a key, how late its path is, and how far from the player's it can be.
+
+    A line between two positions of a path with an acceleration a is at most a·gap²/8 from it, the
+    bound of linear interpolation (de Boor, A Practical Guide to Splines, 1978, ch. III).
+    """
+    tally = lead.tally
+    address = parse_led_address(board.url)
+    players = ", ".join(player for _, player in board.axes)
+    if not tally["taken"]:
+        sentence = f"{players} by {board.display_name}: no position came"
+    else:
+        gap, deviation = tally["gap"], tally["deviation"]
+        sentence = (
+            f"{players} by {board.display_name}: {tally['taken']:,.0f} positions, one each "
+            f"{gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path {address.delay * 1e3:g} ms late "
+            f"and within {_FAST * gap * gap / 8.0 * 1e3:.2g} mm where the hand accelerates by "
+            f"{_FAST:g} m/s²"
+        )
+    counts = [
+        (tally["late"], "came too late"),
+        (tally["misdated"], "had impossible times"),
+        (tally["refused"], "were refused"),
+    ]
+    return "; ".join([sentence, *(f"{count:.0f} {what}" for count, what in counts if count)])

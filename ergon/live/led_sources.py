@@ -1,0 +1,192 @@
+"""Where positions of led keys come from: messages of MIDI and OSC, from threads of their own."""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from .boards import BoardError
+from .datagrams import (
+    DATAGRAM_BYTES_MAX,
+    MalformedDatagramError,
+    PythonOscMissingError,
+    parse_messages,
+    require_python_osc,
+)
+from .midi_messages import Control, Message, Pressure, Wheel, parse_message
+from .midi_ports import InputPort, MidiError, SystemInput
+
+if TYPE_CHECKING:
+    from ergon import _core
+
+    from .led_address import LedAddress
+
+_LOOPBACK = "127.0.0.1"
+_LOOK = 0.2  # [s] between two looks whether a thread is to end
+_FINE = 32  # a controller below this has its finer bits in the one that is 32 higher
+_HALF = 0x2000  # middle of 14 bits
+_TOP = 0x3FFF
+_COARSE_TOP = 127
+
+
+class MidiValues:
+    """Passes a MIDI controller, wheel or pressure on as positions of a key."""
+
+    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+        """The lowest value is the lower end of the key, the highest the upper."""
+        self._address, self._lead = address, lead
+        self._coarse = 0
+        self._has_fine = False
+
+    def receive(self, data: bytes, instant: float) -> None:
+        """Take a message that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
+        channel = self._address.channel
+        if channel is not None and data and data[0] & 0x0F != channel - 1:
+            return
+        share = self._share(parse_message(data))
+        if share is not None:
+            x = self._address.travel * (share - 0.5)
+            self._lead.place(_lead_time(self._address, self._lead, instant), x)
+
+    def _share(self, message: Message | None) -> float | None:
+        """Where in its range a value is, 0 to 1; None for other messages."""
+        controller = self._address.controller
+        if isinstance(message, Control) and controller is not None:
+            return self._controller_share(message, controller)
+        if isinstance(message, Wheel) and self._address.what == "bend":
+            # The middle is exactly the middle, though there are more values below it than above.
+            below = message.value - _HALF
+            return 0.5 + 0.5 * below / (_HALF if below < 0 else _TOP - _HALF)
+        if isinstance(message, Pressure) and self._address.what == "pressure":
+            return message.value / _COARSE_TOP
+        return None
+
+    def _controller_share(self, message: Control, controller: int) -> float | None:
+        if message.number == controller:
+            self._coarse = message.value
+            return (message.value << 7) / _TOP if self._has_fine else message.value / _COARSE_TOP
+        if message.number == controller + _FINE and controller < _FINE:
+            self._has_fine = True
+            return (self._coarse << 7 | message.value) / _TOP
+        return None
+
+
+class OscValues:
+    """Passes messages of an OSC address on as positions of a key.
+
+    The first argument is the position, -1 to 1; a second one the pressure, 0 to 1. A message
+    without arguments lifts the finger.
+    """
+
+    def __init__(self, address: LedAddress, lead: _core.Lead) -> None:
+        """Full scale is the whole travel of the key."""
+        self._address, self._lead = address, lead
+
+    @property
+    def path(self) -> str:
+        """The address of the messages."""
+        return self._address.what
+
+    def receive(self, arguments: Sequence[object], instant: float) -> None:
+        """Take the arguments of a message that came at an instant [s], as `MidiValues` does."""
+        time_ = _lead_time(self._address, self._lead, instant)
+        if not arguments:
+            self._lead.lift(time_)
+            return
+        numbers = [_finite(argument) for argument in arguments[:2]]
+        x, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
+        self._lead.place(time_, 0.5 * self._address.travel * x, 2.0 * pressure)
+
+
+def _finite(argument: object) -> float:
+    """A number; what is not one becomes NaN, which a lead refuses and counts."""
+    is_number = isinstance(argument, int | float) and not isinstance(argument, bool)
+    try:
+        return float(argument) if is_number else math.nan  # type: ignore[arg-type]
+    except OverflowError:
+        return math.nan
+
+
+def _lead_time(address: LedAddress, lead: _core.Lead, instant: float) -> float:
+    return instant if address.lockstep else lead.now() - (time.monotonic() - instant)
+
+
+class OscPort:
+    """A socket on this machine whose messages are passed on by their addresses."""
+
+    def __init__(self, port: int) -> None:
+        """Open the port. Raises BoardError."""
+        try:
+            require_python_osc()
+        except PythonOscMissingError as error:
+            raise BoardError(str(error)) from None
+        self._handlers: dict[str, OscValues] = {}
+        self._over = threading.Event()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((_LOOPBACK, port))
+        except OSError as error:
+            self._socket.close()
+            raise BoardError(
+                f"OSC port {port} cannot be opened ({error.strerror}); ?port=NUMBER takes another"
+            ) from None
+        self._socket.settimeout(_LOOK)
+        self._thread = threading.Thread(target=self._run, name="ergon hands osc", daemon=True)
+
+    @property
+    def port(self) -> int:
+        """Its number."""
+        return int(self._socket.getsockname()[1])
+
+    def add(self, values: OscValues) -> None:
+        """Pass the messages of an address on; before `begin`."""
+        self._handlers[values.path] = values
+
+    def begin(self) -> None:
+        """Receive messages."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._over.is_set():
+            try:
+                datagram = self._socket.recv(DATAGRAM_BYTES_MAX)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            instant = time.monotonic()
+            try:
+                messages = parse_messages(datagram)
+            except MalformedDatagramError:
+                continue
+            for path, arguments in messages:
+                if path in self._handlers:
+                    self._handlers[path].receive(arguments, instant)
+
+    def close(self) -> None:
+        """Receive nothing any more."""
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._socket.close()
+
+
+def open_midi_input(
+    name: str, listeners: Sequence[MidiValues], make: Callable[[str], InputPort] = SystemInput
+) -> InputPort:
+    """An open MIDI input that passes its messages to all listeners. Raises BoardError."""
+    try:
+        port = make(name)
+    except MidiError as error:
+        raise BoardError(str(error)) from None
+
+    def receive(data: bytes, instant: float) -> None:
+        for listener in listeners:
+            listener.receive(data, instant)
+
+    port.listen(receive)
+    return port

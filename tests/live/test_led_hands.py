@@ -1,0 +1,311 @@
+"""Keys that are played without a device: by OSC and MIDI, through a finger, into takes."""
+
+import os
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from duets import recorded, rendered, sound
+from patience import until
+from scipy.integrate import solve_ivp
+
+from ergon import _core
+from ergon.api.errors import OptionError
+from ergon.api.play import PlayOptions, PreparedPlay, begin, prepare
+from ergon.common.report import Report
+from ergon.live.boards import BoardError, boards
+from ergon.live.led_address import Finger, parse_led_address
+from ergon.live.led_gamepad import GamepadPort, GamepadValues, events
+from ergon.live.led_sources import MidiValues, OscValues
+from ergon.live.midi_ports import ProcessPort
+
+SCORE = """\
+ergon: 1
+accuracy: {method: ca}
+keys:
+  k: {M: 50g, K: 0N/m, Z: 1Ns/m}
+  l: {M: 50g, K: 0N/m, Z: 1Ns/m}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}
+      b: {BUT: {between: [k, m], K: 200N/m, Z: 0.1Ns/m, gap: 1mm}}
+      c: {BUT: {between: [l, m], K: 200N/m, Z: 0.1Ns/m, gap: 1mm}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 4mm@1/8 0mm@1/2}
+players: {remi: {hand: live, key: k}, ada: {hand: live, key: l}}
+parts: {remi: [{at: 3.5s, play: knock}]}
+mix: {master: {gain: 60dB}, route: [{from: bell, to: 1, highpass: 20Hz}]}
+render: {tail: 500ms}
+"""
+TICK = 44 / 44100  # [s]
+TRAVEL = 0.1  # [m]
+KEY = (0.05, 1.0)  # mass [kg] and damping [N·s/m] of the key
+PULP = (2000.0, 2.0)  # spring [N/m] and damper [N·s/m] of the fingertip
+DELAY = 0.02  # [s]
+
+# Shares of the travel that 14 bits can say, and when.
+TIMES = np.arange(0.0, 3.4, 0.008)
+VALUES = np.round(0x2000 + 0x2000 * 0.12 * np.sin(2 * np.pi * 1.7 * TIMES) ** 3).astype(int)
+SHARES = np.where(VALUES < 0x2000, VALUES / 0x4000, 0.5 + 0.5 * (VALUES - 0x2000) / 0x1FFF)
+
+
+class NotedLead:
+    """A lead that notes where a pointer was."""
+
+    def __init__(self) -> None:
+        self.placed: list[float] = []
+        self.is_present = True
+
+    def now(self) -> float:
+        return 0.0
+
+    def place(self, _time: float, x: float, _firmness: float = 1.0) -> bool:
+        self.placed.append(x)
+        return True
+
+    def set_present(self, present: bool) -> None:
+        self.is_present = present
+
+
+@dataclass
+class Played:
+    positions: np.ndarray
+    forces: np.ndarray  # sent to the key
+    heard: np.ndarray
+    take: Path
+    sentences: list[str]
+
+
+def led(url: str, feed: Callable[[PreparedPlay], None], name: str = "h") -> Played:
+    """What a piece is if a hand plays it by a source in lockstep."""
+    Path("s.yaml").write_text(SCORE)
+    take, heard = Path(f"{name}.take"), Path(f"{name}.wav")
+    options = PlayOptions(live=[f"remi={url}"], record=str(take), gain="0dB", audio=f"file:{heard}")
+    ready = prepare("s.yaml", options, Report())
+    feed(ready)
+    performance = begin(ready.stage, ready.config, Report())
+    while not performance.wait(0.05):
+        pass
+    performance.close(10.0)
+    sentences = list(ready.hands.summaries())
+    ready.close()
+    found = recorded(take)
+    return Played(
+        found.positions()[:, 0], found.sent()[:, 0].astype(float), sound(heard), take, sentences
+    )
+
+
+def lead_of(ready: PreparedPlay) -> _core.Lead:
+    (board,) = ready.hands.boards
+    assert board.lead is not None
+    return board.lead
+
+
+def by_osc(ready: PreparedPlay) -> None:
+    values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
+    for time, share in zip(TIMES, SHARES, strict=True):
+        values.receive([2.0 * (share - 0.5)], time)
+
+
+def by_bend(ready: PreparedPlay) -> None:
+    values = MidiValues(parse_led_address("midi:bend?lockstep"), lead_of(ready))
+    port = ProcessPort()
+    port.listen(values.receive)
+    for time, value in zip(TIMES, VALUES, strict=True):
+        port.deliver(bytes([0xE0, value & 0x7F, value >> 7]), time)
+
+
+def test_a_hand_by_osc_and_by_midi_gives_the_same_take(own_folder: Path):
+    osc, midi = led("osc:/x?lockstep", by_osc, "osc"), led("midi:bend?lockstep", by_bend, "midi")
+    assert np.ptp(osc.positions) > 5e-3
+    assert osc.forces.min() < -0.02
+    assert np.array_equal(osc.positions, midi.positions)
+    assert np.array_equal(osc.forces, midi.forces)
+    assert np.array_equal(osc.heard, midi.heard)
+
+
+def test_a_recorded_finger_renders_to_the_samples_heard(own_folder: Path):
+    played = led("osc:/x?lockstep", by_osc)
+    assert np.max(np.abs(played.heard)) > 1e-4
+    assert np.array_equal(rendered(Path("s.yaml"), played.take), played.heard)
+
+
+def test_a_finger_moves_as_its_equations_say(own_folder: Path):
+    """Two masses, their springs and dampers, and the force of the piece, tick by tick by DOP853."""
+    played = led("osc:/x?lockstep", by_osc)
+    n = 3000
+    instants = np.arange(n + 1) * TICK - DELAY
+    pointer = np.interp(instants, TIMES, TRAVEL * (SHARES - 0.5))
+    finger, (pulp_k, pulp_z), (mass, damping) = Finger(), PULP, KEY
+    # The finger lands on the resting key in the tick at whose end its first position is read, and
+    # goes from there to its pointer in 0.1 s.
+    first = int(np.argmax(instants >= 0.0))
+    since = np.clip((np.arange(n + 1) - (first - 1)) * TICK / 0.1, 0.0, 1.0)
+    pointer[first - 1] = pointer[first]
+    pointer -= pointer[first] * (1.0 - since**2 * (3.0 - 2.0 * since))
+    state, moved = np.zeros(4), [0.0] * first
+    for tick in range(first, n):
+        force, start = played.forces[tick], pointer[tick - 1]
+        speed = (pointer[tick] - start) / TICK
+
+        def rates(t: float, y: np.ndarray, start=start, speed=speed, force=force) -> list[float]:
+            x, v, key, key_v = y
+            pulp = pulp_k * (x - key) + pulp_z * (v - key_v)
+            pull = finger.stiffness * (start + speed * t - x) + finger.damping * (speed - v)
+            return [v, (pull - pulp) / finger.mass, key_v, (force + pulp - damping * key_v) / mass]
+
+        found = solve_ivp(rates, (0.0, TICK), state, "DOP853", rtol=1e-9, atol=1e-12)
+        state = found.y[:, -1]
+        moved.append(state[2])
+    wanted = np.array(moved)
+    error = np.sqrt(np.mean((played.positions[:n] - wanted) ** 2) / np.mean(wanted**2))
+    assert 20 * np.log10(error) < -60.0
+    assert played.forces[:n].min() < -0.2
+
+
+def test_a_lifted_finger_leaves_the_key_where_it_was(own_folder: Path):
+    def feed(ready: PreparedPlay) -> None:
+        values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
+        for time in np.arange(0.0, 0.6, 0.01):
+            values.receive([-0.3 * min(1.0, time / 0.3)], time)
+        values.receive([], 0.61)
+        values.receive(["nonsense"], 0.62)
+        values.receive([float("nan")], 0.63)
+
+    played = led("osc:/x?lockstep", feed)
+    away = played.positions[int(1.0 / TICK) :]
+    assert away[0] == pytest.approx(-0.015, abs=2e-4)
+    assert np.ptp(away) < 1e-5
+    assert "2 were refused" in played.sentences[0]
+
+
+def test_no_pull_moves_the_key_beyond_its_travel(own_folder: Path):
+    def feed(ready: PreparedPlay) -> None:
+        lead = lead_of(ready)
+        for step, time in enumerate(np.arange(0.0, 3.0, 0.005)):
+            lead.place(time, 1e9 if step % 100 < 50 else -1e9, 2.0)
+
+    played = led("osc:/x?lockstep&travel=20mm", feed)
+    assert np.max(np.abs(played.positions)) <= 0.01 + 1e-12
+    assert np.ptp(played.positions) > 0.019
+
+
+def test_a_summary_says_rate_latency_and_error(own_folder: Path):
+    played = led("osc:/x?lockstep&delay=30ms", by_osc)
+    assert played.sentences == [
+        "remi by osc:/x: 425 positions, one each 8.0 ms ± 0.0 ms; path 30 ms late and within "
+        "0.08 mm where the hand accelerates by 10 m/s²"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("messages", "shares"),
+    [
+        (["b0 02 00", "b0 02 7f", "b0 03 10"], [0.0, 1.0]),
+        (
+            ["b0 02 40", "b0 22 7f", "b0 02 7f", "b0 22 7f"],
+            [64 / 127, 0x207F / 0x3FFF, 0x3F80 / 0x3FFF, 1.0],
+        ),
+    ],
+)
+def test_a_controller_has_7_or_14_bits(messages: list[str], shares: list[float]):
+    lead = NotedLead()
+    values = MidiValues(parse_led_address("midi:cc2?lockstep"), lead)  # type: ignore[arg-type]
+    for message in messages:
+        values.receive(bytes.fromhex(message), 0.0)
+    assert lead.placed == pytest.approx([TRAVEL * (share - 0.5) for share in shares])
+
+
+def test_a_channel_is_one_of_a_zone():
+    lead = NotedLead()
+    address = parse_led_address("midi:pressure?channel=3&lockstep")
+    values = MidiValues(address, lead)  # type: ignore[arg-type]
+    values.receive(bytes([0xD1, 127]), 0.0)
+    values.receive(bytes([0xD2, 127]), 0.0)
+    assert lead.placed == [0.05]
+
+
+# A stick (axis 1) pushed away to its end, a button, and the other stick: as Linux writes events.
+EVENTS = b"".join(
+    struct.pack("llHHi", 12, micro, kind, code, value)
+    for micro, kind, code, value in [
+        (0, 3, 1, 0),
+        (500, 0, 0, 0),
+        (1000, 1, 304, 1),
+        (2000, 3, 3, 777),
+        (8000, 3, 1, -32768),
+        (9000, 3, 1, 32767),
+    ]
+)
+
+
+def test_a_stick_that_is_pushed_away_lifts_the_key():
+    lead = NotedLead()
+    values = GamepadValues(parse_led_address("gamepad:ly?lockstep"), lead)  # type: ignore[arg-type]
+    rows = [row for row in events(EVENTS) if row[0] == values.code]
+    for _, value, instant in rows:
+        values.receive(value, instant)
+    assert [instant for *_, instant in rows] == pytest.approx([12.0, 12.008, 12.009])
+    assert lead.placed == pytest.approx([0.0, 0.05, -0.05], abs=1e-6)
+
+
+def test_an_unplugged_gamepad_leaves_the_key(tmp_path: Path):
+    pipe = tmp_path / "pad"
+    os.mkfifo(pipe)
+    writer = os.open(pipe, os.O_RDWR)
+    lead = NotedLead()
+    values = GamepadValues(parse_led_address("gamepad:ly"), lead)  # type: ignore[arg-type]
+    port = GamepadPort(pipe, [values])
+    os.write(writer, EVENTS)
+    until(lambda: len(lead.placed) == 3, "three places")
+    assert lead.is_present
+    os.close(writer)
+    until(lambda: not lead.is_present, "nobody there")
+    port.close()
+
+
+def test_an_address_says_finger_delay_and_travel():
+    address = parse_led_address("page:ada?K=1kN/m&Z=3Ns/m&M=10g&delay=5ms&travel=30mm")
+    assert address.finger == Finger(1000.0, 3.0, 0.01)
+    assert (address.delay, address.travel) == (0.005, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("midi:cc120", "controllers have the numbers 0 to 119"),
+        ("gamepad:lz", "after gamepad: comes one of lx, ly, lt, rx, ry, rt"),
+        ("midi:wheel", "cc and a number (cc2), bend or pressure"),
+        ("osc:x", "such as osc:/x"),
+        ("osc:/x?K=0N/m", "without a spring nothing leads the finger"),
+        ("osc:/x?K=400g", "K: "),
+        ("osc:/x?delay=2s", "a delay is at most 500 ms"),
+        ("osc:/x?channel=3", "unknown option 'channel=3'; the options are K, Z, M, travel"),
+        ("midi:bend?channel=17", "'17' is not a number from 1 to 16"),
+    ],
+)
+def test_a_wrong_address_says_what_is_right(url: str, words: str):
+    with pytest.raises(BoardError) as error:
+        parse_led_address(url)
+    assert words in str(error.value)
+
+
+def test_each_player_has_a_key_of_the_page():
+    found = boards({"ada": "page:", "remi": "page:?K=800N/m"}, {})
+    assert [board.url for board in found] == ["page:ada", "page:remi?K=800N/m"]
+    assert not any(board.has_motor for board in found)
+
+
+def test_a_port_that_is_taken_is_told(own_folder: Path):
+    Path("s.yaml").write_text(SCORE)
+    live = ["remi=osc:/x?port=39271", "ada=osc:/y?port=39271"]
+    ready = prepare("s.yaml", PlayOptions(live=live, audio="null", gain="0dB"), Report())
+    other = PlayOptions(live=["remi=osc:/z?port=39271"], audio="null", gain="0dB")
+    with pytest.raises(OptionError, match="OSC port 39271 cannot be opened"):
+        prepare("s.yaml", other, Report())
+    ready.close()
+    prepare("s.yaml", other, Report()).close()
