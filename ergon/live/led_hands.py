@@ -150,15 +150,13 @@ def summary(board: Board, lead: _core.Lead) -> str:
     tally = lead.tally
     address = parse_led_address(board.url)
     players = ", ".join(player for _, player in board.axes)
-    if not tally["taken"]:
-        sentence = f"{players} by {board.display_name}: no position came"
-    else:
-        gap, deviation = tally["gap"], tally["deviation"]
-        sentence = (
-            f"{players} by {board.display_name}: {tally['taken']:,.0f} positions, one each "
-            f"{gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path {address.delay * 1e3:g} ms late "
-            f"and within {_FAST * gap * gap / 8.0 * 1e3:.2g} mm where the hand accelerates by "
-            f"{_FAST:g} m/s²"
+    gap, deviation = tally["gap"], tally["deviation"]
+    sentence = f"{players} by {board.display_name}: {tally['taken']:,.0f} positions"
+    if gap > 0.0:
+        sentence += (
+            f", one each {gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
+            f"{address.delay * 1e3:g} ms late and within {_FAST * gap * gap / 8.0 * 1e3:.2g} mm "
+            f"where the hand accelerates by {_FAST:g} m/s²"
         )
     counts = [
         (tally["late"], "came too late"),

@@ -1,6 +1,7 @@
 """Keys that are played without a device: by OSC and MIDI, through a finger, into takes."""
 
 import os
+import socket
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,15 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duets import recorded, rendered, sound
+from duets import recorded, rendered, said, sound
 from patience import until
 from scipy.integrate import solve_ivp
 
 from ergon import _core
 from ergon.api.errors import OptionError
+from ergon.api.open_session import open_session
+from ergon.api.options import SessionOptions
 from ergon.api.play import PlayOptions, PreparedPlay, begin, prepare
 from ergon.common.report import Report
 from ergon.live.boards import BoardError, boards
+from ergon.live.datagrams import encode_message
 from ergon.live.led_address import Finger, parse_led_address
 from ergon.live.led_gamepad import GamepadPort, GamepadValues, events
 from ergon.live.led_sources import MidiValues, OscValues
@@ -309,3 +313,39 @@ def test_a_port_that_is_taken_is_told(own_folder: Path):
         prepare("s.yaml", other, Report())
     ready.close()
     prepare("s.yaml", other, Report()).close()
+
+
+def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(own_folder: Path):
+    """In a session the hand is in the take beside the journal, twice by the same address."""
+    Path("s.yaml").write_text(SCORE.replace("tail: 500ms", "tail: 900s"))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        free = probe.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as pointer:
+        live = [f"remi=osc:/x?port={free}"]
+
+        def span(take: Path) -> float:
+            pointer.sendto(encode_message("/x", [0.3]), ("127.0.0.1", free))
+            found = _core.read_recording(take) if take.exists() else None
+            return float(np.ptp(found.positions()[:, 0])) if found and len(found.ticks()) else 0.0
+
+        for name in ("first", "second"):
+            options = SessionOptions(live=live, audio="null", gain="0dB", journal=f"{name}.jsonl")
+            report = NotedReport()
+            with open_session("s.yaml", options, report=report) as session:
+                session.play()
+                until(lambda take=Path(f"{name}.take"): span(take) > 0.01, "a hand in the take")
+            assert f"positions of /x are taken from OSC at 127.0.0.1:{free}" in report.sentences
+            assert any("remi by osc:/x: " in sentence for sentence in report.sentences)
+    code, words = said("render", "second.jsonl", "--bits", "float", "-o", "j.wav")
+    assert code == 0, words
+
+
+class NotedReport(Report):
+    """A report that keeps what is said."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def say(self, message: str) -> None:
+        self.sentences.append(message)
