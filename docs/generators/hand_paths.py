@@ -71,7 +71,7 @@ def path_error(rate: float, jitter: float, *, are_stamped: bool) -> PathError:
 
 def table() -> str:
     """The table of the page, in Markdown."""
-    found = [_HEAD, "|---|---|---|---|---|---|"]
+    lines = [_HEAD, "|---|---|---|---|---|---|"]
     for rate in RATES:
         for jitter in JITTERS:
             cells = [f"{rate:g} Hz", f"{jitter * 1e3:g} ms"]
@@ -79,8 +79,8 @@ def table() -> str:
                 error = path_error(rate, jitter, are_stamped=are_stamped)
                 cells.append(f"{error.latency * 1e3:g} ms")
                 cells.append(f"{error.rms * 1e3:.3f} mm, {error.greatest * 1e3:.3f} mm")
-            found.append(f"| {' | '.join(cells)} |")
-    return "\n".join(found) + "\n"
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def with_table(page: str) -> str:

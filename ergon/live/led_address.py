@@ -64,8 +64,8 @@ class LedAddress:
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
-        found = _CONTROLLER.match(self.what)
-        return int(found[1]) if found else None
+        controller = _CONTROLLER.match(self.what)
+        return int(controller[1]) if controller else None
 
 
 def is_led(url: str) -> bool:

@@ -65,10 +65,10 @@ def pad_path(named: str) -> Path:
     """The device of a gamepad: the path `named`, or the only one there is. Raises BoardError."""
     if named:
         return Path(named)
-    found = sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
-    if len(found) == 1:
-        return found[0]
-    there = ", ".join(map(str, found)) or "none"
+    pads = sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
+    if len(pads) == 1:
+        return pads[0]
+    there = ", ".join(map(str, pads)) or "none"
     raise BoardError(f"which gamepad? ?in=PATH says so; there is {there}")
 
 

@@ -112,33 +112,33 @@ def _osc_values(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[int, list[OscValues]]:
     """The values of each port; of keys in lockstep none, whose messages a test brings."""
-    found: dict[int, list[OscValues]] = {}
+    listeners: dict[int, list[OscValues]] = {}
     for url, address in addresses.items():
         if address.kind == "osc" and not address.lockstep:
-            found.setdefault(address.port, []).append(OscValues(address, leads[url]))
-    return found
+            listeners.setdefault(address.port, []).append(OscValues(address, leads[url]))
+    return listeners
 
 
 def _midi_values(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[str, list[MidiValues]]:
     """The values of each input, as `_osc_values`."""
-    found: dict[str, list[MidiValues]] = {}
+    listeners: dict[str, list[MidiValues]] = {}
     for url, address in addresses.items():
         if address.kind == "midi" and not address.lockstep:
-            found.setdefault(address.source, []).append(MidiValues(address, leads[url]))
-    return found
+            listeners.setdefault(address.source, []).append(MidiValues(address, leads[url]))
+    return listeners
 
 
 def _gamepad_values(
     addresses: dict[str, LedAddress], leads: dict[str, _core.Lead]
 ) -> dict[str, list[GamepadValues]]:
     """The values of each gamepad, as `_osc_values`."""
-    found: dict[str, list[GamepadValues]] = {}
+    listeners: dict[str, list[GamepadValues]] = {}
     for url, address in addresses.items():
         if address.kind == "gamepad" and not address.lockstep:
-            found.setdefault(address.source, []).append(GamepadValues(address, leads[url]))
-    return found
+            listeners.setdefault(address.source, []).append(GamepadValues(address, leads[url]))
+    return listeners
 
 
 def summary(board: Board, lead: _core.Lead) -> str:

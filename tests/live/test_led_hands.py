@@ -79,7 +79,7 @@ class NotedLead:
 class Played:
     positions: np.ndarray
     forces: np.ndarray  # sent to the key
-    heard: np.ndarray
+    sound: np.ndarray
     take: Path
     sentences: list[str]
 
@@ -87,8 +87,10 @@ class Played:
 def led(url: str, feed: Callable[[PreparedPlay], None], name: str = "h") -> Played:
     """What a piece is if a hand plays it by a source in lockstep."""
     Path("s.yaml").write_text(SCORE)
-    take, heard = Path(f"{name}.take"), Path(f"{name}.wav")
-    options = PlayOptions(live=[f"remi={url}"], record=str(take), gain="0dB", audio=f"file:{heard}")
+    take, target = Path(f"{name}.take"), Path(f"{name}.wav")
+    options = PlayOptions(
+        live=[f"remi={url}"], record=str(take), gain="0dB", audio=f"file:{target}"
+    )
     ready = prepare("s.yaml", options, Report())
     feed(ready)
     performance = begin(ready.stage, ready.config, Report())
@@ -97,9 +99,13 @@ def led(url: str, feed: Callable[[PreparedPlay], None], name: str = "h") -> Play
     performance.close(10.0)
     sentences = list(ready.hands.summaries())
     ready.close()
-    found = recorded(take)
+    recording = recorded(take)
     return Played(
-        found.positions()[:, 0], found.sent()[:, 0].astype(float), sound(heard), take, sentences
+        recording.positions()[:, 0],
+        recording.sent()[:, 0].astype(float),
+        sound(target),
+        take,
+        sentences,
     )
 
 
@@ -129,13 +135,13 @@ def test_a_hand_by_osc_and_by_midi_gives_the_same_take(own_folder: Path):
     assert osc.forces.min() < -0.02
     assert np.array_equal(osc.positions, midi.positions)
     assert np.array_equal(osc.forces, midi.forces)
-    assert np.array_equal(osc.heard, midi.heard)
+    assert np.array_equal(osc.sound, midi.sound)
 
 
 def test_a_recorded_finger_renders_to_the_samples_heard(own_folder: Path):
     played = led("osc:/x?lockstep", by_osc)
-    assert np.max(np.abs(played.heard)) > 1e-4
-    assert np.array_equal(rendered(Path("s.yaml"), played.take), played.heard)
+    assert np.max(np.abs(played.sound)) > 1e-4
+    assert np.array_equal(rendered(Path("s.yaml"), played.take), played.sound)
 
 
 def test_a_finger_moves_as_its_equations_say(own_folder: Path):
@@ -162,8 +168,8 @@ def test_a_finger_moves_as_its_equations_say(own_folder: Path):
             pull = finger.stiffness * (start + speed * t - x) + finger.damping * (speed - v)
             return [v, (pull - pulp) / finger.mass, key_v, (force + pulp - damping * key_v) / mass]
 
-        found = solve_ivp(rates, (0.0, TICK), state, "DOP853", rtol=1e-9, atol=1e-12)
-        state = found.y[:, -1]
+        solution = solve_ivp(rates, (0.0, TICK), state, "DOP853", rtol=1e-9, atol=1e-12)
+        state = solution.y[:, -1]
         moved.append(state[2])
     wanted = np.array(moved)
     error = np.sqrt(np.mean((played.positions[:n] - wanted) ** 2) / np.mean(wanted**2))
@@ -299,9 +305,9 @@ def test_a_wrong_address_says_what_is_right(url: str, words: str):
 
 
 def test_each_player_has_a_key_of_the_page():
-    found = boards({"ada": "page:", "remi": "page:?K=800N/m"}, {})
-    assert [board.url for board in found] == ["page:ada", "page:remi?K=800N/m"]
-    assert not any(board.has_motor for board in found)
+    opened = boards({"ada": "page:", "remi": "page:?K=800N/m"}, {})
+    assert [board.url for board in opened] == ["page:ada", "page:remi?K=800N/m"]
+    assert not any(board.has_motor for board in opened)
 
 
 def test_a_port_that_is_taken_is_told(own_folder: Path):
@@ -326,8 +332,9 @@ def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(own_folder: 
 
         def span(take: Path) -> float:
             pointer.sendto(encode_message("/x", [0.3]), ("127.0.0.1", free))
-            found = _core.read_recording(take) if take.exists() else None
-            return float(np.ptp(found.positions()[:, 0])) if found and len(found.ticks()) else 0.0
+            if not take.exists() or not len(_core.read_recording(take).ticks()):
+                return 0.0
+            return float(np.ptp(_core.read_recording(take).positions()[:, 0]))
 
         for name in ("first", "second"):
             options = SessionOptions(live=live, audio="null", gain="0dB", journal=f"{name}.jsonl")

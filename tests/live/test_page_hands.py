@@ -24,8 +24,8 @@ FADED = 1000  # frames at the end of a stopped performance, which fades
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[browser.Browser]:
-    with browser.running() as found:
-        yield found
+    with browser.running() as program:
+        yield program
 
 
 @dataclass
@@ -83,8 +83,8 @@ class HandsPage:
 
     def sentences(self) -> list[str]:
         script = "[...document.querySelectorAll('figcaption')].map((it) => it.textContent)"
-        found: list[str] = self.page.run(script)
-        return found
+        texts: list[str] = self.page.run(script)
+        return texts
 
     def middle(self, lane: int) -> tuple[float, float]:
         box = self.page.run(
@@ -112,7 +112,7 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     chromium: browser.Browser, own_folder: Path
 ):
     with (
-        playing("hand.take", "file:heard.wav") as piece,
+        playing("hand.take", "file:played.wav") as piece,
         chromium.page(WIDTH, HEIGHT) as page,
     ):
         hands = HandsPage(page, piece.url)
@@ -131,14 +131,14 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     take = recorded(Path("hand.take"))
     assert np.ptp(take.positions()[:, 0]) > 0.02
     assert np.max(np.abs(take.positions())) <= 0.05
-    heard = sound(Path("heard.wav"))[:-FADED]
+    played = sound(Path("played.wav"))[:-FADED]
     end = f"{len(take.positions()) * TICK_FRAMES / 44100:.3f}s"
     render = ("render", "s.yaml", "--hands", "hand.take", "--to", end, "--bits", "float")
     code, words = said(*render, "-o", "expected.wav")
     assert code == 0, words
-    expected = sound(Path("expected.wav"))[: len(heard)]
-    assert np.max(np.abs(heard)) > 1e-4
-    assert np.array_equal(heard, expected)
+    expected = sound(Path("expected.wav"))[: len(played)]
+    assert np.max(np.abs(played)) > 1e-4
+    assert np.array_equal(played, expected)
 
 
 def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, own_folder: Path):

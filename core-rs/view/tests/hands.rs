@@ -195,7 +195,7 @@ fn another_page_moves_nothing_and_is_told() {
     first
         .send(positions(0, 0, &[(server.now(), 0.1, 0.5)]))
         .unwrap();
-    until("its own page plays on", || key.n_places() == 1);
+    until("the first page plays on", || key.n_places() == 1);
 }
 
 #[test]
@@ -245,17 +245,17 @@ fn who_sends_without_end_or_what_is_not_in_the_protocol_is_disconnected() {
 #[test]
 fn only_its_own_page_gets_in() {
     let server = served(&[Arc::new(Noted::default())]);
-    let own = format!("http://127.0.0.1:{}", server.at().port());
+    let origin = format!("http://127.0.0.1:{}", server.at().port());
     let status = |path: &str, origin: &str| answer(&server, path, &upgrade(origin)).0;
     let right = format!("/{KEY}/hands");
-    assert!(status(&right, &own).starts_with("HTTP/1.1 101"));
+    assert!(status(&right, &origin).starts_with("HTTP/1.1 101"));
     assert!(status(&right, "http://elsewhere.example").starts_with("HTTP/1.1 403"));
     let wrong = format!("/{}/hands", "0".repeat(32));
-    assert!(status(&wrong, &own).starts_with("HTTP/1.1 404"));
+    assert!(status(&wrong, &origin).starts_with("HTTP/1.1 404"));
     let without = served(&[]);
-    let own = format!("http://127.0.0.1:{}", without.at().port());
+    let origin = format!("http://127.0.0.1:{}", without.at().port());
     assert!(
-        answer(&without, &right, &upgrade(&own))
+        answer(&without, &right, &upgrade(&origin))
             .0
             .starts_with("HTTP/1.1 404")
     );

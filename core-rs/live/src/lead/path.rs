@@ -108,7 +108,7 @@ mod tests {
         times
             .iter()
             .map(position)
-            .map(|found| found.map_or(f64::NAN, |(x, _)| x))
+            .map(|placed| placed.map_or(f64::NAN, |(x, _)| x))
             .collect()
     }
 
@@ -126,8 +126,8 @@ mod tests {
     fn a_pointer_that_stood_still_moves_one_delay_before_its_next_position() {
         let path = [(0.0, 0.0), (2.0, 0.01)];
         let x = read(&path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
-        for (found, wanted) in x.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
-            assert!((found - wanted).abs() < 1e-12, "{x:?}");
+        for (read, wanted) in x.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
+            assert!((read - wanted).abs() < 1e-12, "{x:?}");
         }
     }
 
