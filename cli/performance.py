@@ -82,7 +82,7 @@ class ShownPerformance:
             # The error that ended the performance is reported, not what it caused in a recording.
             with contextlib.suppress(_core.EngineError):
                 performance.close(0.05)
-            self._clear()
+            self._summarise()
             raise
         try:
             self._tell(performance.close(_AFTER))
@@ -163,6 +163,12 @@ class ShownPerformance:
         else:
             self._console.say(sentence)
 
+    def _summarise(self) -> None:
+        """Say what came for keys without a device, also when the performance was ended."""
+        self._clear()
+        for sentence in self._hands.summaries():
+            self._say(sentence)
+
     def _finish(self, status: _core.Status, heard: _core.SoundInput) -> None:
         from ergon.live.trouble import gap_count as gaps_of
 
@@ -185,8 +191,7 @@ class ShownPerformance:
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
-        for sentence in self._hands.summaries():
-            self._say(sentence)
+        self._summarise()
         if heard.missing or heard.discarded:
             missing, early = heard.missing / self._stage.rate, heard.discarded / self._stage.rate
             self._console.warn(

@@ -151,7 +151,8 @@ def summary(board: Board, lead: _core.Lead) -> str:
     address = parse_led_address(board.url)
     players = ", ".join(player for _, player in board.axes)
     gap, deviation = tally["gap"], tally["deviation"]
-    sentence = f"{players} by {board.display_name}: {tally['taken']:,.0f} positions"
+    count = f"{tally['taken']:,.0f} position" + ("" if tally["taken"] == 1.0 else "s")
+    sentence = f"{players} by {board.display_name}: {count}"
     if gap > 0.0:
         sentence += (
             f", one each {gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
@@ -159,8 +160,8 @@ def summary(board: Board, lead: _core.Lead) -> str:
             f"where the hand accelerates by {_FAST:g} m/s²"
         )
     counts = [
-        (tally["late"], "came too late"),
-        (tally["misdated"], "had impossible times"),
-        (tally["refused"], "were refused"),
+        (tally["late"], "too late"),
+        (tally["misdated"], "with impossible times"),
+        (tally["refused"], "refused"),
     ]
-    return "; ".join([sentence, *(f"{count:.0f} {what}" for count, what in counts if count)])
+    return "; ".join([sentence, *(f"{n:,.0f} {what}" for n, what in counts if n)])

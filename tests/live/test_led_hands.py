@@ -190,7 +190,7 @@ def test_a_lifted_finger_leaves_the_key_where_it_was(own_folder: Path):
     away = played.positions[int(1.0 / TICK) :]
     assert away[0] == pytest.approx(-0.015, abs=2e-4)
     assert np.ptp(away) < 1e-5
-    assert "2 were refused" in played.sentences[0]
+    assert "; 2 refused" in played.sentences[0]
 
 
 def test_no_pull_moves_the_key_beyond_its_travel(own_folder: Path):
