@@ -63,7 +63,7 @@ pub struct FingerMotion {
     key: HeldKey,
     period: f64,
     steps: u32,
-    /// Position [m] of finger and key, and speed [m/s] half a step earlier.
+    /// Position [m] and speed [m/s] of finger and key.
     x: [f64; 2],
     v: [f64; 2],
     /// Distance of the key from the pointer when the finger landed [m], and the time since then [s]; `None` while no
@@ -113,23 +113,25 @@ impl FingerMotion {
         let speed = (then - now) / self.period;
         let k = self.finger.stiffness * pull.firmness;
         for step in 0..self.steps {
-            let pointer = now + speed * h * f64::from(step);
+            let pointer = now + speed * h * (f64::from(step) + 0.5);
             self.move_held_key(force, k, pointer, speed, h);
         }
         self.pointer = then;
         self.force = k * (then - self.x[0]) + self.finger.damping * (speed - self.v[0]);
     }
 
-    /// One step of the key alone. Speeds are half a step from positions, and a damper acts on the mean of the speeds
-    /// before and after: both are of second order.
+    /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
+    /// damper acts on the mean of the speeds before and after. Forces and the pointer's speed are constant within a step,
+    /// so the result is of second order.
     fn move_free_key(&mut self, force: f64, h: f64) {
         let HeldKey { mass, damping, .. } = self.key;
+        self.x[1] += 0.5 * h * self.v[1];
         self.v[1] += h * (force - damping * self.v[1]) / (mass + 0.5 * h * damping);
-        self.x[1] += h * self.v[1];
+        self.x[1] += 0.5 * h * self.v[1];
         self.stop_at_ends();
     }
 
-    /// One step of finger and key, which the pulp couples.
+    /// One such step of finger and key, which the pulp couples; `pointer`: in the middle of the step.
     fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
         let (
             Finger {
@@ -138,6 +140,8 @@ impl FingerMotion {
             key,
             (pulp_k, pulp_z),
         ) = (self.finger, self.key, PULP);
+        let half = 0.5 * h;
+        self.drift(half);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
         let pulp = pulp_k * (x - x_key) + pulp_z * (v - v_key);
         let pushed = [
@@ -145,15 +149,19 @@ impl FingerMotion {
             h * (force + pulp - key.damping * v_key),
         ];
         // (mass + h/2 · damping) · change = pushed, a system of two equations.
-        let half = 0.5 * h;
         let (a, b) = (mass + half * (z + pulp_z), -half * pulp_z);
         let d = key.mass + half * (pulp_z + key.damping);
         let det = a * d - b * b;
         self.v[0] += (d * pushed[0] - b * pushed[1]) / det;
         self.v[1] += (a * pushed[1] - b * pushed[0]) / det;
-        self.x[0] += h * self.v[0];
-        self.x[1] += h * self.v[1];
+        self.drift(half);
         self.stop_at_ends();
+    }
+
+    fn drift(&mut self, time: f64) {
+        for (x, v) in self.x.iter_mut().zip(self.v) {
+            *x += time * v;
+        }
     }
 
     fn stop_at_ends(&mut self) {
