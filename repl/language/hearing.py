@@ -14,7 +14,6 @@ from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.gesture.midi_notes import note_number
 from ergon.scores.pattern.words import Word
 
 

@@ -227,7 +227,9 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
         format!("the {kind} {} (K {k} N/m) is", network.link_name(link))
     });
     let percent = 100.0 * (growth.radius - 1.0);
-    format!("{cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps")
+    format!(
+        "{cause} too stiff for that rate: motion would grow by {percent:.2}% in each of its steps"
+    )
 }
 
 /// What slow parts change in the sound: their error, and how long it holds. The island is compared with the same island
