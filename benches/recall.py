@@ -57,7 +57,7 @@ _EDITS: Mapping[str, tuple[tuple[str, str], ...]] = {
     "an instrument renamed": (("gong", "tamtam"),),
     "two instruments swapped": ((_BARS, ""), (_CIMBAL, _BARS + _CIMBAL)),
     "a note added to `notes`": (("[D4, A4, D5]", "[D4, F4, A4, D5]"),),
-    "an entry changed at 90 %": (("every: 2, times: 60}]", "every: 2, times: 54}]"),),
+    "an entry changed at 90 %": (("every: 1, times: 58", "every: 1, times: 52"),),
 }
 
 
