@@ -174,7 +174,7 @@ mod tests {
     fn what_comes_too_late_is_counted() {
         let mut waiting = vec![(0.0, 0.0)];
         let mut reader = PathReader::new(0.02);
-        let mut next = |waiting: &mut Vec<(f64, f64)>| {
+        let next = |waiting: &mut Vec<(f64, f64)>| {
             waiting.pop().map(|(time, x)| Placed {
                 time,
                 x,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::basis::{At, Basis, ERROR, ERROR_OF_FRICTION, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
-use super::joint::{Joint, joint, moves, reach};
+use super::joint::{Joint, RESPONSE, joint, moves, reach};
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::sprung::Sprung;
@@ -15,9 +15,6 @@ use crate::island::modal::RunningModal;
 use crate::network::Network;
 use crate::scheme::{Run, Scheme};
 use crate::timeline::{DriveKind, Timeline};
-
-/// Cost of a mode's response to an impulse, in products: it has an exponential and a sine.
-pub(super) const RESPONSE: u64 = 200;
 
 impl Fine {
     /// `links` were taken out of the scheme: single contacts and laws whose ends are masses or ports.

@@ -2,13 +2,15 @@
 
 use super::Script;
 use super::basis::{Basis, MOST as POLYNOMIALS_MAX};
-use super::build::RESPONSE;
 use crate::cell::{Cell, Ratios};
 use crate::island::inside::RunningBody;
 use crate::network::{MatKind, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
+
+/// Cost of a mode's response to an impulse, in products: it has an exponential and a sine.
+pub(super) const RESPONSE: u64 = 200;
 
 /// A point that contacts touch.
 #[derive(Clone, Debug)]
