@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.wave_header import BYTES
 from ergon.rendering.balance import dominant_instrument
+from ergon.rendering.loudness import TRUE_PEAK_MAX
 
 from .console import Console, plural
 from .units import decibels, level, loudness_of, octets, seconds
 
 if TYPE_CHECKING:
     from ergon.api.render import Completed
-    from ergon.rendering.job import RenderJob
+    from ergon.rendering.job import RenderedFile, RenderJob
+    from ergon.rendering.level import Level
     from ergon.scores.staging.stage import Reports, Stage
 
+_QUIETER = 0.5  # [LU] below what was asked for: worth a line
 _SHORT = 12  # digits of a hash that are shown
 _GUARANTEES = ("proved", "guarded", "tried")  # from the strongest to the weakest
 # The scheme diverges at this λmax (Jury): the ratio is how much stiffer everything may become.
@@ -29,7 +32,7 @@ def print_rendered(console: Console, completed: Completed) -> None:
     done, job, network = completed.files, completed.job, completed.network
     duration = job.n_frames / job.format.rate
     # The speed counts all simulated frames: a part of a piece is cut from the whole.
-    speed = job.stop / job.format.rate / done.wall if done.wall > 0 else 0.0
+    speed = done.n_simulated / job.format.rate / done.wall if done.wall > 0 else 0.0
     mix = done.mix
     peak = decibels(mix.peak)
     if console.json:
@@ -43,6 +46,9 @@ def print_rendered(console: Console, completed: Completed) -> None:
             plan_s=completed.plan_s,
             x_real_time=speed,
             peak_dbfs=peak,
+            true_peak_dbtp=decibels(mix.true_peak),
+            loudness_lufs=mix.loudness,
+            gain_db=decibels(mix.gain),
             sha256=mix.sha256,
             modules=network.n_mat + network.n_lia,
             threads=job.threads,
@@ -56,21 +62,27 @@ def print_rendered(console: Console, completed: Completed) -> None:
             console.record("motion", file=str(job.film.path), duration_s=duration)
         for stem in done.stems:
             console.record(
-                "stem", file=stem.path, peak_dbfs=decibels(stem.peak), sha256=stem.sha256
+                "stem",
+                file=stem.path,
+                peak_dbfs=decibels(stem.peak),
+                true_peak_dbtp=decibels(stem.true_peak),
+                loudness_lufs=stem.loudness,
+                gain_db=decibels(stem.gain),
+                sha256=stem.sha256,
             )
         return
     channels = plural(job.format.n_channels, "channel")
     name = "stdout" if mix.path == "-" else mix.path
-    normalised = job.level.normalise is not None
-    gain = f" (normalised by {decibels(mix.gain):+.1f} dB)" if normalised else ""
+    gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_measured else ""
     recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
     measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
         f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time{recalled}, "
-        f"peak {level(peak, 'dBFS')}{gain}, loudness {measured}, "
-        f"no late blocks, sha256 {digits}"
+        f"peak {level(peak, 'dBFS')}, true peak {level(decibels(mix.true_peak), 'dBTP')}, "
+        f"loudness {measured}{gain}, sha256 {digits}"
     )
+    _say_if_quieter(console, job.level, mix)
     for one in done.instruments:
         console.say(
             f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
@@ -95,7 +107,20 @@ def print_rendered(console: Console, completed: Completed) -> None:
         for file in (mix, *done.stems):
             if file.peak > 1:
                 over = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
-                console.warn(f"{over}; lower the gain of its routes, or limit or normalise it")
+                console.warn(f"{over}; lower the gain of its routes, or limit it in the master")
+
+
+def _say_if_quieter(console: Console, asked: Level, mix: RenderedFile) -> None:
+    """Say why a file is not as loud as its master asks."""
+    if asked.loudness is None or mix.loudness == -math.inf:
+        return
+    below = asked.loudness - mix.loudness
+    if below >= _QUIETER and asked.limit is None:
+        console.say(
+            f"{mix.path} is {below:.1f} dB below the {asked.loudness:g} LUFS of its master, since "
+            f"the highest peak of the piece is at {TRUE_PEAK_MAX:g} dBTP; `limit: -2dB` in the "
+            "master lets it be louder"
+        )
 
 
 def _guarantee(stage: Stage) -> str:
@@ -141,9 +166,10 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     guarantee = _guarantee(stage)
     n_files = 1 + (len(stage.stems()) if job.stems is not None else 0)
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
+    simulated = job.simulated_frames(stage.n_frames)
     held = 0
-    if job.level.normalise is not None:
-        held = job.stop * job.format.n_channels * 8 * n_files
+    if job.level.is_measured:
+        held = simulated * job.format.n_channels * 8 * n_files
     lambda_max = _lambda_max(stage)
     margin = None if lambda_max is None else _LAMBDA_LIMIT / lambda_max if lambda_max else math.inf
     if console.json:
@@ -151,7 +177,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             "plan",
             file=job.target,
             frames=job.n_frames,
-            simulated_frames=job.stop,
+            simulated_frames=simulated,
             channels=job.format.n_channels,
             rate_hz=job.format.rate,
             bits=job.format.bits,
@@ -166,13 +192,13 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
     form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
-    at_most = "" if job.fades_from is None else "at most "
-    steps = job.stop * (stage.network.n_mat + stage.network.n_lia)
+    at_most = "at most " if job.is_open else ""
+    steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     lines = [
         f"{job.target}: {at_most}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
-        f"{job.stop:,} frames, {steps:.3g} module-steps",
+        f"{simulated:,} frames, {steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",
     ]
     console.data("\n".join(lines) + "\n")

@@ -40,7 +40,7 @@ def film(stage: Stage, job: RenderJob) -> Film:
             "motion",
             "sound on stdout gives the motion file no name; write the sound into a file by -o",
         )
-    stop = job.stop if job.fades_from is None else min(job.stop, stage.n_analysed_frames)
+    stop = min(job.stop, stage.n_analysed_frames) if job.is_open else job.stop
 
     def begin(simulation: Simulation) -> MotionRecorder:
         return recorder(stage, simulation, stop / stage.rate)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import log10
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
-from ergon.rendering.level import HIGHPASS
 
+from . import score as scores
 from .errors import OptionError
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def gain_of(
     report: Report,
     frozen: Sequence[VerifiedStem] = (),
 ) -> float:
-    """The gain (ratio): as asked; else as a preflight finds if the master normalises; else 1.
+    """The gain (ratio): as asked; else as a preflight finds if the master asks for a peak or a
+    loudness; else 1.
 
     `staged` returns the stage for the preflight. Raises OptionError.
     """
@@ -44,12 +46,13 @@ def gain_of(
     if asked is not None:
         return asked_gain(asked)
     master = piece.mix.master
-    if master is None or master.normalise is None:
+    if master is None or not master.is_measured:
         return 1.0
     stage = staged()
     with report.progress("listening beforehand", preflight_frames(stage), stage.rate) as progress:
-        reference = piece.mix.reference()
-        found = find_gain(stage, HIGHPASS, reference, master.normalise or 1.0, frozen, progress.at)
+        level = replace(scores.played_level(piece), normalise=master.normalise)
+        level = replace(level, loudness=master.loudness)
+        found = find_gain(stage, level, frozen, progress.at)
     heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
     gained = f"{20 * log10(found.gain):+.1f} dB"
     report.say(

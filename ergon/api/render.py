@@ -142,7 +142,7 @@ def faint_diagnostics(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]
     if peak >= _FAINT or (bits == "float" and piece.mix.master is None):
         return []
     message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
-    help = "raise the gain of its routes, or let the master normalise: `master: {normalise: -1dB}`"
+    help = "raise the gain of its routes, or let the master do it: `master: {loudness: -20LUFS}`"
     return [Diagnostic("W325", message, place, None, help)]
 
 
@@ -205,7 +205,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
     if recorded is not None:
         job = replace(job, level=recorded.level)
-    elif options.input is not None and job.level.normalise is None:
+    elif options.input is not None and not job.level.is_measured:
         job = replace(job, level=scores.played_level(staged.piece))
     if file.motion:
         from .film import film
@@ -300,7 +300,8 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         block=options.block,
         threads=options.threads,
         force=file.force,
-        fades_from=stage.fades_from if options.to is None else None,
+        fades_from=stage.fades_from,
+        is_part=options.to is not None,
         stretches=of_user(),
         measures_instruments=not options.draft,  # which takes about as long as mixing
     )
@@ -331,7 +332,8 @@ def _render_progress(
     prepared: PreparedRender, task: str, report: Report
 ) -> Iterator[Callable[[int], None]]:
     """Show progress, and report faults as `computing` does."""
-    stage, n_frames = prepared.stage, min(prepared.job.stop, prepared.stage.n_frames)
+    stage = prepared.stage
+    n_frames = prepared.job.simulated_frames(stage.n_frames)
     with (
         scores.computing(stage, prepared.loaded, report),
         report.progress(task, n_frames, stage.rate) as progress,

@@ -230,6 +230,7 @@ def level_of(piece: Piece, bits: Bits) -> Level:
         limit=master.limit if master else None,
         highpass=None if is_measured else HIGHPASS,
         reference=piece.mix.reference(is_measured=is_measured),
+        loudness=master.loudness if master else None,
     )
 
 

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.rendering.job import BLOCK
+from ergon.rendering.loudness import MeasuredLevel
 from ergon.rendering.render import frames_of
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import VerifiedStem
+    from ergon.rendering.level import Level
     from ergon.scores.staging.stage import Stage
 
 # The most work to spend on finding the gain [s], by the table of costs; a listener has to wait for
@@ -26,7 +28,6 @@ class PreflightGain:
     """A gain as a ratio; `seconds` is the computed length, None if the whole piece was computed."""
 
     gain: float
-    peak: float
     seconds: float | None
 
 
@@ -41,34 +42,33 @@ def preflight_frames(stage: Stage) -> int:
 
 def find_gain(
     stage: Stage,
-    highpass: float | None,
-    reference: float | None,
-    target: float,
+    level: Level,
     frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
-    """The gain that brings the peak of the mix to `target`; the stage itself does not advance.
+    """The gain that brings the mix to the peak or loudness of `level`; the stage itself does not
+    advance.
 
-    `highpass` and `reference` are those of the mixer. Stand-ins play for real hands; `frozen`
-    parts are included. `progress` is called with the number of frames done.
+    Stand-ins play for real hands; `frozen` parts are included. `progress` is called with the
+    number of frames done.
     """
     import numpy as np
 
     n_frames = preflight_frames(stage)
-    simulation, mixer = stage.simulation, stage.mixer(highpass=highpass, reference=reference)
+    mixer = stage.mixer(highpass=level.highpass, reference=level.reference)
+    measured = MeasuredLevel(level, stage.rate, stage.n_channels)
+    simulation = stage.simulation
     start = simulation.snapshot()
-    peak = 0.0
     at = 0
     for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in frozen:
             stem.join(frames, at)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
-        peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))
+        measured.take(mixed)
         at += len(frames)
         progress(at)
     simulation.restore(start)
     if n_frames == stage.n_frames:
-        return PreflightGain(target / peak if peak > 0 else 1.0, peak, None)
-    target *= _core.decibels(_HEADROOM_DB)
-    return PreflightGain(target / peak if peak > 0 else 1.0, peak, n_frames / stage.rate)
+        return PreflightGain(measured.gain(), None)
+    return PreflightGain(measured.gain() * _core.decibels(_HEADROOM_DB), n_frames / stage.rate)

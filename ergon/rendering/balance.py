@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .loudness import GatedLoudness
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -18,8 +20,6 @@ MEASURED_OUTPUTS_MAX = (
     256  # instruments times channels: beyond that measuring costs more than mixing
 )
 _PEAKS = 10  # in a step of 100 ms
-_GATE = -70.0  # [LUFS] absolute gate of BS.1770-4: quieter blocks do not count
-_RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +34,8 @@ class InstrumentLevel:
 class Balance:
     """Measures the level of one instrument by itself, before the limiter.
 
-    The 400 ms blocks of BS.1770 are kept, because which of them pass its gates depends on the
-    gain. They begin every 100 ms of the piece, whatever part of it is in the file, so that what
-    an earlier render measured is known in this one. Peaks are those of 10 ms each.
+    It is measured every 100 ms of the piece, whatever part of it is in the file, so that what an
+    earlier render measured is known in this one. Peaks are those of 10 ms each.
     """
 
     def __init__(
@@ -45,15 +44,11 @@ class Balance:
         """Measure frames `start` to `stop`, counted from 0 at the first frame that `take`
         receives.
         """
-        from ergon import _core
-
         self._name, self._mixer = name, mixer
-        self._meter = _core.Meter(rate, n_channels)
+        self._loudness = GatedLoudness(rate, n_channels)
         self._n_channels = n_channels
-        self._step = max(_PEAKS, (int(rate + 0.5) + 5) // 10)
         self._start, self._stop = start, stop
         self._pending: list[NDArray[np.float64]] = []
-        self._blocks: list[float] = []
         self._peaks: list[NDArray[np.float64]] = []
 
     def take(self, frames: NDArray[np.float64]) -> None:
@@ -63,19 +58,19 @@ class Balance:
         mixed = np.zeros((len(frames), self._n_channels))
         self._mixer.process(frames, mixed)
         self._pending.append(mixed)
-        if sum(map(len, self._pending)) < self._step:
+        step = self._loudness.step
+        if sum(map(len, self._pending)) < step:
             return
         rest = np.concatenate(self._pending)
-        while len(rest) >= self._step:
-            self._measure(rest[: self._step])
-            rest = rest[self._step :]
+        while len(rest) >= step:
+            self._measure(rest[:step])
+            rest = rest[step:]
         self._pending = [rest]
 
     def _measure(self, step: NDArray[np.float64]) -> None:
         import numpy as np
 
-        self._meter.process(np.ascontiguousarray(step))
-        self._blocks.append(self._meter.momentary)
+        self._loudness.take(step)
         edges = np.arange(_PEAKS) * len(step) // _PEAKS
         self._peaks.append(np.maximum.reduceat(np.abs(step).max(axis=1, initial=0.0), edges))
 
@@ -91,17 +86,17 @@ class Balance:
         """
         import numpy as np
 
-        if not self._blocks:
+        if not self._peaks:
             return np.zeros((0, 1 + _PEAKS))
-        return np.column_stack([np.array(self._blocks), np.array(self._peaks)])
+        return np.column_stack([np.array(self._loudness.blocks), np.array(self._peaks)])
 
     def recall(self, measured: NDArray[np.float64], stop: int) -> bool:
         """Take what an earlier render measured, in place of frames up to `stop`; False if it is too
         short.
         """
-        if len(measured) < min(stop, self._stop) // self._step:
+        if len(measured) < min(stop, self._stop) // self._loudness.step:
             return False
-        self._blocks, self._peaks = list(measured[:, 0]), list(measured[:, 1:])
+        self._loudness.blocks, self._peaks = measured[:, 0].tolist(), list(measured[:, 1:])
         return True
 
     def level(self, gain: float, stop: int | None = None) -> InstrumentLevel:
@@ -109,20 +104,13 @@ class Balance:
         import numpy as np
 
         stop = self._stop if stop is None else stop
-        first, last = -(-self._start // self._step), stop // self._step
-        # The first block that lies in the file ends 400 ms after its beginning.
-        blocks = np.array(self._blocks[first + 3 : last]) + 20.0 * np.log10(max(gain, 1e-30))
-        blocks = blocks[blocks > _GATE]
-        if len(blocks):
-            blocks = blocks[blocks > _mean(blocks) + _RELATIVE]
-        loudness = _mean(blocks) if len(blocks) else -np.inf
+        step = self._loudness.step
+        loudness = self._loudness.loudness(gain, -(-self._start // step), stop // step)
         cells = np.arange(len(self._peaks) * _PEAKS)
-        begins = cells // _PEAKS * self._step + cells % _PEAKS * self._step // _PEAKS
-        inside = (begins >= self._start) & (begins + self._step // _PEAKS < stop)
+        begins = cells // _PEAKS * step + cells % _PEAKS * step // _PEAKS
+        inside = (begins >= self._start) & (begins + step // _PEAKS < stop)
         peaks = np.array(self._peaks).reshape(-1)[inside]
-        return InstrumentLevel(
-            self._name, float(np.max(peaks, initial=0.0)) * gain, float(loudness)
-        )
+        return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 
 
 def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLevel, float] | None:
@@ -137,10 +125,3 @@ def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLe
     loudest = heard[-1]
     above = loudest.loudness - heard[-2].loudness
     return (loudest, above) if above > DOMINANCE_LU else None
-
-
-def _mean(blocks: NDArray[np.float64]) -> float:
-    """The level of the mean power of blocks."""
-    import numpy as np
-
-    return float(10.0 * np.log10(np.mean(10.0 ** (blocks / 10.0))))

@@ -13,7 +13,7 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 from .balance import InstrumentLevel
 from .filmed import Film
 from .level import Level
-from .mixed_stretches import Outcome
+from .mixed_stretches import Ending, Outcome
 from .remote import Workers
 from .silence import Silence
 
@@ -39,8 +39,9 @@ class RenderJob:
     force: bool = False
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
-    # The file ends where the sound has faded after this frame, at `stop` at the latest.
+    # The piece ends where its sound has faded after this frame, if it does.
     fades_from: int | None = None
+    is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not
     stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
     film: Film | None = None  # the motion file to write as well
     workers: Workers | None = None  # other processes that compute islands
@@ -55,31 +56,51 @@ class RenderJob:
         """Frames in the file."""
         return self.stop - self.start
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the length of the file is known only when the sound has faded."""
+        return self.fades_from is not None and not self.is_part
+
+    @property
+    def ending(self) -> Ending | None:
+        """The search for silence, where the end of the piece is needed: for the length of the file,
+        or for a level.
+        """
+        if self.fades_from is None or not (self.is_open or self.level.is_measured):
+            return None
+        return self.fades_from, self.format.n_channels
+
+    def simulated_frames(self, n_frames: int) -> int:
+        """Frames to compute of a piece of `n_frames`: a level is that of the whole piece."""
+        return n_frames if self.level.is_measured else min(self.stop, n_frames)
+
 
 @dataclass(frozen=True, slots=True)
 class RenderedFile:
-    """One file: peak and gain as ratios, loudness [LUFS], hash of the samples."""
+    """One file: peak, gain and true peak as ratios, loudness [LUFS], hash of the samples."""
 
     path: str
     peak: float
     loudness: float
     gain: float
     sha256: str
+    true_peak: float
 
 
 @dataclass(frozen=True, slots=True)
 class RenderedFiles:
     """The files that a render wrote, their length, and how long it took: `wall` [s].
 
-    `instruments` are the levels of the instruments, if there are several. `recalled` is the
-    share of the work that an earlier render had done (0 to 1); if that is all, `outcome` is what
-    its simulation reported.
+    `n_simulated` frames were computed or recalled. `instruments` are the levels of the
+    instruments, if there are several. `recalled` is the share of the work that an earlier render
+    had done (0 to 1); if that is all, `outcome` is what its simulation reported.
     """
 
     mix: RenderedFile
     stems: tuple[RenderedFile, ...]
     wall: float
     n_frames: int
+    n_simulated: int
     instruments: tuple[InstrumentLevel, ...] = ()
     recalled: float = 0.0
     outcome: Outcome | None = None

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ergon.exchange.wave_header import WaveFormat
 
+from .limiting import Limiting
+from .loudness import TruePeak
 from .silence import Silence, apply_silences
 
 if TYPE_CHECKING:
@@ -25,10 +27,11 @@ HIGHPASS = 8.0  # [Hz]
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Target peak of the file and ceiling of its limiter, as ratios; default high-pass [Hz].
+    """Highest peak of the piece and ceiling of the limiter, as ratios; default high-pass [Hz].
 
-    `gain` (a ratio) applies if no peak is asked for. `reference` is the ratio of full scale at
-    which reference quantities are heard; None if samples are in SI units.
+    `gain` (a ratio) applies if neither a peak nor a `loudness` [LUFS] is asked for. `reference`
+    is the ratio of full scale at which reference quantities are heard; None if samples are in SI
+    units.
     """
 
     normalise: float | None = None
@@ -36,6 +39,12 @@ class Level:
     highpass: float | None = None
     gain: float = 1.0
     reference: float | None = None
+    loudness: float | None = None
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the gain follows from what the whole piece measures."""
+        return self.normalise is not None or self.loudness is not None
 
 
 def ceiling_gain(peak: float, ceiling: float) -> float:
@@ -46,17 +55,11 @@ def ceiling_gain(peak: float, ceiling: float) -> float:
 class FrameSpool:
     """Frames in an unnamed raw file, so that nothing stays on the disk however the run ends."""
 
-    def __init__(self, folder: Path | None, n_channels: int, start: int, stop: int) -> None:
-        """Hold frames from 0 on; the peak is that of frames `start` to `stop`."""
+    def __init__(self, folder: Path | None, n_channels: int) -> None:
+        """Hold frames; the peak is that of all."""
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by __exit__
         self._n_channels = n_channels
-        self._start, self._stop = start, stop
-        self._at = 0
         self.peak = 0.0
-
-    def begin(self, first: int) -> None:
-        """Let the next block begin at frame `first` of the piece."""
-        self._at = first
 
     def __enter__(self) -> Self:
         """Begin."""
@@ -75,9 +78,7 @@ class FrameSpool:
         """Append (n_frames, n_channels)."""
         import numpy as np
 
-        kept = block[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
-        self.peak = max(self.peak, float(np.max(np.abs(kept), initial=0.0)))
-        self._at += len(block)
+        self.peak = max(self.peak, float(np.max(np.abs(block), initial=0.0)))
         self._file.write(np.ascontiguousarray(block).data)
 
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
@@ -139,7 +140,7 @@ class MasterChain:
         rate: float,
         start: int,
         stop: int,
-        limit: float | None,
+        limiter: Limiting | None,
         silences: Sequence[Silence] = (),
         first: int = 0,
     ) -> None:
@@ -150,11 +151,11 @@ class MasterChain:
         self.gain = 1.0
         self._writer = writer
         self._meter = _core.Meter(rate, n_channels)
-        self._limiter = None if limit is None else _core.Limiter(rate, n_channels, limit)
-        self.latency = self._limiter.latency if self._limiter is not None else 0
-        self._at = (
-            first - self.latency
-        )  # index in the piece of the next frame that leaves the limiter
+        self._true_peak = TruePeak(n_channels)
+        self._limiter = limiter
+        self.latency = limiter.latency if limiter is not None else 0
+        # The index in the piece of the next frame that leaves the limiter.
+        self._at = first - self.latency
         self._start, self._stop = start, stop
         self._rate, self._silences = rate, silences
 
@@ -162,6 +163,11 @@ class MasterChain:
     def peak(self) -> float:
         """Largest sample written, 1 at full scale."""
         return self._meter.peak
+
+    @property
+    def true_peak(self) -> float:
+        """Largest value between the samples written, 1 at full scale."""
+        return self._true_peak.peak
 
     @property
     def loudness(self) -> float:
@@ -181,7 +187,7 @@ class MasterChain:
 
         frames = np.ascontiguousarray(block * self.gain)
         if self._limiter is not None:
-            self._limiter.process(frames)
+            frames = self._limiter.limit(frames)
         kept = np.ascontiguousarray(
             frames[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
         )
@@ -191,6 +197,7 @@ class MasterChain:
             return
         kept = np.ascontiguousarray(apply_silences(kept, first, self._silences, self._rate))
         self._meter.process(kept)
+        self._true_peak.take(kept)
         bits = self._writer.format.bits
         if bits == "float":
             self._writer.write(_core.single(kept, 1.0))

@@ -40,11 +40,11 @@ class ComputedRender:
     _all: Sequence[Balance]
     _numbers: list[int]
 
-    def finish(self, job: RenderJob) -> None:
-        """Store what is known once the job has ended at its last frame."""
+    def finish(self, job: RenderJob, n_simulated: int) -> None:
+        """Store what is known once so many frames of the job are computed."""
         if self.recorder is not None:
-            self.recorder.end(Outcome.of(self._memory.simulation), ending_of(job))
-        self._memory.levels.put(self._all, self._numbers, job.stop)
+            self.recorder.end(Outcome.of(self._memory.simulation), job.ending)
+        self._memory.levels.put(self._all, self._numbers, n_simulated)
         self._memory.store.forget()
 
 
@@ -78,13 +78,15 @@ class RenderMemory:
     def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
         """All that is heard of a job, with the levels in `balances`; None if any is not known."""
         start, stop = job.start, job.stop
-        if job.level.limit is not None or job.fades_from is not None:
-            # What limiter and search do depends on all that came before.
+        if job.level.limit is not None or job.level.is_measured or job.ending is not None:
+            # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
-        known = self._mixed.known(start, stop, ending_of(job))
-        if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
+        last = max(stop, job.simulated_frames(self._n_frames))
+        known = self._mixed.known(start, last, job.ending)
+        # Where the piece has faded before the end of a part, more is needed than up to there.
+        if known is None or (not job.is_open and known.stop < stop):
             return None
-        return known
+        return None if self.levels.recall(balances, min(job.stop, known.stop)) else known
 
     def computing(
         self, job: RenderJob, balances: Sequence[Balance], *, records: bool
@@ -110,8 +112,3 @@ def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:
     if 1e-9 * stage.n_frames * each < _WORK_MIN:
         return None
     return RenderMemory(stage, job, job.stretches, simulation)
-
-
-def ending_of(job: RenderJob) -> tuple[int, int] | None:
-    """The search for silence that may end a job."""
-    return None if job.fades_from is None else (job.fades_from, job.format.n_channels)

@@ -1,6 +1,6 @@
 """A staged piece into WAV files: simulate, mix, set the level, write; all of it or nothing.
 
-    simulation ─ frames ─┬─ mixer ─ (held on disk until the peak is known) ─ gain ─ limiter ─ file
+    simulation ─ frames ─┬─ mixer ─ (held on disk until the gain is known) ─ gain ─ limiter ─ file
                          └─ mixer of every stem ─ …
 
 The bytes do not depend on the size of blocks or on the number of threads.
@@ -24,6 +24,8 @@ from .balance import MEASURED_OUTPUTS_MAX, Balance
 from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
 from .level import ArrayWriter, FrameSpool, MasterChain, Writer, ceiling_gain
+from .limiting import Limiting, MixLimiter, StemLimiter
+from .loudness import MeasuredLevel
 from .memory import memory_of
 from .mixed_stretches import KnownMix, MixRecorder, Outcome
 from .remote import RemoteSimulation
@@ -53,6 +55,19 @@ class _Track:
         to.take(block)
 
 
+@dataclass(frozen=True, slots=True)
+class _Filled:
+    """Files, and their job, whose end is known now; the share of them that was recalled, and the
+    outcome if that is all.
+    """
+
+    job: RenderJob
+    files: list[RenderedFile]
+    n_simulated: int
+    recalled: float = 0.0
+    outcome: Outcome | None = None
+
+
 def stem_paths(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
     """`01_ada.wav`, `02_remi.wav` …, in the order of the piece."""
     safe = ["".join(c if c.isalnum() or c in "-_." else "_" for c in name) for name in names]
@@ -76,13 +91,15 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
         files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
-        mixers = [
-            (job.target, stage.mixer(highpass=highpass, reference=reference), job.level.limit)
+        limiter = _limiter(stage, job)
+        mixers: list[tuple[str, Mixer, Limiting | None]] = [
+            (job.target, stage.mixer(highpass=highpass, reference=reference), limiter)
         ]
-        # Stems are not limited: what a limiter does to a sum cannot be divided among its terms.
-        mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
+        for path, (_, mixer) in zip(paths, stems, strict=True):
+            follows = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
+            mixers.append((str(path), mixer, follows))
         tracks = []
-        for name, mixer, limit in mixers:
+        for name, mixer, limits in mixers:
             file = files.open(name, binary=True)
 
             def written_to(
@@ -90,26 +107,32 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 first: int,
                 name: str = name,
                 file: BinaryIO = file,
-                limit: float | None = limit,
+                limits: Limiting | None = limits,
             ) -> MasterChain:
                 writer = sound.writer(name, file, of.format, of.n_frames, of.stamp)
-                return _chain(writer, stage, of, limit, first)
+                return _chain(writer, stage, of, limits, first)
 
             tracks.append(_track(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
         filmed = _filmed(files, stage, job, reference)
         if filmed is not None:
-            job, written = _fill(stage, job, tracks, progress, balances, filmed)
+            filled = _fill(stage, job, tracks, progress, balances, filmed)
             filmed.finish()
-            recalled, outcome = 0.0, None
         else:
-            job, written, recalled, outcome = _recalled_or_computed(
-                stage, job, tracks, progress, balances
-            )
+            filled = _recalled_or_computed(stage, job, tracks, progress, balances)
     wall = time.perf_counter() - start
-    levels = tuple(balance.level(written[0].gain, job.stop) for balance in balances)
-    stems_written = tuple(written[1:])
-    return RenderedFiles(written[0], stems_written, wall, job.n_frames, levels, recalled, outcome)
+    mix, *others = filled.files
+    levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)
+    return RenderedFiles(
+        mix,
+        tuple(others),
+        wall,
+        filled.job.n_frames,
+        filled.n_simulated,
+        levels,
+        filled.recalled,
+        filled.outcome,
+    )
 
 
 def _recalled_or_computed(
@@ -118,27 +141,23 @@ def _recalled_or_computed(
     tracks: Sequence[_Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
-) -> tuple[RenderJob, list[RenderedFile], float, Outcome | None]:
-    """Fill the files with what is known, or compute it. Returns the job, whose end is known then,
-    the files, the share that was recalled, and the outcome if nothing was computed.
-    """
+) -> _Filled:
+    """Fill the files with what is known, or compute it."""
     memory = memory_of(stage, job)
     if memory is None:
         resumed = _resumed(stage, job)
-        job, written = _fill(stage, job, tracks, progress, balances, resumed)
-        return job, written, 0.0 if resumed is None else resumed.recalled, None
+        filled = _fill(stage, job, tracks, progress, balances, resumed)
+        return replace(filled, recalled=0.0 if resumed is None else resumed.recalled)
     is_alone = len(tracks) == 1
     known = memory.known_mix(job, balances) if is_alone else None
     if known is not None:
-        fade = _silence_detector(job, stage.rate)
-        job, written = _fill_known(job, tracks[0], known, fade, progress)
-        return job, written, 1.0, known.outcome
+        return _fill_known(stage, job, tracks[0], known, progress)
     computing = memory.computing(job, balances, records=is_alone)
-    job, written = _fill(
+    filled = _fill(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing.recorder
     )
-    computing.finish(job)
-    return job, written, computing.simulation.recalled, None
+    computing.finish(job, filled.n_simulated)
+    return replace(filled, recalled=computing.simulation.recalled)
 
 
 def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
@@ -196,13 +215,13 @@ def render_array(
 
     def written_to(of: RenderJob, first: int) -> MasterChain:
         made.append(np.zeros((of.n_frames, of.format.n_channels)))
-        return _chain(ArrayWriter(of.format, made[0]), stage, of, of.level.limit, first)
+        return _chain(ArrayWriter(of.format, made[0]), stage, of, _limiter(stage, of), first)
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = _track(stack, job, "-", mixer, written_to)
-        _, (done,), _, outcome = _recalled_or_computed(stage, job, [track], progress, ())
-    return made[0], done, outcome
+        filled = _recalled_or_computed(stage, job, [track], progress, ())
+    return made[0], filled.files[0], filled.outcome
 
 
 def _fill(
@@ -213,59 +232,77 @@ def _fill(
     balances: Sequence[Balance],
     simulation: Simulation | None,
     recorder: MixRecorder | None = None,
-) -> tuple[RenderJob, list[RenderedFile]]:
-    """Compute the files; returns them and the job, whose end is known then."""
-    if job.fades_from is None:
+) -> _Filled:
+    """Compute the files."""
+    if not job.is_open:
         for track in tracks:
             track.finish = track.begin(job, 0)
-    stop = _simulate(
+    piece_end, n_simulated = _simulate(
         stage, simulation or stage.simulation, job, tracks, progress, balances, recorder
     )
-    job = replace(job, stop=stop)
-    for track in tracks:
-        track.finish = track.finish or track.begin(job, 0)
-    _release(job, tracks)
-    return job, [_close(track) for track in tracks]
+    return _finished(stage, job, tracks, 0, piece_end, n_simulated)
 
 
 def _fill_known(
+    stage: Staged,
     job: RenderJob,
     track: _Track,
     known: KnownMix,
-    fade: _core.SilenceDetector | None,
     progress: Callable[[int], None],
-) -> tuple[RenderJob, list[RenderedFile]]:
+) -> _Filled:
     """Fill a file with mixed frames that are known, and compute nothing."""
-    if track.held is not None:
-        track.held.begin(known.first)
-    if job.fades_from is None:
+    if not job.is_open:
         track.finish = track.begin(job, known.first)
-    at, stop = known.first, job.stop
+    at, end = known.first, None
+    n_frames = job.simulated_frames(stage.n_frames)
+    fade = _silence_detector(stage, job)
     for mixed in known.blocks(job.block):
         folded = _fold(mixed, job.format.n_channels)
-        end = None if fade is None else fade.take(folded)
+        if fade is not None and end is None:
+            end = fade.take(folded)
         track.take(folded)
         at += len(mixed)
-        progress(min(at, job.stop))
-        if end is not None:
-            stop = min(max(end, job.start), job.stop)
+        progress(min(at, n_frames))
+        if end is not None and job.is_open:
             break
-    job = replace(job, stop=stop)
-    track.finish = track.finish or track.begin(job, known.first)
-    _release(job, [track])
-    return job, [_close(track)]
+    piece_end = at if end is None else end
+    filled = _finished(stage, job, [track], known.first, piece_end, at - known.first)
+    return replace(filled, recalled=1.0, outcome=known.outcome)
 
 
-def _silence_detector(job: RenderJob, rate: float) -> _core.SilenceDetector | None:
-    if job.fades_from is None:
+def _finished(
+    stage: Staged,
+    job: RenderJob,
+    tracks: Sequence[_Track],
+    first: int,
+    piece_end: int,
+    n_simulated: int,
+) -> _Filled:
+    """The files, once all of `n_simulated` frames from frame `first` on are mixed."""
+    if job.is_open:
+        job = replace(job, stop=min(max(piece_end, job.start), job.stop))
+    for track in tracks:
+        track.finish = track.finish or track.begin(job, first)
+    _release(stage, job, tracks, piece_end)
+    return _Filled(job, [_close(track) for track in tracks], n_simulated)
+
+
+def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | None:
+    if job.ending is None:
         return None
-    return _core.SilenceDetector(rate, job.format.n_channels, job.fades_from)
+    fades_from, n_channels = job.ending
+    return _core.SilenceDetector(stage.rate, n_channels, fades_from)
+
+
+def _limiter(stage: Staged, job: RenderJob) -> MixLimiter | None:
+    limit = job.level.limit
+    return None if limit is None else MixLimiter(stage.rate, job.format.n_channels, limit)
 
 
 def _chain(
-    writer: Writer, stage: Staged, job: RenderJob, limit: float | None, first: int
+    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first: int
 ) -> MasterChain:
-    chain = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences, first)
+    chain = MasterChain(writer, stage.rate, job.start, job.stop, limiter, job.silences, first)
     chain.gain = job.level.gain
     return chain
 
@@ -278,10 +315,9 @@ def _track(
     begin: Callable[[RenderJob, int], MasterChain],
 ) -> _Track:
     held = None
-    if job.level.normalise is not None or job.fades_from is not None:
+    if job.level.is_measured or job.is_open:
         folder = None if path == "-" else Path(path).resolve().parent
-        n_channels = job.format.n_channels
-        held = stack.enter_context(FrameSpool(folder, n_channels, job.start, job.stop))
+        held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
     return _Track(path, mixer, begin, held)
 
 
@@ -293,38 +329,40 @@ def _simulate(
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     recorder: MixRecorder | None,
-) -> int:
-    """Mix all frames; returns the frame at which the files end."""
+) -> tuple[int, int]:
+    """Mix all frames; returns the frame at which the piece ends, as far as that was computed, and
+    the number of frames that were.
+    """
     import numpy as np
 
     at = 0
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
-    last = min(stage.n_frames, job.stop + max(latencies, default=0))
-    fade = _silence_detector(job, stage.rate)
+    needed = min(stage.n_frames, job.stop + max(latencies, default=0))
+    last = max(needed, job.simulated_frames(stage.n_frames))
+    fade, end = _silence_detector(stage, job), None
     blocks = frames_of(simulation, last, job.block)
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
-            end = None
             for track in tracks:
                 mixed = np.zeros((len(frames), stage.n_channels))
                 track.mixer.process(frames, mixed)
                 if recorder is not None and track is tracks[0]:
                     recorder.take(mixed)
                 folded = _fold(mixed, job.format.n_channels)
-                if fade is not None and track is tracks[0]:
+                if fade is not None and end is None and track is tracks[0]:
                     end = fade.take(folded)
                 track.take(folded)
             for balance in balances:
                 balance.take(frames)
             at += len(frames)
             progress(at)
-            if end is not None:
-                return min(max(end, job.start), job.stop)
-    return job.stop
+            if end is not None and (job.is_open or at >= needed):
+                break
+    return at if end is None else end, at
 
 
 def frames_of(
@@ -351,33 +389,50 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     return folded
 
 
-def _release(job: RenderJob, tracks: Sequence[_Track]) -> None:
-    """The second pass, over spooled frames. With normalisation, the peak of the mix sets the gain.
+def _release(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: int) -> None:
+    """The second pass, over spooled frames, once the gain of the `whole` piece [frames] is known.
 
-    All stems share one gain, so that they still add up; it is that of the mix unless one of them
-    would clip.
+    The tracks go side by side, for stems follow the limiter of the mix.
     """
-    if job.level.normalise is not None:
-        _normalise(job, job.level.normalise, tracks)
-    for track in tracks:
-        if track.held is not None and track.finish is not None:
-            for block in track.held.blocks(job.block):
+    if job.level.is_measured:
+        _set_gains(stage, job, tracks, whole)
+    if any(track.held is None for track in tracks):
+        return
+    spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
+    for blocks in zip(*spools, strict=True):
+        for track, block in zip(tracks, blocks, strict=True):
+            if track.finish is not None:
                 track.finish.take(block)
 
 
-def _normalise(job: RenderJob, target: float, tracks: Sequence[_Track]) -> None:
-    target = target or 1.0
-    mix, *stems = (track.held.peak if track.held else 0.0 for track in tracks)
-    gain = target / mix if mix > 0 else 1.0
-    clips = job.format.bits != "float"
-    shared = min(gain, ceiling_gain(max(stems, default=0.0), target)) if clips else gain
+def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: int) -> None:
+    """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
+    so that they still add up. What a limiter does to the mix is done to them too.
+    """
+    mix, *stems = [track.held for track in tracks if track.held is not None]
+    gain = _measured_gain(stage, job, mix, whole)
+    shared = gain
+    if job.format.bits != "float" and job.level.limit is None:
+        ceiling = job.level.normalise or 1.0
+        shared = min(gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling))
     for index, track in enumerate(tracks):
         if track.finish is not None:
             track.finish.gain = shared if index else gain
+
+
+def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, whole: int) -> float:
+    measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
+    left = whole
+    for block in mix.blocks(job.block):
+        measured.take(block[:left])
+        left = max(left - len(block), 0)
+    return measured.gain()
 
 
 def _close(track: _Track) -> RenderedFile:
     finish = track.finish
     assert finish is not None
     finish.close()
-    return RenderedFile(track.path, finish.peak, finish.loudness, finish.gain, finish.sha256)
+    return RenderedFile(
+        track.path, finish.peak, finish.loudness, finish.gain, finish.sha256, finish.true_peak
+    )

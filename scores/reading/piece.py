@@ -466,8 +466,13 @@ class Master:
     gain: float
     place: Place
     fade: Fade = field(default=(), metadata=OMIT_EMPTY)
-    reference: float | None = field(default=None, metadata=OMIT_EMPTY)
-    is_level_given: bool = field(default=True, metadata=OMIT_EMPTY)  # by gain or normalise
+    reference: float | Literal["SI"] | None = field(default=None, metadata=OMIT_EMPTY)
+    loudness: float | None = field(default=None, metadata=OMIT_EMPTY)  # of the sum [LUFS]
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the level of the sum follows from what the whole piece measures."""
+        return self.normalise is not None or self.loudness is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -484,15 +489,14 @@ class Mix:
     def reference(self, *, is_measured: bool = False) -> float | None:
         """The ratio of full scale at which reference quantities are heard.
 
-        None if samples are in SI units: if the score gives `gain` or `normalise`, or if a file
-        of floats is written (`is_measured`).
+        None if samples are in SI units: if the score says so, or if a file of floats is written
+        (`is_measured`) whose master brings the sum to no level.
         """
         master = self.master
         if master is not None and master.reference is not None:
-            return master.reference
-        if is_measured or (master is not None and master.is_level_given):
-            return None
-        return REFERENCE
+            return None if master.reference == "SI" else master.reference
+        is_levelled = master is not None and master.is_measured
+        return None if is_measured and not is_levelled else REFERENCE
 
 
 @dataclass(frozen=True, slots=True)

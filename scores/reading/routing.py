@@ -20,8 +20,8 @@ def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartName
     is_relative = mix.reference() is not None
     for route in mix.routes if not is_relative else ():
         if route.level is not None:
-            message = f"route: the level of {quote(route.part)} needs a mix without `gain` and "
-            message += "`normalise` of its master; remove them, or write a gain here"
+            message = f"route: the level of {quote(route.part)} is not known in SI units; remove "
+            message += "`reference: SI` from the master, or write a gain here"
             part_names.collector.error("E111", message, route.place)
     written = (each for route in mix.routes for each in _each_note(route, part_names))
     found = (_route(route, parts, part_names, mix.rooms) for route in written)

@@ -35,11 +35,38 @@ def test_render_writes_what_the_score_says(capsys: Capture) -> None:
     info = read_info(Path("bell.wav"))
     assert (info.title, info.format.bits) == ("One bell", 24)
     pattern = (
-        r"bell\.wav: .* s, 2 channels, .* × real time, peak -1\.0 dBFS "
-        r"\(normalised by [+-][0-9.]+ dB\), loudness .* LUFS, "
-        r"no late blocks, sha256 [0-9a-f]{12}\n"
+        r"bell\.wav: .* s, 2 channels, .* × real time, peak -1\.0 dBFS, "
+        r"true peak -[01]\.\d dBTP, loudness -[0-9.]+ LUFS, gain [+-][0-9.]+ dB, "
+        r"sha256 [0-9a-f]{12}\n"
     )
     assert re.fullmatch(pattern, err)
+
+
+TWO_BELLS = """\
+ergon: 1
+instruments:
+  low: {modules: {m: {CEL: {M: 2g, f: A3, t60: 2s}}}, out: {SOX: m}}
+  high: {modules: {m: {CEL: {M: 2g, f: A4, t60: 1s}}}, out: {SOV: m}}
+strikes:
+  soft: {to: low.m, at: 0s, impulse: 0.1mNs}
+  hard: {to: high.m, at: 1s, impulse: 5mNs}
+mix: {route: [{from: low, to: 1}, {from: high, to: 2, gain: 40dB}], master: {MASTER}}
+"""
+
+
+@pytest.mark.parametrize("master", ["normalise: -1dB", "loudness: -12LUFS, limit: -6dB"])
+def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: Capture) -> None:
+    Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", master), encoding="utf-8")
+    assert app.run(["render", "two.yaml", "--stems", "stems"]) == 0
+    whole, _ = soundfile.read("two.wav")
+    stems = [soundfile.read(path)[0] for path in sorted(Path("stems").glob("*.wav"))]
+    np.testing.assert_allclose(sum(stems), whole, atol=2 * 2.0**-23)
+    for words in (["--to", "0.75s"], ["--from", "0.5s", "--to", "1.5s"], ["--from", "1.25s"]):
+        assert app.run(["render", "two.yaml", *words, "-o", "part.wav", "--force"]) == 0
+        part, _ = soundfile.read("part.wav")
+        start = round(44_100 * float(words[1][:-1])) if words[0] == "--from" else 0
+        np.testing.assert_array_equal(part, whole[start : start + len(part)])
+    capsys.readouterr()
 
 
 def test_the_record_of_a_render(capsys: Capture) -> None:
@@ -47,7 +74,8 @@ def test_the_record_of_a_render(capsys: Capture) -> None:
     (record,) = [r for r in records(capsys) if r["event"] != "progress"]
     assert list(record) == [
         "v", "event", "file", "frames", "channels", "rate_hz", "wall_s", "plan_s", "x_real_time",
-        "peak_dbfs", "sha256", "modules", "threads", "recalled",
+        "peak_dbfs", "true_peak_dbtp", "loudness_lufs", "gain_db", "sha256", "modules", "threads",
+        "recalled",
     ]  # fmt: skip
     info = read_info(Path("out/x.wav"))
     assert record["event"] == "rendered"

@@ -71,7 +71,8 @@ def test_a_pressure_has_one_too() -> None:
         ("{reference: -26dB}", -26.0),
         ("{reference: -26dB, gain: 3dB}", -23.0),
         ("{reference: -26dB, normalise: -9dB}", -9.0),
-        ("{gain: 70dB}", -10.0),  # of 0.1 mm: -80 dB
+        ("{gain: 6dB}", -14.0),
+        ("{reference: SI, gain: 70dB}", -10.0),  # of 0.1 mm: -80 dB
         ("{normalise: -3dB}", -3.0),
     ],
 )
@@ -81,11 +82,58 @@ def test_a_master_that_gives_a_level_keeps_its_meaning(master: str, level: float
 
 
 @pytest.mark.parametrize(
-    ("master", "level"), [("", -80.0), ("{limit: 0dB}", -80.0), ("{reference: -20dB}", -20.0)]
+    ("master", "level"),
+    [
+        ("", -80.0),
+        ("{limit: 0dB}", -80.0),
+        ("{gain: 6dB}", -74.0),
+        ("{reference: -20dB}", -20.0),
+        ("{normalise: -3dB}", -3.0),
+    ],
 )
 def test_floats_are_a_measurement_unless_a_reference_is_written(master: str, level: float) -> None:
     mix = f", master: {master}" if master else ""
     assert peak("SOX: m", 1e-4, mix, "float") == pytest.approx(level, abs=0.02)
+
+
+# A position and a speed, one after the other.
+TWO = """\
+ergon: 1
+instruments:
+  place:
+    modules: {{m: {{CEL: {{M: 2g, f: 440Hz, t60: 200ms}}}}}}
+    out: {{SOX: m}}
+  speed:
+    modules: {{m: {{CEL: {{M: 2g, f: 660Hz, t60: 200ms}}}}}}
+    out: {{SOV: m}}
+strikes:
+  first: {{to: place.m, at: 0s, impulse: 1mNs}}
+  second: {{to: speed.m, at: 1s, impulse: 1mNs}}
+mix: {{channels: 1, route: [{{from: place, to: 1}}, {{from: speed, to: 1, gain: -3dB}}]{mix}}}
+render: {{tail: 500ms, bits: {bits}}}
+"""
+
+
+def balance(master: str, bits: str = "24") -> float:
+    """How much louder the position is than the speed [dB]."""
+    path = Path("two.yaml")
+    mix = f", master: {master}" if master else ""
+    path.write_text(TWO.format(mix=mix, bits=bits), encoding="utf-8")
+    frames = np.abs(ergon.render(path).frames)
+    return 20.0 * math.log10(frames[:RATE].max() / frames[RATE + RATE // 10 :].max())
+
+
+def test_a_master_does_not_change_the_balance() -> None:
+    usual = balance("")
+    for master in (
+        *("{gain: 0dB}", "{gain: -9dB}", "{normalise: -1dB}", "{loudness: -26LUFS}"),
+        *("{reference: -30dB}", "{reference: -30dB, normalise: -3dB}", "{limit: 0dB}"),
+    ):
+        assert balance(master) == pytest.approx(usual, abs=0.01), master
+    for master in ("{normalise: -1dB}", "{loudness: -26LUFS}"):
+        assert balance(master, "float") == pytest.approx(usual, abs=0.2), master  # no high-pass
+    # 1 m is then as loud as 1 m/s: 80 dB less than 0.1 mm beside 1 m/s.
+    assert balance("{reference: SI, normalise: -1dB}") == pytest.approx(usual - 80.0, abs=0.1)
 
 
 def test_gains_of_routes_are_relative_to_the_reference() -> None:

@@ -16,6 +16,7 @@ from ergon.rendering.level import Level
 from ergon.rendering.render import render, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
+LONG = 60_000  # frames that have a loudness
 
 
 class Simulation:
@@ -140,23 +141,52 @@ def test_a_limiter_costs_no_time(tmp_path: Path) -> None:
     assert loud.max() > 0.015
 
 
-def test_normalising_to_a_part_looks_at_that_part_alone(tmp_path: Path) -> None:
-    path = tmp_path / "x.wav"
-    render(Stage(), order(path, 24, Level(normalise=0.5), start=0, stop=10), quiet)
-    data, _ = soundfile.read(path)
-    assert np.abs(data).max() == pytest.approx(0.5, abs=1e-6)
+@pytest.mark.parametrize(
+    "level", [Level(normalise=0.5), Level(loudness=-30.0), Level(loudness=-9.0, limit=0.4)]
+)
+def test_a_part_has_the_level_of_the_whole_piece(tmp_path: Path, level: Level) -> None:
+    class Swelling(Stage):
+        """Each part has another level."""
+
+        def mixer(self, *, highpass: float | None = None, reference: float | None = None):
+            return Swell()
+
+    class Swell:
+        at = 0
+
+        def process(self, frames: np.ndarray, mixed: np.ndarray) -> None:
+            size = (np.arange(self.at, self.at + len(frames)) / LONG)[:, None]
+            Matrix([list(row) for row in Stage.matrix]).process(frames * size, mixed)
+            self.at += len(frames)
+
+    class Long(Swelling):
+        n_frames = LONG
+
+    whole = tmp_path / "whole.wav"
+    done = render(Long(), order(whole, 24, level, stop=LONG), quiet)
+    want, _ = soundfile.read(whole)
+    for block, start, stop in ((4096, 0, 900), (1000, 7000, 30_000)):
+        part = tmp_path / f"{start}.wav"
+        cut = render(
+            Long(),
+            order(part, 24, level, start=start, stop=stop, block=block, is_part=True),
+            quiet,
+        )
+        assert cut.mix.gain == done.mix.gain
+        np.testing.assert_array_equal(soundfile.read(part)[0], want[start:stop])
 
 
 @pytest.mark.parametrize("bits", [24, "float"])
-def test_stems_add_up_to_the_mix(tmp_path: Path, bits) -> None:
+@pytest.mark.parametrize("level", [Level(normalise=0.5), Level(limit=0.015)])
+def test_stems_add_up_to_the_mix(tmp_path: Path, bits, level: Level) -> None:
     path, folder = tmp_path / "mix.wav", tmp_path / "stems"
-    level = Level(normalise=0.5)
     done = render(Stage(), order(path, bits, level, stems=folder), quiet)
     names = [Path(stem.path).name for stem in done.stems]
     assert names == ["01_ada.wav", "02_re_mi_2.wav"]
     mix, _ = soundfile.read(path)
     stems = [soundfile.read(stem.path)[0] for stem in done.stems]
     assert done.stems[0].gain == done.stems[1].gain == done.mix.gain
+    assert level.limit is None or np.abs(truth()).max() > level.limit  # the limiter acts
     np.testing.assert_allclose(sum(stems), mix, atol=3e-7)
 
 

@@ -141,9 +141,9 @@ def test_phrase_scaled_in_strength():
         ("strikes: {s: {to: drum, at: 0, impulse: 100}}", "E203", "write 100mNs or 100Ns"),
         ("mix: {route: [{from: mute, to: 1, level: -20LUFS}]}", "E304", "'mute' has no `level`"),
         (
-            "mix: {route: [{from: drum, to: 1, level: -20LUFS}], master: {gain: 0dB}}",
+            "mix: {route: [{from: drum, to: 1, level: -20LUFS}], master: {reference: SI}}",
             "E111",
-            "needs a mix without `gain`",
+            "is not known in SI units",
         ),
     ],
 )

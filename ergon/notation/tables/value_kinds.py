@@ -207,6 +207,13 @@ GAIN = Text(
     types=("string",),
     is_value=True,
 )
+REFERENCE = Text(
+    lambda text: "SI" if text.strip() == "SI" else q.gain(text),
+    f"{GAIN.what}, or SI",
+    f"^({_NUMBER} *dB|x{_NUMBER}|SI)$",
+    types=("string",),
+    is_value=True,
+)
 WHEN = Text(
     _cached(parse_position),
     "a position in the piece, such as 3|2.5, B+2, 12.5s or beats",

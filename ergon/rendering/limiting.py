@@ -1,0 +1,67 @@
+"""The limiter of a mix, and stems that follow its gain so that they still add up to the mix."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+# A constant in a channel of its own comes out times the gain; too small to be limited, and a power
+# of two, so that no bit is lost.
+_PROBE = 2.0**-100
+
+
+class Limiting(Protocol):
+    """Changes the level of frames, which come out `latency` frames late."""
+
+    latency: int
+
+    def limit(self, frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The next frames (n_frames, n_channels)."""
+
+
+class MixLimiter:
+    """The limiter of a mix; `gains` (n_frames) are those of the frames that came out last."""
+
+    def __init__(self, rate: float, n_channels: int, ceiling: float) -> None:
+        """Keep `n_channels` at `rate` [Hz] under `ceiling` (a ratio). Raises EngineError."""
+        import numpy as np
+
+        from ergon import _core
+
+        self._limiter = _core.Limiter(rate, n_channels + 1, ceiling)
+        self.latency = self._limiter.latency
+        self.gains: NDArray[np.float64] = np.zeros(0)
+
+    def limit(self, frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The next frames (n_frames, n_channels), limited."""
+        import numpy as np
+
+        probed = np.concatenate([frames, np.full((len(frames), 1), _PROBE)], axis=1)
+        self._limiter.process(probed)
+        self.gains = probed[:, -1] / _PROBE
+        return np.ascontiguousarray(probed[:, :-1])
+
+
+class StemLimiter:
+    """Gives a stem the gains of the mix; `limit` is called after that of the mix, with as many
+    frames.
+    """
+
+    def __init__(self, mix: MixLimiter, n_channels: int) -> None:
+        """Follow `mix`, with stems of `n_channels`."""
+        import numpy as np
+
+        self._mix = mix
+        self.latency = mix.latency
+        self._late = np.zeros((mix.latency, n_channels))
+
+    def limit(self, frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The next frames (n_frames, n_channels), as loud as in the mix."""
+        import numpy as np
+
+        joined = np.concatenate([self._late, frames])
+        self._late = joined[len(frames) :]
+        return joined[: len(frames)] * self._mix.gains[:, None]

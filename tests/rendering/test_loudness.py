@@ -1,0 +1,93 @@
+"""Loudness and true peak, beside the formulas of BS.1770-4 and a polyphase resampler."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter, resample_poly
+
+from ergon.rendering.level import Level
+from ergon.rendering.loudness import GatedLoudness, MeasuredLevel, TruePeak
+
+RATE = 48_000
+# BS.1770-4, tables 1 and 2, for 48 kHz: the shelf of a head, and a high-pass.
+SHELF = (
+    (1.53512485958697, -2.69169618940638, 1.19839281085285),
+    (*(1.0, -1.69065929318241, 0.73248077421585),),
+)
+HIGHPASS = (1.0, -2.0, 1.0), (1.0, -1.99004745483398, 0.99007225036621)
+
+
+def integrated(sound: np.ndarray) -> float:
+    """Loudness [LUFS] of (n_frames, n_channels) at 48 kHz, channels alike: BS.1770-4, eqs 1-7."""
+    weighted = lfilter(*HIGHPASS, lfilter(*SHELF, sound, axis=0), axis=0)
+    size, step = 4 * RATE // 10, RATE // 10
+    starts = range(0, len(sound) - size + 1, step)
+    power = np.array([(weighted[n : n + size] ** 2).mean(axis=0).sum() for n in starts])
+    above = power[-0.691 + 10 * np.log10(power) > -70]
+    gate = -0.691 + 10 * np.log10(above.mean()) - 10
+    return -0.691 + 10 * math.log10(above[-0.691 + 10 * np.log10(above) > gate].mean())
+
+
+def sound(seconds: float = 6.0) -> np.ndarray:
+    """Noise of two channels that rises by 40 dB, and a tone."""
+    n_frames = int(seconds * RATE)
+    t = np.arange(n_frames)[:, None] / RATE
+    noise = np.random.default_rng(3).normal(size=(n_frames, 2)) * 10 ** (2 * t / seconds - 4)
+    return noise + 0.01 * np.sin(2 * np.pi * 1000 * t)
+
+
+@pytest.mark.parametrize("block", [999, 4096])
+def test_loudness_at_any_gain(block):
+    frames = sound()
+    measured = GatedLoudness(RATE, 2)
+    for n in range(0, len(frames), block):
+        measured.take(frames[n : n + block])
+    for gain in (0.02, 1.0, 25.0):
+        assert measured.loudness(gain) == pytest.approx(integrated(gain * frames), abs=0.02)
+
+
+@pytest.mark.parametrize(("asked", "limit"), [(-30.0, None), (-14.0, 0.8), (-45.0, None)])
+def test_a_gain_brings_a_sound_to_a_loudness(asked, limit):
+    frames = 1e-3 * sound()
+    measured = MeasuredLevel(Level(loudness=asked, limit=limit), RATE, 2)
+    measured.take(frames)
+    assert integrated(measured.gain() * frames) == pytest.approx(asked, abs=0.02)
+
+
+def test_peaks_hold_a_loudness_down_where_nothing_limits_them():
+    frames = 1e-3 * sound()
+    frames[RATE] = 0.5
+    measured = MeasuredLevel(Level(loudness=-14.0), RATE, 2)
+    measured.take(frames)
+    peak = np.abs(resample_poly(measured.gain() * frames, 8, 1, axis=0)).max()
+    assert 20 * math.log10(peak) == pytest.approx(-1.0, abs=0.3)
+
+
+def test_a_short_sound_is_brought_to_its_peak_and_silence_left_alone():
+    short, silent = (MeasuredLevel(Level(loudness=-20.0), RATE, 1) for _ in range(2))
+    tone = 0.1 * np.sin(2 * np.pi * 440 * np.arange(RATE // 5) / RATE)[:, None]
+    short.take(tone)
+    silent.take(np.zeros((RATE, 1)))
+    assert np.abs(short.gain() * tone).max() == pytest.approx(10 ** (-1 / 20), rel=0.01)
+    assert silent.gain() == 1.0
+
+
+def test_true_peak_of_a_tone_whose_samples_miss_its_crests():
+    """At a quarter of the rate and 45 degrees samples are 3.01 dB below the crest."""
+    tone = np.sin(np.pi / 2 * np.arange(4000) + np.pi / 4) * np.hanning(4000)
+    for block in (64, 4000):
+        meter = TruePeak(1)
+        for n in range(0, len(tone), block):
+            meter.take(tone[n : n + block, None])
+        assert np.abs(tone).max() == pytest.approx(math.sqrt(0.5), rel=1e-3)
+        assert 20 * math.log10(meter.peak) == pytest.approx(0.0, abs=0.2)
+
+
+def test_true_peak_of_noise():
+    frames = sound(1.0)
+    meter = TruePeak(2)
+    for n in range(0, len(frames), 777):
+        meter.take(frames[n : n + 777])
+    wanted = np.abs(resample_poly(frames, 16, 1, axis=0)).max()
+    assert 20 * math.log10(meter.peak / wanted) == pytest.approx(0.0, abs=0.6)
