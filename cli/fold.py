@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import click
 from . import options
 from .console import Console, plural
 from .outcome import check_stdout
-from .units import seconds
+from .units import decibels, level, seconds
 
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
@@ -32,7 +31,11 @@ if TYPE_CHECKING:
     help="What IN.wav holds: a layout, or ambix1 … ambix7. Without it as the file says (ADM).",
 )
 @click.option("--head", metavar="FILE.sofa", help="Another head for binaural sound.")
-@click.option("--gain", metavar="LEVEL", help="Gain, such as -6dB.")
+@click.option(
+    "--gain",
+    metavar="LEVEL",
+    help="Gain, such as -6dB. Without it, none, or as much down as keeps it from clipping.",
+)
 @options.target("The file to write; - is stdout. Default: IN-WHERE.wav in the current folder.")
 @options.bits
 @options.force
@@ -60,11 +63,10 @@ def fold(
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
     asked = FoldOptions(from_=from_, head=head, gain=gain, bits=bits, force=force)
     done = fold_file(source, target, to, asked, report=console)
-    if done.n_clipped:
-        level = 20 * log10(done.peak)
+    if gain is None and done.gain < 1.0:
         console.warn(
-            f"{done.n_clipped:,} samples are clipped: the peak is {level:+.1f} dBFS; use --gain "
-            f"-{level + 0.05:.1f}dB, or --bits float"
+            f"{done.path} is turned down by {-decibels(done.gain):.2f} dB, for it would clip; "
+            "--bits float keeps its level"
         )
     if console.json:
         console.record(
@@ -73,10 +75,13 @@ def fold(
             channels=done.n_channels,
             frames=done.n_frames,
             peak=done.peak,
-            clipped=done.n_clipped,
+            true_peak_dbtp=decibels(done.true_peak),
+            gain_db=decibels(done.gain),
             sha256=done.sha256,
         )
     else:
-        peak = f"{20 * log10(done.peak):+.1f} dBFS" if done.peak else "silent"
+        peaks = f"peak {level(decibels(done.peak), 'dBFS')}"
+        if done.peak:
+            peaks += f", true peak {level(decibels(done.true_peak), 'dBTP')}"
         channels, length = plural(done.n_channels, "channel"), seconds(done.n_frames / done.rate)
-        console.say(f"{done.path}: {channels}, {length}, peak {peak}")
+        console.say(f"{done.path}: {channels}, {length}, {peaks}")

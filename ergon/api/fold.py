@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
 from ergon.exchange.wave_header import ORIGINATOR, Bits, NotWaveError
+from ergon.rendering.loudness import TruePeak, gain_to_peak
 
 from .errors import OptionError
 from .gain import asked_gain
@@ -20,12 +22,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon import _core
-    from ergon.exchange.wave_header import WaveInfo
+    from ergon.exchange.wave_header import WaveFormat, WaveInfo
     from ergon.scores.reading.piece import Piece
     from ergon.space.fold_filters import Field
     from ergon.space.head import Head
 
 _AMBISONICS = "ambix"
+_BLOCK = 65_536  # frames
 
 
 class FoldError(ErgonError, ValueError):
@@ -38,7 +41,8 @@ class FoldOptions:
 
     `from_`: the layout, or the order of Ambisonics, that the file holds; by default as the file
     says (ADM). `head`: a SOFA file in place of the head that ships. `gain` in decibels, such as
-    "-6dB". `bits`: 16, 24 or "float"; by default those of the file.
+    "-6dB"; without it a fold that would clip is turned down. `bits`: 16, 24 or "float"; by default
+    those of the file.
     """
 
     from_: str | None = None
@@ -50,14 +54,17 @@ class FoldOptions:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """What was written: its peak as a ratio of full scale, and how many samples were clipped."""
+    """What was written: its peak and true peak as ratios of full scale, and the ratio by which all
+    channels were multiplied.
+    """
 
     path: str
     n_channels: int
     n_frames: int
     rate: int
     peak: float
-    n_clipped: int
+    true_peak: float
+    gain: float
     sha256: str
 
 
@@ -79,6 +86,7 @@ def fold_file(
     from ergon.exchange import sound
     from ergon.exchange.safe import check_target, open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
+    from ergon.rendering.level import FrameSpool
 
     from .layouts import chunks_of
 
@@ -88,7 +96,6 @@ def fold_file(
         info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    gain = 1.0 if options.gain is None else asked_gain(options.gain)
     inputs = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
@@ -102,25 +109,45 @@ def fold_file(
     title = info.title if info.originator == ORIGINATOR else path.stem
     chunks = b"" if made is None else chunks_of(made, title)
     stamp = Stamp(title, chunks=chunks)
-    peak, n_clipped = 0.0, 0
-    with open_for_writing(target, binary=True, force=options.force, inputs=inputs) as file:
-        writer = sound.writer(target, file, format, n_frames, stamp)
+    folder = None if target == "-" else Path(target).resolve().parent
+    with (
+        open_for_writing(target, binary=True, force=options.force, inputs=inputs) as file,
+        FrameSpool(folder, format.n_channels) as held,
+        report.progress("folding", n_frames, format.rate) as progress,
+    ):
+        true_peak, at = TruePeak(format.n_channels), 0
         blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
-        with report.progress("folding", n_frames, format.rate) as progress:
-            at = 0
-            for block in _folded(blocks, fold, format.n_channels):
-                block *= gain
-                size = abs(block)
-                peak = max(peak, float(size.max(initial=0.0)))
-                if format.bits == "float":
-                    writer.write(_core.single(block, 1.0))  # type: ignore[arg-type]
-                else:
-                    n_clipped += int((size > 1.0).sum())
-                    writer.write(_core.pcm(block, 1.0, 16 if format.bits == 16 else 24))
-                at += len(block)
-                progress.at(at)
+        for block in _folded(blocks, fold, format.n_channels):
+            held.take(block)
+            true_peak.take(block)
+            at += len(block)
+            progress.at(at)
+        gain = _gain(options, format, held.peak, true_peak.peak)
+        writer = sound.writer(target, file, format, n_frames, stamp)
+        for block in held.blocks(_BLOCK):
+            if format.bits == "float":
+                writer.write(_core.single(block * gain, 1.0))
+            else:
+                writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
         writer.close()
-    return Folded(target, format.n_channels, n_frames, format.rate, peak, n_clipped, writer.sha256)
+    peaks = held.peak * gain, true_peak.peak * gain
+    return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
+
+
+def _gain(options: FoldOptions, format: WaveFormat, peak: float, true_peak: float) -> float:
+    """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
+    asked = 1.0 if options.gain is None else asked_gain(options.gain)
+    if format.bits == "float" or asked * peak <= 1.0:
+        return asked
+    if options.gain is None:
+        return gain_to_peak(true_peak)
+    raise OptionError(
+        "gain",
+        f"the fold would clip: its peak would be {20.0 * log10(asked * peak):+.1f} dBFS; the most "
+        f"is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and the "
+        "fold is turned down as far as it must be, or write floats",
+        value=options.gain,
+    )
 
 
 def fold_of(

@@ -153,11 +153,20 @@ class MeasuredLevel:
             return 1.0
         if level.loudness is None or self._loudness is None:
             return (level.normalise or 1.0) / self._peak
-        highest = TRUE_PEAK_MAX - 20.0 * math.log10(self._true_peak.peak)
-        gain = self._loudness.gain_to(level.loudness)
-        if gain is None or (highest < gain and level.limit is None):
-            return _core.decibels(math.floor(highest / GAIN_STEP) * GAIN_STEP)
-        return _core.decibels(round(gain / GAIN_STEP) * GAIN_STEP)
+        to_peak = gain_to_peak(self._true_peak.peak)
+        found = self._loudness.gain_to(level.loudness)
+        if found is None:
+            return to_peak
+        gain = _core.decibels(round(found / GAIN_STEP) * GAIN_STEP)
+        return gain if level.limit is not None else min(gain, to_peak)
+
+
+def gain_to_peak(true_peak: float) -> float:
+    """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_MAX`, or just below."""
+    from ergon import _core
+
+    highest = TRUE_PEAK_MAX - 20.0 * math.log10(true_peak)
+    return _core.decibels(math.floor(highest / GAIN_STEP) * GAIN_STEP)
 
 
 def _gated(blocks: NDArray[np.float64], decibels: float) -> float:

@@ -463,7 +463,7 @@ def mix(values: Values | None, files: Files) -> Mix:
         )
         if m["loudness"] is not None and m["normalise"] is not None:
             message = f"{m.context.of('loudness')}: the level of the sum is said twice; "
-            m.error("E103", message + "remove `normalise` or `loudness`", "loudness")
+            m.error("E111", message + "remove `normalise` or `loudness`", "loudness")
     return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
 

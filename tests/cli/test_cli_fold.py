@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import forked
+from scipy.signal import resample_poly
 
 from ergon.exchange.wave import WaveWriter, read_blocks, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -56,7 +57,7 @@ def test_a_render_says_what_its_channels_are(tmp_path: Path):
     done = ergon(tmp_path, "fold", "sky-ambix5.wav", "--to", "ring24", "--json")
     assert done.returncode == 0, done.stderr
     (folded,) = [json.loads(line) for line in done.stdout.splitlines()]
-    assert (folded["channels"], folded["clipped"]) == (24, 0)
+    assert (folded["channels"], folded["gain_db"]) == (24, 0.0)
     assert ergon(tmp_path, "fold", "sky-ambix5-ring24.wav", "--to", "stereo").returncode == 0
 
 
@@ -107,15 +108,30 @@ def test_long_files_and_empty_ones(tmp_path: Path):
     assert read_info(tmp_path / "none-stereo.wav").n_frames == 0
 
 
-def test_clipped_samples_are_told_and_the_gain_that_helps(tmp_path: Path):
+def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
-    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits", "24")
-    done = ergon(tmp_path, *words)
+    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits")
+    done = ergon(tmp_path, *words, "float", "-o", "float.wav")
+    assert (done.returncode, "turned down" in done.stderr) == (0, False)
+    clean = samples(tmp_path / "float.wav")
+    assert np.abs(clean).max() > 1.1
+    done = ergon(tmp_path, *words, "24")
     assert done.returncode == 0
-    assert "samples are clipped" in done.stderr
-    gain = done.stderr.split("--gain ")[1].split(",")[0]
-    done = ergon(tmp_path, *words, "--gain", gain)
-    assert (done.returncode, "clipped" in done.stderr) == (0, False)
+    lower = float(done.stderr.split("turned down by ")[1].split(" dB")[0])
+    made = samples(tmp_path / "in-stereo.wav")
+    np.testing.assert_allclose(made, clean * 10 ** (-lower / 20), atol=1e-6)
+    assert 10 ** (-3 / 20) < np.abs(made).max() <= 10 ** (-1 / 20)
+    assert np.abs(resample_poly(made, 8, 1, axis=0)).max() < 10 ** (-0.5 / 20)
+
+
+def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
+    noise(tmp_path / "in.wav", 3_000, peak=0.9)
+    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits", "24", "--gain")
+    done = ergon(tmp_path, *words, "3dB")
+    assert done.returncode == 2
+    assert not (tmp_path / "in-stereo.wav").exists()
+    highest = float(done.stderr.split("the most is ")[1].split(" dB")[0])
+    assert ergon(tmp_path, *words, f"{highest - 0.01:.2f}dB").returncode == 0
     assert 0.98 < np.abs(samples(tmp_path / "in-stereo.wav")).max() <= 1.0
 
 
