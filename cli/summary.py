@@ -73,7 +73,7 @@ def print_rendered(console: Console, completed: Completed) -> None:
         return
     channels = plural(job.format.n_channels, "channel")
     name = "stdout" if mix.path == "-" else mix.path
-    gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_measured else ""
+    gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
     recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
     measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
@@ -168,7 +168,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     simulated = job.simulated_frames(stage.n_frames)
     held = 0
-    if job.level.is_measured:
+    if job.level.is_levelled:
         held = simulated * job.format.n_channels * 8 * n_files
     lambda_max = _lambda_max(stage)
     margin = None if lambda_max is None else _LAMBDA_LIMIT / lambda_max if lambda_max else math.inf

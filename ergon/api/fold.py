@@ -115,13 +115,13 @@ def fold_file(
         FrameSpool(folder, format.n_channels) as held,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
-        true_peak, at = TruePeak(format.n_channels), 0
+        true_peak, n_folded = TruePeak(format.n_channels), 0
         blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
         for block in _folded(blocks, fold, format.n_channels):
             held.take(block)
             true_peak.take(block)
-            at += len(block)
-            progress.at(at)
+            n_folded += len(block)
+            progress.at(n_folded)
         gain = _gain(options, format, held.peak, true_peak.peak)
         writer = sound.writer(target, file, format, n_frames, stamp)
         for block in held.blocks(_BLOCK):

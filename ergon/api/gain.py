@@ -46,12 +46,13 @@ def gain_of(
     if asked is not None:
         return asked_gain(asked)
     master = piece.mix.master
-    if master is None or not master.is_measured:
+    if master is None or not master.is_levelled:
         return 1.0
     stage = staged()
     with report.progress("listening beforehand", preflight_frames(stage), stage.rate) as progress:
-        level = replace(scores.played_level(piece), normalise=master.normalise)
-        level = replace(level, loudness=master.loudness)
+        # As in a file: peaks hold a loudness down unless the score limits them.
+        wanted = {name: getattr(master, name) for name in ("normalise", "loudness", "limit")}
+        level = replace(scores.played_level(piece), **wanted)
         found = find_gain(stage, level, frozen, progress.at)
     heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
     gained = f"{20 * log10(found.gain):+.1f} dB"

@@ -92,8 +92,8 @@ class Render:
     """The sound of a score in memory.
 
     `frames` (n_frames, n_channels) are the samples, 1.0 at full scale, at `rate` [Hz]. `peak` is
-    the largest absolute sample, `loudness` the integrated loudness [LUFS], `gain` the ratio by
-    which the mix was multiplied.
+    the largest absolute sample, `true_peak` that between samples too, `loudness` the integrated
+    loudness [LUFS], `gain` the ratio by which the mix was multiplied.
     """
 
     frames: NDArray[np.float64]
@@ -101,6 +101,7 @@ class Render:
     peak: float
     loudness: float
     gain: float
+    true_peak: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,8 @@ def render(
         _render_progress(prepared, "rendering", report) as at,
     ):
         frames, done, prepared.stage.reports = render_array(prepared.stage, job, at)
-    return Render(frames, prepared.stage.rate, done.peak, done.loudness, done.gain)
+    levels = done.peak, done.loudness, done.gain, done.true_peak
+    return Render(frames, prepared.stage.rate, *levels)
 
 
 def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> PreparedRender:
@@ -205,7 +207,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
     job = replace(job, inputs=(*loaded.inputs, *options.files))
     if recorded is not None:
         job = replace(job, level=recorded.level)
-    elif options.input is not None and not job.level.is_measured:
+    elif options.input is not None and not job.level.is_levelled:
         job = replace(job, level=scores.played_level(staged.piece))
     if file.motion:
         from .film import film

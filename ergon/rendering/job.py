@@ -66,13 +66,13 @@ class RenderJob:
         """The search for silence, where the end of the piece is needed: for the length of the file,
         or for a level.
         """
-        if self.fades_from is None or not (self.is_open or self.level.is_measured):
+        if self.fades_from is None or not (self.is_open or self.level.is_levelled):
             return None
         return self.fades_from, self.format.n_channels
 
     def simulated_frames(self, n_frames: int) -> int:
         """Frames to compute of a piece of `n_frames`: a level is that of the whole piece."""
-        return n_frames if self.level.is_measured else min(self.stop, n_frames)
+        return n_frames if self.level.is_levelled else min(self.stop, n_frames)
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ class Level:
     loudness: float | None = None
 
     @property
-    def is_measured(self) -> bool:
+    def is_levelled(self) -> bool:
         """Whether the gain follows from what the whole piece measures."""
         return self.normalise is not None or self.loudness is not None
 

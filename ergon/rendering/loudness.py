@@ -154,10 +154,10 @@ class MeasuredLevel:
         if level.loudness is None or self._loudness is None:
             return (level.normalise or 1.0) / self._peak
         to_peak = gain_to_peak(self._true_peak.peak)
-        found = self._loudness.gain_to(level.loudness)
-        if found is None:
+        decibels = self._loudness.gain_to(level.loudness)
+        if decibels is None:
             return to_peak
-        gain = _core.decibels(round(found / GAIN_STEP) * GAIN_STEP)
+        gain = _core.decibels(round(decibels / GAIN_STEP) * GAIN_STEP)
         return gain if level.limit is not None else min(gain, to_peak)
 
 

@@ -78,7 +78,7 @@ class RenderMemory:
     def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
         """All that is heard of a job, with the levels in `balances`; None if any is not known."""
         start, stop = job.start, job.stop
-        if job.level.limit is not None or job.level.is_measured or job.ending is not None:
+        if job.level.limit is not None or job.level.is_levelled or job.ending is not None:
             # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
         last = max(stop, job.simulated_frames(self._n_frames))

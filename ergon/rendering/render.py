@@ -315,7 +315,7 @@ def _track(
     begin: Callable[[RenderJob, int], MasterChain],
 ) -> _Track:
     held = None
-    if job.level.is_measured or job.is_open:
+    if job.level.is_levelled or job.is_open:
         folder = None if path == "-" else Path(path).resolve().parent
         held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
     return _Track(path, mixer, begin, held)
@@ -389,13 +389,13 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     return folded
 
 
-def _release(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: int) -> None:
-    """The second pass, over spooled frames, once the gain of the `whole` piece [frames] is known.
+def _release(stage: Staged, job: RenderJob, tracks: Sequence[_Track], piece_end: int) -> None:
+    """The second pass, over spooled frames, once the frame at which the piece ends is known.
 
     The tracks go side by side, for stems follow the limiter of the mix.
     """
-    if job.level.is_measured:
-        _set_gains(stage, job, tracks, whole)
+    if job.level.is_levelled:
+        _set_gains(stage, job, tracks, piece_end)
     if any(track.held is None for track in tracks):
         return
     spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
@@ -405,12 +405,12 @@ def _release(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: int
                 track.finish.take(block)
 
 
-def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: int) -> None:
+def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[_Track], piece_end: int) -> None:
     """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
     so that they still add up. What a limiter does to the mix is done to them too.
     """
     mix, *stems = [track.held for track in tracks if track.held is not None]
-    gain = _measured_gain(stage, job, mix, whole)
+    gain = _measured_gain(stage, job, mix, piece_end)
     shared = gain
     if job.format.bits != "float" and job.level.limit is None:
         ceiling = job.level.normalise or 1.0
@@ -420,9 +420,9 @@ def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[_Track], whole: i
             track.finish.gain = shared if index else gain
 
 
-def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, whole: int) -> float:
+def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
     measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
-    left = whole
+    left = piece_end
     for block in mix.blocks(job.block):
         measured.take(block[:left])
         left = max(left - len(block), 0)

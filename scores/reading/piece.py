@@ -470,7 +470,7 @@ class Master:
     loudness: float | None = field(default=None, metadata=OMIT_EMPTY)  # of the sum [LUFS]
 
     @property
-    def is_measured(self) -> bool:
+    def is_levelled(self) -> bool:
         """Whether the level of the sum follows from what the whole piece measures."""
         return self.normalise is not None or self.loudness is not None
 
@@ -495,7 +495,7 @@ class Mix:
         master = self.master
         if master is not None and master.reference is not None:
             return None if master.reference == "SI" else master.reference
-        is_levelled = master is not None and master.is_measured
+        is_levelled = master is not None and master.is_levelled
         return None if is_measured and not is_levelled else REFERENCE
 
 

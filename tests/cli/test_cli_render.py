@@ -58,14 +58,14 @@ mix: {route: [{from: low, to: 1}, {from: high, to: 2, gain: 40dB}], master: {MAS
 def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: Capture) -> None:
     Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", master), encoding="utf-8")
     assert app.run(["render", "two.yaml", "--stems", "stems"]) == 0
-    whole, _ = soundfile.read("two.wav")
+    mix, _ = soundfile.read("two.wav")
     stems = [soundfile.read(path)[0] for path in sorted(Path("stems").glob("*.wav"))]
-    np.testing.assert_allclose(sum(stems), whole, atol=2 * 2.0**-23)
+    np.testing.assert_allclose(sum(stems), mix, atol=2 * 2.0**-23)
     for words in (["--to", "0.75s"], ["--from", "0.5s", "--to", "1.5s"], ["--from", "1.25s"]):
         assert app.run(["render", "two.yaml", *words, "-o", "part.wav", "--force"]) == 0
         part, _ = soundfile.read("part.wav")
         start = round(44_100 * float(words[1][:-1])) if words[0] == "--from" else 0
-        np.testing.assert_array_equal(part, whole[start : start + len(part)])
+        np.testing.assert_array_equal(part, mix[start : start + len(part)])
     capsys.readouterr()
 
 

@@ -152,19 +152,19 @@ def test_a_part_has_the_level_of_the_whole_piece(tmp_path: Path, level: Level) -
             return Swell()
 
     class Swell:
-        at = 0
+        n_mixed = 0
 
         def process(self, frames: np.ndarray, mixed: np.ndarray) -> None:
-            size = (np.arange(self.at, self.at + len(frames)) / LONG)[:, None]
+            size = (np.arange(self.n_mixed, self.n_mixed + len(frames)) / LONG)[:, None]
             Matrix([list(row) for row in Stage.matrix]).process(frames * size, mixed)
-            self.at += len(frames)
+            self.n_mixed += len(frames)
 
     class Long(Swelling):
         n_frames = LONG
 
-    whole = tmp_path / "whole.wav"
-    done = render(Long(), order(whole, 24, level, stop=LONG), quiet)
-    want, _ = soundfile.read(whole)
+    path = tmp_path / "mix.wav"
+    done = render(Long(), order(path, 24, level, stop=LONG), quiet)
+    want, _ = soundfile.read(path)
     for block, start, stop in ((4096, 0, 900), (1000, 7000, 30_000)):
         part = tmp_path / f"{start}.wav"
         cut = render(
