@@ -112,25 +112,25 @@ def fold_file(
     folder = None if target == "-" else Path(target).resolve().parent
     with (
         open_for_writing(target, binary=True, force=options.force, inputs=inputs) as file,
-        FrameSpool(folder, format.n_channels) as held,
+        FrameSpool(folder, format.n_channels) as spool,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
         true_peak, n_folded = TruePeak(format.n_channels), 0
         blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
         for block in _folded(blocks, fold, format.n_channels):
-            held.take(block)
+            spool.take(block)
             true_peak.take(block)
             n_folded += len(block)
             progress.at(n_folded)
-        gain = _gain(options, format, held.peak, true_peak.peak)
+        gain = _gain(options, format, spool.peak, true_peak.peak)
         writer = sound.writer(target, file, format, n_frames, stamp)
-        for block in held.blocks(_BLOCK):
+        for block in spool.blocks(_BLOCK):
             if format.bits == "float":
-                writer.write(_core.single(block * gain, 1.0))
+                writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
             else:
                 writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
         writer.close()
-    peaks = held.peak * gain, true_peak.peak * gain
+    peaks = spool.peak * gain, true_peak.peak * gain
     return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.rendering.job import BLOCK
-from ergon.rendering.loudness import MeasuredLevel
+from ergon.rendering.measured_level import MeasuredLevel
 from ergon.rendering.render import frames_of
 
 if TYPE_CHECKING:

@@ -9,8 +9,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from .level import Level
-
 TRUE_PEAK_MAX = -1.0  # [dBTP] of what is brought to a loudness (EBU R 128)
 # Gains found by measurement are multiples of this [dB]: the filters of the meter differ in their
 # last bits from machine to machine, and samples must not.
@@ -119,46 +117,6 @@ class TruePeak:
             for tap, factor in enumerate(phase):
                 between += factor * joined[tap : tap + len(frames)]
             self.peak = max(self.peak, float(np.max(np.abs(between))))
-
-
-class MeasuredLevel:
-    """Finds the gain that brings a whole piece to the peak or the loudness of a `Level`."""
-
-    def __init__(self, level: Level, rate: float, n_channels: int) -> None:
-        """Measure frames of `n_channels` at `rate` [Hz]."""
-        self._level = level
-        self._true_peak = TruePeak(n_channels)
-        self._loudness = None if level.loudness is None else GatedLoudness(rate, n_channels)
-        self._peak = 0.0
-
-    def take(self, frames: NDArray[np.float64]) -> None:
-        """Measure the next frames (n_frames, n_channels)."""
-        import numpy as np
-
-        self._peak = max(self._peak, float(np.max(np.abs(frames), initial=0.0)))
-        if self._loudness is not None:
-            self._loudness.take(frames)
-            self._true_peak.take(frames)
-
-    def gain(self) -> float:
-        """The gain (a ratio); 1 for silence.
-
-        A loudness is reached unless peaks would pass -1 dBTP with no limiter after them; a sound
-        without a loudness, because it is short, is brought there.
-        """
-        from ergon import _core
-
-        level = self._level
-        if self._peak == 0.0:
-            return 1.0
-        if level.loudness is None or self._loudness is None:
-            return (level.normalise or 1.0) / self._peak
-        to_peak = gain_to_peak(self._true_peak.peak)
-        decibels = self._loudness.gain_to(level.loudness)
-        if decibels is None:
-            return to_peak
-        gain = _core.decibels(round(decibels / GAIN_STEP) * GAIN_STEP)
-        return gain if level.limit is not None else min(gain, to_peak)
 
 
 def gain_to_peak(true_peak: float) -> float:

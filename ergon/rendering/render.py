@@ -25,7 +25,7 @@ from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
 from .level import ArrayWriter, FrameSpool, MasterChain, Writer, ceiling_gain
 from .limiting import Limiting, MixLimiter, StemLimiter
-from .loudness import MeasuredLevel
+from .measured_level import MeasuredLevel
 from .memory import memory_of
 from .mixed_stretches import KnownMix, MixRecorder, Outcome
 from .remote import RemoteSimulation

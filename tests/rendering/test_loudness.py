@@ -8,7 +8,8 @@ from bs1770 import RATE, integrated
 from scipy.signal import resample_poly
 
 from ergon.rendering.level import Level
-from ergon.rendering.loudness import GatedLoudness, MeasuredLevel, TruePeak
+from ergon.rendering.loudness import GatedLoudness, TruePeak
+from ergon.rendering.measured_level import MeasuredLevel
 
 
 def sound(seconds: float = 6.0) -> np.ndarray:
