@@ -69,6 +69,24 @@ def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: 
     capsys.readouterr()
 
 
+@pytest.mark.parametrize("master", ["normalise: -3dB", "loudness: -28LUFS"])
+def test_a_performance_has_the_gain_of_the_file(master: str, capsys: Capture) -> None:
+    Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", master), encoding="utf-8")
+    assert app.run(["render", "two.yaml", "--json"]) == 0
+    (rendered,) = [r for r in records(capsys) if r["event"] == "rendered"]
+    assert app.run(["play", "two.yaml", "--audio", "file:live.wav", "--plain"]) == 0
+    (gain,) = re.findall(r"gain ([+-][0-9.]+) dB, from a preflight", capsys.readouterr().err)
+    assert float(gain) == pytest.approx(rendered["gain_db"], abs=0.06)
+
+
+def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> None:
+    Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", "loudness: -3LUFS"), encoding="utf-8")
+    assert app.run(["render", "two.yaml"]) == 0
+    said = capsys.readouterr().err
+    assert "true peak -1.0 dBTP" in said
+    assert "dB below the -3 LUFS of its master" in said
+
+
 def test_the_record_of_a_render(capsys: Capture) -> None:
     assert app.run(["render", "--json", "bell.yaml", "-o", "out/x.wav", "--bits", "float"]) == 0
     (record,) = [r for r in records(capsys) if r["event"] != "progress"]

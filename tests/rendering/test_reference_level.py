@@ -136,6 +136,11 @@ def test_a_master_does_not_change_the_balance() -> None:
     assert balance("{reference: SI, normalise: -1dB}") == pytest.approx(usual - 80.0, abs=0.1)
 
 
+def test_a_sum_with_two_levels_is_refused() -> None:
+    loaded = load("s.yaml", text="ergon: 1\nmix: {master: {loudness: -20LUFS, normalise: -1dB}}\n")
+    assert [one.code for one in loaded.diagnostics] == ["E111"]
+
+
 def test_gains_of_routes_are_relative_to_the_reference() -> None:
     mix = ", route: {from: bell, to: 1, gain: 6dB}"
     assert peak("SOX: m", 1e-4, mix) == pytest.approx(-14.0, abs=0.02)
