@@ -82,11 +82,11 @@ class RenderMemory:
             # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
         last = max(stop, job.simulated_frames(self._n_frames))
-        known = self._mixed.known(start, last, job.ending)
-        # Where the piece has faded before the end of a part, more is needed than up to there.
-        if known is None or (not job.is_open and known.stop < stop):
+        # A part may go on after the piece has faded.
+        known = self._mixed.known(start, last, job.ending, 0 if job.is_open else stop)
+        if known is None or self.levels.recall(balances, min(job.stop, known.stop)):
             return None
-        return None if self.levels.recall(balances, min(job.stop, known.stop)) else known
+        return known
 
     def computing(
         self, job: RenderJob, balances: Sequence[Balance], *, records: bool

@@ -109,14 +109,16 @@ class MixedStretches:
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
 
-    def known(self, start: int, stop: int, ending: Ending | None) -> KnownMix | None:
+    def known(self, start: int, stop: int, ending: Ending | None, needed: int) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
         it, or its outcome, is not known.
 
-        If the sound is followed to its end, the mix may end sooner, by the same `ending`.
+        If the sound is followed to its end, the mix may end sooner, by the same `ending`, but not
+        before frame `needed`.
         """
         step = stretches.STRETCH_FRAMES
         first = start // step
+        has_ended = False
         found: list[_Stretch] = []
         before = Outcome() if first == 0 else None
         for index in range(first, (stop - 1) // step + 1):
@@ -127,8 +129,8 @@ class MixedStretches:
                 before = found[-1].outcome
             found.append(stretch)
             after = index * step + len(stretch.frames)
-            has_ended = ending is not None and stretch.ending == ending
-            if after >= stop or has_ended:
+            has_ended = has_ended or (ending is not None and stretch.ending == ending)
+            if after >= stop or (has_ended and after >= needed):
                 break
             if after < self._stop(index):
                 return None
@@ -152,10 +154,11 @@ class MixedStretches:
         nothing.
         """
         index = at // stretches.STRETCH_FRAMES
-        if self._store.has(self._keys[index]):
-            known = self._read(index)
-            if known is not None and len(known.frames) >= len(frames):
+        known = self._read(index) if self._store.has(self._keys[index]) else None
+        if known is not None and len(known.frames) >= len(frames):
+            if ending in (None, known.ending) or known.outcome != outcome:
                 return True
+            frames = known.frames
         finer, gains = outcome.parts_finer, outcome.energy_gains
         head = [list(finer), list(gains), "" if outcome.is_empty else self._score, ending]
         return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(head).encode())
@@ -200,17 +203,21 @@ class MixRecorder:
         while len(mixed) and self._is_kept:
             start = self._at - self._n_pending
             stop = min(start + stretches.STRETCH_FRAMES, self._n_frames)
+            if self._at == stop:
+                self._put(self.outcomes.pop(stop, None), None)
+                continue
             now = mixed[: stop - self._at]
             self._blocks.append(now)
             self._at += len(now)
             mixed = mixed[len(now) :]
-            if self._at == stop:
-                self._put(self.outcomes.pop(stop, None), None)
 
     def end(self, outcome: Outcome, ending: Ending | None) -> None:
-        """Store what has come of the last stretch, which the render `ending` cut short."""
-        if self._n_pending and self._is_kept and ending is not None:
-            self._put(outcome, ending)
+        """Store what has come of the last stretch, if it is complete or the render `ending` may
+        have cut it short.
+        """
+        is_complete = self._at in self.outcomes
+        if self._n_pending and self._is_kept and (is_complete or ending is not None):
+            self._put(self.outcomes.pop(self._at, outcome), ending)
 
     @property
     def _n_pending(self) -> int:

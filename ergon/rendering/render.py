@@ -23,36 +23,18 @@ from .ahead import ahead
 from .balance import MEASURED_OUTPUTS_MAX, Balance
 from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
-from .level import ArrayWriter, FrameSpool, MasterChain, Writer, ceiling_gain
-from .limiting import Limiting, MixLimiter, StemLimiter
-from .measured_level import MeasuredLevel
+from .level import ArrayWriter, MasterChain
+from .limiting import Limiting, StemLimiter
 from .memory import memory_of
 from .mixed_stretches import KnownMix, MixRecorder, Outcome
 from .remote import RemoteSimulation
 from .resumed import ResumedSimulation
 from .staged import Mixer, Simulation, Staged
+from .tracks import Track, chain_of, close, limiter_of, release, track_of
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-
-@dataclass(slots=True)
-class _Track:
-    """One output file in the making: its mixer, the spool of its frames, and its master chain."""
-
-    path: str
-    mixer: Mixer
-    # Once the length of the file is known: the job, and the first frame that comes.
-    begin: Callable[[RenderJob, int], MasterChain]
-    held: FrameSpool | None
-    finish: MasterChain | None = None
-
-    def take(self, block: NDArray[np.float64]) -> None:
-        """Take the next mixed frames: into the spool, or through the chain at once."""
-        to = self.held or self.finish
-        assert to is not None
-        to.take(block)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +73,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
         files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
-        limiter = _limiter(stage, job)
+        limiter = limiter_of(stage, job)
         mixers: list[tuple[str, Mixer, Limiting | None]] = [
             (job.target, stage.mixer(highpass=highpass, reference=reference), limiter)
         ]
@@ -110,9 +92,9 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 limits: Limiting | None = limits,
             ) -> MasterChain:
                 writer = sound.writer(name, file, of.format, of.n_frames, of.stamp)
-                return _chain(writer, stage, of, limits, first)
+                return chain_of(writer, stage, of, limits, first)
 
-            tracks.append(_track(stack, job, name, mixer, written_to))
+            tracks.append(track_of(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
         filmed = _filmed(files, stage, job, reference)
         if filmed is not None:
@@ -138,7 +120,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 def _recalled_or_computed(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[_Track],
+    tracks: Sequence[Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
 ) -> _Filled:
@@ -215,11 +197,11 @@ def render_array(
 
     def written_to(of: RenderJob, first: int) -> MasterChain:
         made.append(np.zeros((of.n_frames, of.format.n_channels)))
-        return _chain(ArrayWriter(of.format, made[0]), stage, of, _limiter(stage, of), first)
+        return chain_of(ArrayWriter(of.format, made[0]), stage, of, limiter_of(stage, of), first)
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
-        track = _track(stack, job, "-", mixer, written_to)
+        track = track_of(stack, job, "-", mixer, written_to)
         filled = _recalled_or_computed(stage, job, [track], progress, ())
     return made[0], filled.files[0], filled.outcome
 
@@ -227,7 +209,7 @@ def render_array(
 def _fill(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[_Track],
+    tracks: Sequence[Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     simulation: Simulation | None,
@@ -246,7 +228,7 @@ def _fill(
 def _fill_known(
     stage: Staged,
     job: RenderJob,
-    track: _Track,
+    track: Track,
     known: KnownMix,
     progress: Callable[[int], None],
 ) -> _Filled:
@@ -273,7 +255,7 @@ def _fill_known(
 def _finished(
     stage: Staged,
     job: RenderJob,
-    tracks: Sequence[_Track],
+    tracks: Sequence[Track],
     first: int,
     piece_end: int,
     n_simulated: int,
@@ -283,8 +265,8 @@ def _finished(
         job = replace(job, stop=min(max(piece_end, job.start), job.stop))
     for track in tracks:
         track.finish = track.finish or track.begin(job, first)
-    _release(stage, job, tracks, piece_end)
-    return _Filled(job, [_close(track) for track in tracks], n_simulated)
+    release(stage, job, tracks, piece_end)
+    return _Filled(job, [close(track) for track in tracks], n_simulated)
 
 
 def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | None:
@@ -294,38 +276,11 @@ def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | 
     return _core.SilenceDetector(stage.rate, n_channels, fades_from)
 
 
-def _limiter(stage: Staged, job: RenderJob) -> MixLimiter | None:
-    limit = job.level.limit
-    return None if limit is None else MixLimiter(stage.rate, job.format.n_channels, limit)
-
-
-def _chain(
-    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first: int
-) -> MasterChain:
-    chain = MasterChain(writer, stage.rate, job.start, job.stop, limiter, job.silences, first)
-    chain.gain = job.level.gain
-    return chain
-
-
-def _track(
-    stack: contextlib.ExitStack,
-    job: RenderJob,
-    path: str,
-    mixer: Mixer,
-    begin: Callable[[RenderJob, int], MasterChain],
-) -> _Track:
-    held = None
-    if job.level.is_levelled or job.is_open:
-        folder = None if path == "-" else Path(path).resolve().parent
-        held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
-    return _Track(path, mixer, begin, held)
-
-
 def _simulate(
     stage: Staged,
     simulation: Simulation,
     job: RenderJob,
-    tracks: Sequence[_Track],
+    tracks: Sequence[Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     recorder: MixRecorder | None,
@@ -387,52 +342,3 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     for channel in range(mixed.shape[1]):
         folded[:, channel % n_channels] += mixed[:, channel]
     return folded
-
-
-def _release(stage: Staged, job: RenderJob, tracks: Sequence[_Track], piece_end: int) -> None:
-    """The second pass, over spooled frames, once the frame at which the piece ends is known.
-
-    The tracks go side by side, for stems follow the limiter of the mix.
-    """
-    if job.level.is_levelled:
-        _set_gains(stage, job, tracks, piece_end)
-    if any(track.held is None for track in tracks):
-        return
-    spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
-    for blocks in zip(*spools, strict=True):
-        for track, block in zip(tracks, blocks, strict=True):
-            if track.finish is not None:
-                track.finish.take(block)
-
-
-def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[_Track], piece_end: int) -> None:
-    """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
-    so that they still add up. What a limiter does to the mix is done to them too.
-    """
-    mix, *stems = [track.held for track in tracks if track.held is not None]
-    gain = _measured_gain(stage, job, mix, piece_end)
-    shared = gain
-    if job.format.bits != "float" and job.level.limit is None:
-        ceiling = job.level.normalise or 1.0
-        shared = min(gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling))
-    for index, track in enumerate(tracks):
-        if track.finish is not None:
-            track.finish.gain = shared if index else gain
-
-
-def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
-    measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
-    left = piece_end
-    for block in mix.blocks(job.block):
-        measured.take(block[:left])
-        left = max(left - len(block), 0)
-    return measured.gain()
-
-
-def _close(track: _Track) -> RenderedFile:
-    finish = track.finish
-    assert finish is not None
-    finish.close()
-    return RenderedFile(
-        track.path, finish.peak, finish.loudness, finish.gain, finish.sha256, finish.true_peak
-    )

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sweep import few
 
 import ergon
-from ergon.api.render import Render, RenderOptions
+from ergon.api.render import FileOptions, Render, RenderOptions
 from ergon.api.score import read, stage_piece
 from ergon.rendering import memory, resumed, stretches
 
@@ -281,6 +282,51 @@ def test_limited_and_normalised_excerpts_are_those_of_the_whole(
         ergon.render("a.yaml")
         sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", to="1.3s"))))
     assert len(set(sounds)) == 1
+    assert len(recalled.all) == 1
+
+
+_PARTS = ({"from_": "0.9s", "to": "1.3s"}, {"from_": "0.6s"}, {"to": "6s"}, {})
+_LEVELS = ("normalise: -1dB", "loudness: -45LUFS", "loudness: -12LUFS, limit: -3dB")
+
+
+@pytest.mark.parametrize("tail", ["0.5s", "8s", "auto"])
+@pytest.mark.parametrize("level", few(_LEVELS, ("loudness: -45LUFS",)))
+@pytest.mark.parametrize("order", few((0, 1, 2, 3), (0, 3)))
+def test_parts_recall_the_level_of_the_piece(
+    order: int, level: str, tail: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever of them is rendered first: what it leaves is enough for others, or computed."""
+    fading = Score(parts=tuple(part for part in Score().parts if part[0] != "b"))
+    text = fading.text().replace("render:", f"mix: {{master: {{{level}}}}}\nrender:")
+    Path("a.yaml").write_text(text.replace("tail: 0.5s", f"tail: {tail}"))
+    recalled = Recalled(monkeypatch)
+    parts = (*_PARTS[order:], *_PARTS[:order])
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    scratch = [ergon.render("a.yaml", RenderOptions(**part)) for part in parts]
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    for _ in range(2):
+        for part, wanted in zip(parts, scratch, strict=True):
+            done = ergon.render("a.yaml", RenderOptions(**part))
+            assert digest(done) == digest(wanted)
+            assert (done.gain, done.loudness) == (wanted.gain, wanted.loudness)
+    # The part up to 6 s goes on after the sound has faded: it is computed if it comes later.
+    is_later = tail == "auto" and "6s" not in parts[0].values()
+    assert len(recalled.all) == (2 if is_later else 1)
+
+
+def test_levels_of_instruments_in_a_part_are_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a part measures, which is computed to the end of the piece, is known of the piece."""
+    master = "mix: {master: {loudness: -24LUFS}}\nrender:"
+    Path("a.yaml").write_text(Score().text().replace("render:", master))
+    recalled = Recalled(monkeypatch)
+    found = []
+    for kept in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", kept)
+        for name, part in (("part", {"from_": "0.3s", "to": "1.1s"}), ("piece", {})):
+            done = ergon.render_to_file("a.yaml", f"{name}.wav", FileOptions(force=True, **part))
+            found.append((done.mix.sha256, done.instruments))
+    assert found[:2] == found[2:4] == found[4:]
+    assert found[0] != found[1]
     assert len(recalled.all) == 1
 
 

@@ -1,0 +1,119 @@
+"""Files in the making: frames held until a gain is known, and what is done to them last."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .job import RenderedFile, RenderJob
+from .level import FrameSpool, MasterChain, Writer, ceiling_gain
+from .limiting import Limiting, MixLimiter
+from .measured_level import MeasuredLevel
+from .staged import Mixer, Staged
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@dataclass(slots=True)
+class Track:
+    """One output file in the making: its mixer, the spool of its frames, and its master chain."""
+
+    path: str
+    mixer: Mixer
+    # Once the length of the file is known: the job, and the first frame that comes.
+    begin: Callable[[RenderJob, int], MasterChain]
+    held: FrameSpool | None
+    finish: MasterChain | None = None
+
+    def take(self, block: NDArray[np.float64]) -> None:
+        """Take the next mixed frames: into the spool, or through the chain at once."""
+        to = self.held or self.finish
+        assert to is not None
+        to.take(block)
+
+
+def limiter_of(stage: Staged, job: RenderJob) -> MixLimiter | None:
+    """The limiter of the mix, if the score has one."""
+    limit = job.level.limit
+    return None if limit is None else MixLimiter(stage.rate, job.format.n_channels, limit)
+
+
+def chain_of(
+    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first: int
+) -> MasterChain:
+    """What is done before a writer to frames of the piece from `first` on."""
+    chain = MasterChain(writer, stage.rate, job.start, job.stop, limiter, job.silences, first)
+    chain.gain = job.level.gain
+    return chain
+
+
+def track_of(
+    stack: contextlib.ExitStack,
+    job: RenderJob,
+    path: str,
+    mixer: Mixer,
+    begin: Callable[[RenderJob, int], MasterChain],
+) -> Track:
+    """A file at `path`, whose frames are held until `stack` closes, if it has to wait for its gain
+    or its length.
+    """
+    held = None
+    if job.level.is_levelled or job.is_open:
+        folder = None if path == "-" else Path(path).resolve().parent
+        held = stack.enter_context(FrameSpool(folder, job.format.n_channels))
+    return Track(path, mixer, begin, held)
+
+
+def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:
+    """The second pass, over spooled frames, once the frame at which the piece ends is known.
+
+    The tracks go side by side, for stems follow the limiter of the mix.
+    """
+    if job.level.is_levelled:
+        _set_gains(stage, job, tracks, piece_end)
+    if any(track.held is None for track in tracks):
+        return
+    spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
+    for blocks in zip(*spools, strict=True):
+        for track, block in zip(tracks, blocks, strict=True):
+            if track.finish is not None:
+                track.finish.take(block)
+
+
+def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:
+    """The gain of the mix for all tracks; all stems share a smaller one if one of them would clip,
+    so that they still add up. What a limiter does to the mix is done to them too.
+    """
+    mix, *stems = [track.held for track in tracks if track.held is not None]
+    gain = _measured_gain(stage, job, mix, piece_end)
+    shared = gain
+    if job.format.bits != "float" and job.level.limit is None:
+        ceiling = job.level.normalise or 1.0
+        shared = min(gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling))
+    for index, track in enumerate(tracks):
+        if track.finish is not None:
+            track.finish.gain = shared if index else gain
+
+
+def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
+    measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
+    left = piece_end
+    for block in mix.blocks(job.block):
+        measured.take(block[:left])
+        left = max(left - len(block), 0)
+    return measured.gain()
+
+
+def close(track: Track) -> RenderedFile:
+    """End a file."""
+    finish = track.finish
+    assert finish is not None
+    finish.close()
+    return RenderedFile(
+        track.path, finish.peak, finish.loudness, finish.gain, finish.sha256, finish.true_peak
+    )
