@@ -82,7 +82,8 @@ def print_rendered(console: Console, completed: Completed) -> None:
         f"peak {level(peak, 'dBFS')}, true peak {level(decibels(mix.true_peak), 'dBTP')}, "
         f"loudness {measured}{gain}, sha256 {digits}"
     )
-    _say_if_quieter(console, job.level, mix)
+    if job.start == 0 and not job.is_part:
+        _say_if_quieter(console, job.level, mix)
     for one in done.instruments:
         console.say(
             f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
@@ -111,7 +112,7 @@ def print_rendered(console: Console, completed: Completed) -> None:
 
 
 def _say_if_quieter(console: Console, asked: Level, mix: RenderedFile) -> None:
-    """Say why a file is not as loud as its master asks."""
+    """Say why the file of a whole piece is not as loud as its master asks."""
     if asked.loudness is None or mix.loudness == -math.inf:
         return
     below = asked.loudness - mix.loudness

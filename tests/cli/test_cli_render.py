@@ -85,6 +85,9 @@ def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> Non
     said = capsys.readouterr().err
     assert "true peak -1.0 dBTP" in said
     assert "dB below the -3 LUFS of its master" in said
+    for part in (["--to", "0.75s"], ["--from", "1.5s"]):
+        assert app.run(["render", "two.yaml", *part, "-o", "part.wav", "--force"]) == 0
+        assert "of its master" not in capsys.readouterr().err
 
 
 def test_the_record_of_a_render(capsys: Capture) -> None:
