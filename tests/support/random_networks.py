@@ -52,7 +52,7 @@ class RandomNetwork:
         for i, (m, (k, z), x, v) in enumerate(starts):
             tie = {"K": k, "Z": z} if k or z else {}
             kind = "CEL" if tie else "MAS"
-            modules[f"m{i}"] = {kind: {"M": m, **tie, "X0": f"{x!r}m", "V0": f"{v!r}m/s"}}
+            modules[f"m{i}"] = {kind: {"M": f"{m!r}kg", **tie, "X0": f"{x!r}m", "V0": f"{v!r}m/s"}}
         for i, link in enumerate(self.links):
             ((kind, fields),) = link.written.items()
             ends = [f"m{end}" if end >= 0 else "e" for end in (link.a, link.b)]
