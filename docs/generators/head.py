@@ -38,7 +38,7 @@ def text(path: Path) -> str:
         for k in range(n)
     ]
     wanted = unit_vectors(places)
-    head = prepared(directions, measured.responses, measured.rate, wanted)
+    head = prepared(directions, measured.responses, measured.rate, wanted, measured.delays)
     lines = [_HEAD]
     for place, pair, late in zip(places, head.filters, head.delays, strict=True):
         azimuth, elevation, _ = angles(place)

@@ -299,4 +299,4 @@ def _head(path: str | Path, source: Field) -> Head:
     measured = sofa.read(Path(path))
     directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
     wanted = fold_filters.directions_of(source)
-    return head.prepared(directions, measured.responses, measured.rate, wanted)
+    return head.prepared(directions, measured.responses, measured.rate, wanted, measured.delays)

@@ -30,6 +30,7 @@ _MOST = 512 << 20  # bytes of a file
 _VALUES_MAX = 1 << 26  # of an array, as `sofa_reader.py` has it
 _HEAD_MAX = 4096  # bytes of the first line of an answer
 _SECONDS = 600.0  # by the clock, where the system does not end the reader by itself
+_DELAY_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
 _CONVENTION = "SimpleFreeFieldHRIR"
 _READER = Path(__file__).with_name("sofa_reader.py")
 
@@ -41,11 +42,12 @@ class SofaError(ErgonError, ValueError):
 @dataclass(frozen=True, slots=True)
 class HeadResponses:
     """`angles` (n, 2): azimuth and elevation [degrees]; `responses` (n, 2, n_samples), left first;
-    `rate` [Hz]."""
+    `rate` [Hz]; `delays` (n, 2): how much later each response comes [s] (AES69, Data.Delay)."""
 
     angles: NDArray[np.float64]
     responses: NDArray[np.float64]
     rate: float
+    delays: NDArray[np.float64]
 
 
 def read(path: Path) -> HeadResponses:
@@ -92,18 +94,22 @@ def responses_of(answer: IO[bytes], path: Path) -> HeadResponses:
     if "error" in head:
         raise SofaError(f"{path}: {printable(head['error'])}")
     _check(head, path)
-    places, responses, rates = (_array(answer, shape, path) for shape in head["shapes"])
+    places, responses, rates, delays = (_array(answer, shape, path) for shape in head["shapes"])
     rate = float(rates.flat[0])
     if not 1_000.0 <= rate <= 768_000.0:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
     if not (np.isfinite(places).all() and np.isfinite(responses).all()) or not responses.any():
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
-    return HeadResponses(places[:, :2], responses, rate)
+    if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_MAX * rate):
+        why = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
+        raise SofaError(f"{path}: {why}; the ears of a head are nearer")
+    late = np.broadcast_to(delays, (len(responses), 2)) / rate
+    return HeadResponses(places[:, :2], responses, rate, late)
 
 
 def _check(head: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
-    convention, (places, shape, rates) = head["convention"], head["shapes"]
+    convention, (places, shape, rates, delays) = head["convention"], head["shapes"]
     if convention != _CONVENTION:
         named = printable(convention) or "no"
         raise SofaError(f"{path} is of {named} convention; a head is {_CONVENTION}")
@@ -115,6 +121,11 @@ def _check(head: dict[str, Any], path: Path) -> None:
     if places != [shape[0], 3]:
         sizes = " by ".join(map(str, places))
         raise SofaError(f"{path}: {sizes} directions for {shape[0]} responses")
+    if delays not in ([1, 2], [shape[0], 2]):
+        sizes = " by ".join(map(str, delays))
+        raise SofaError(
+            f"{path}: its delays (Data.Delay) are {sizes}; expected 1 or {shape[0]} by 2"
+        )
     if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(shape) > _VALUES_MAX:
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
 

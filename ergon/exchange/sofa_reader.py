@@ -23,7 +23,8 @@ import numpy as np
 if TYPE_CHECKING:
     import h5py
 
-ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate")
+ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay")
+_DELAYS = ARRAYS[3]  # files of before AES69 leave them out: no delay
 VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
 _MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
 _SECONDS = 60  # of the processor
@@ -89,12 +90,13 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
     import h5py
 
     with h5py.File(source, "r") as file, np.errstate(all="ignore"):
-        datasets = [_checked(file, name) for name in ARRAYS]
+        datasets = [_checked(file, name) for name in ARRAYS if name != _DELAYS or name in file]
         head = {
             "convention": _text(file.attrs.get("SOFAConventions")),
             "type": _text(datasets[0].attrs.get("Type", b"spherical")),
         }
         arrays = [np.ascontiguousarray(dataset[...], "<f8") for dataset in datasets]
+        arrays += [np.zeros((1, 2), "<f8")] * (len(ARRAYS) - len(arrays))
         return arrays, {**head, "shapes": [array.shape for array in arrays]}
 
 

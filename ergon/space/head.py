@@ -121,9 +121,10 @@ def prepared(
     responses: NDArray[np.float64],
     rate: float,
     wanted: NDArray[np.float64],
+    extra: NDArray[np.float64] | None = None,
 ) -> Head:
     """A head for `wanted` directions (n, 3), from responses (n_measured, 2, n_samples) at `rate`
-    [Hz].
+    [Hz]. `extra` (n_measured, 2): delays that come to those in the responses [s].
 
     Responses are equalised so that sound from all directions together (the diffuse field) has a
     flat spectrum, and are made minimum-phase. The delay of a response is the one at which its
@@ -136,6 +137,7 @@ def prepared(
     level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(directions, magnitude, rate)
     level = level ** _kept_level_shares(size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
+    delays += 0.0 if extra is None else extra
     filters, lates = [], []
     for towards in wanted:
         weights = _weights(directions, towards)

@@ -168,6 +168,34 @@ def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], s
     assert sorted(tmp_path.iterdir()) == before, "nothing is written"
 
 
+def test_the_delays_of_a_head_are_heard(tmp_path: Path):
+    """A head that says when sound comes in Data.Delay alone: 30 samples between the ears."""
+    import h5py
+
+    from ergon.space.directions import angles, spread_directions
+
+    directions = spread_directions(100)
+    with h5py.File(tmp_path / "own.sofa", "w") as file:
+        file.attrs["SOFAConventions"] = np.bytes_("SimpleFreeFieldHRIR")
+        file.create_dataset("SourcePosition", data=[angles(tuple(u)) for u in directions.tolist()])
+        responses = np.zeros((100, 2, 64))
+        responses[:, :, 4] = 0.3
+        file.create_dataset("Data.IR", data=responses)
+        file.create_dataset("Data.SamplingRate", data=[48_000.0])
+        file.create_dataset("Data.Delay", data=[[0.0, 30.0]])
+    with (tmp_path / "in.wav").open("wb") as file:
+        writer = WaveWriter(file, WaveFormat(48_000, 2, "float"), 500, Stamp("click"))
+        frames = np.zeros((500, 2), np.float32)
+        frames[100] = 0.5
+        writer.write(frames)
+        writer.close()
+    words = ("--to", "binaural", "--from", "stereo", "--head", "own.sofa", "-o", "o.wav")
+    done = ergon(tmp_path, "fold", "in.wav", *words)
+    assert done.returncode == 0, done.stderr
+    left, right = np.abs(samples(tmp_path / "o.wav")).argmax(0)
+    assert right - left == 30
+
+
 def test_a_head_of_ones_own(tmp_path: Path):
     """The left ear of a made-up head hears only what is on the left."""
     import h5py

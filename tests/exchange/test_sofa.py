@@ -35,6 +35,21 @@ def test_responses_are_read(tmp_path: Path):
     np.testing.assert_allclose(found.responses[0, 0, 0], np.random.default_rng(1).normal())
 
 
+def delayed(data: object) -> Callable[[h5py.File], None]:
+    return lambda file: file.create_dataset("Data.Delay", data=data) and None
+
+
+@pytest.mark.parametrize("samples", [[[3, 7.5]], np.arange(24.0).reshape(12, 2), [[-0.0, 0.0]]])
+def test_delays_are_seconds_by_direction_and_ear(tmp_path: Path, samples: object):
+    responses = sofa.read(made(tmp_path / "a.sofa", delayed(samples)))
+    expected = np.ones((12, 2)) * np.asarray(samples) / 48e3
+    np.testing.assert_allclose(responses.delays, expected, rtol=1e-15)
+
+
+def test_a_file_without_delays_has_none(tmp_path: Path):
+    assert not sofa.read(made(tmp_path / "a.sofa")).delays.any()
+
+
 def renamed(file: h5py.File) -> None:
     file.attrs["SOFAConventions"] = np.bytes_("GeneralTF")
 
@@ -109,6 +124,11 @@ def huge(file: h5py.File) -> None:
         (replaced("SourcePosition", np.ones((3, 3))), "3 by 3 directions"),
         (replaced("Data.SamplingRate", [0.0]), "rate of 0"),
         (replaced("Data.SamplingRate", np.array([], float)), "no rate"),
+        (delayed(np.zeros((3, 2))), "delays .* are 3 by 2; expected 1 or 12 by 2"),
+        (delayed(np.zeros(2)), "delays .* are 2; expected"),
+        (delayed([[0.0, np.nan]]), "delays"),
+        (delayed([[0.0, 48e3]]), "differ by more than 0.1 s"),
+        (delayed(np.array([[b"a", b"b"]])), "does not hold numbers"),
     ],
 )
 def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
@@ -161,7 +181,7 @@ def test_a_reader_that_dies_is_told(tmp_path: Path):
         with pytest.raises(sofa.SofaError, match="it is damaged"):
             sofa.responses_of(io.BytesIO(answer), tmp_path / "a.sofa")
     head = {"convention": "SimpleFreeFieldHRIR", "type": "spherical"}
-    shapes = [[12, 3], [12, 2, 64], [1]]
+    shapes = [[12, 3], [12, 2, 64], [1], [1, 2]]
     line = json.dumps({**head, "shapes": shapes}).encode() + b"\n"
     with pytest.raises(sofa.SofaError, match="broke off"):
         sofa.responses_of(io.BytesIO(line + bytes(100)), tmp_path / "a.sofa")

@@ -101,6 +101,23 @@ def test_a_made_up_head_is_found_again():
     np.testing.assert_allclose(20 * np.log10(flat), 0.0, atol=1.0)
 
 
+def test_a_delay_beside_a_response_is_as_a_delay_in_it():
+    """AES69 lets a file say the same sound both ways."""
+    directions, responses = sphere(rate=48_000.0)
+    wanted = directions[[5, 50, 200, 333]]
+    within = head.prepared(directions, responses, 48_000.0, wanted)
+    samples = np.stack([10 - 5 * directions[:, 0], 10 + 5 * directions[:, 0]], axis=1).round()
+    early = np.array(
+        [
+            [np.roll(h, -int(late)) for h, late in zip(pair, lates, strict=True)]
+            for pair, lates in zip(responses, samples, strict=True)
+        ]
+    )
+    beside = head.prepared(directions, early, 48_000.0, wanted, samples / 48_000.0)
+    np.testing.assert_allclose(beside.delays, within.delays, atol=1e-9)
+    np.testing.assert_allclose(beside.filters, within.filters, atol=0.03)
+
+
 def test_the_file_says_whose_measurements_these_are():
     text = Path(head.KEMAR_PATH).read_text(encoding="utf-8")
     assert "Bill Gardner and Keith Martin" in text
