@@ -7,10 +7,12 @@ processors.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 
@@ -55,6 +57,101 @@ class _Numbers:
         return np.frombuffer(data, f"{self.order}f4").astype(np.float64)
 
 
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """How many points and analog values a frame has, how many frames there are, and the scale,
+    which is negative for 32-bit numbers.
+    """
+
+    n_points: int
+    n_analog: int
+    n: int
+    scale: float
+
+    @property
+    def is_real(self) -> bool:
+        return self.scale < 0
+
+    @property
+    def width(self) -> int:
+        """Bytes of a number."""
+        return 4 if self.is_real else 2
+
+    @property
+    def frame(self) -> int:
+        """Bytes of a frame."""
+        return self.width * (4 * self.n_points + self.n_analog)
+
+    @property
+    def meaning(self) -> tuple[int, int, bool]:
+        """What decides where each position lies."""
+        return self.n_points, self.n_analog, self.is_real
+
+
+def _layouts(
+    head: bytes, values: dict[tuple[str, str], _Value], numbers: _Numbers
+) -> list[_Layout]:
+    """The layouts that the header and the parameters state, that of the header first.
+
+    Samples a frame times ANALOG:USED is the number of analog values (C3D.org, 2008, "Analog
+    data"); some writers state only a part of it in the header.
+    """
+
+    def of_file(group: str, name: str) -> float | None:
+        value = _number(values, group, name, numbers)
+        return value if value is not None and math.isfinite(value) and value >= 0 else None
+
+    n = _frames(numbers.word(head, 6), numbers.word(head, 8), values, numbers)
+    header = _Layout(numbers.word(head, 2), numbers.word(head, 4), n, numbers.real(head, 12))
+    points, analog, frames = [header.n_points], [header.n_analog], [n]
+    if (used := of_file("POINT", "USED")) is not None:
+        points.append(int(used) & _MANY)
+    if (used := of_file("ANALOG", "USED")) is not None:
+        rates = of_file("ANALOG", "RATE"), of_file("POINT", "RATE")
+        analog.append(int(used) * numbers.word(head, 18))
+        if rates[0] and rates[1]:
+            analog.append(int(used) * min(round(rates[0] / rates[1]), _MANY))
+    if total := of_file("POINT", "FRAMES"):
+        frames.append(int(total))
+    scales = [header.scale]
+    scale = _number(values, "POINT", "SCALE", numbers)
+    if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
+        scales.append(scale)
+    every = itertools.product(points, analog, frames, scales)
+    return list(dict.fromkeys([header, *itertools.starmap(_Layout, every)]))
+
+
+def _fitting(layouts: list[_Layout], file: BufferedReader, start: int, path: Path) -> _Layout:
+    """The layout that fills the file up to its last sector. Raises TakeError."""
+    if len({layout.meaning for layout in layouts}) == 1:
+        return layouts[0]
+    size = os.fstat(file.fileno()).st_size
+
+    def left_over(layout: _Layout) -> int:
+        return size - start - layout.n * layout.frame
+
+    def is_followed_by_zeros(layout: _Layout) -> bool:
+        file.seek(size - left_over(layout))
+        return not any(file.read(_SECTOR))
+
+    fits = [layout for layout in layouts if 0 <= left_over(layout) < _SECTOR]
+    if len({layout.meaning for layout in fits}) > 1:
+        fits = [layout for layout in fits if is_followed_by_zeros(layout)]
+    if len({layout.meaning for layout in fits}) == 1:
+        return fits[0]
+    stated = " or ".join(
+        dict.fromkeys(
+            f"{each.n_points} points with {each.n_analog} analog values" for each in layouts
+        )
+    )
+    count = "several of them fit" if fits else "none of them fits"
+    raise TakeError(
+        f"its header and its parameters disagree: a frame has {stated}, and {count} "
+        "the length of the file; write it anew with the program that captured it",
+        path,
+    )
+
+
 def read(path: Path) -> Motion:
     """The motion in a C3D file. Raises TakeError and OSError."""
     with opened(path) as file:
@@ -63,19 +160,16 @@ def read(path: Path) -> Motion:
         if len(head) < _SECTOR or head[1] != 0x50 or not head[0]:
             raise TakeError("this is not a C3D file", path)
         numbers, values = _parameters(file, _SECTOR * (head[0] - 1), path)
-    n_points, n_analog = numbers.word(head, 2), numbers.word(head, 4)
-    scaling = numbers.real(head, 12)
-    rate = _number(values, "POINT", "RATE", numbers) or numbers.real(head, 20)
-    first, last = numbers.word(head, 6), numbers.word(head, 8)
-    n = _frames(first, last, values, numbers)
-    is_real = scaling < 0
+        rate = _number(values, "POINT", "RATE", numbers) or numbers.real(head, 20)
+        start = _SECTOR * (numbers.word(head, 16) - 1)
+        header, *others = _layouts(head, values, numbers)
+        if not math.isfinite(header.scale) or not header.scale or start < _SECTOR or header.n < 0:
+            raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
+        layout = _fitting([header, *others], file, start, path)
+    n_points, n, is_real, frame = layout.n_points, layout.n, layout.is_real, layout.frame
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
-    factor = 1.0 if is_real else scaling
-    width = 4 if is_real else 2
-    frame = width * (4 * n_points + n_analog)
-    start = _SECTOR * (numbers.word(head, 16) - 1)
-    if not math.isfinite(scaling) or not scaling or start < _SECTOR or n < 0:
-        raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
+    factor = 1.0 if is_real else layout.scale
+    width = layout.width
     if start + n * frame > size:
         whole = max(0, (size - start) // frame)
         raise TakeError(f"the file is cut: of {n:,} frames {whole:,} are there", path)

@@ -64,6 +64,36 @@ def test_a_c3d_file_of_another_writer_is_read(tmp_path):
     assert found.damage == "'sub:M2' is not seen in 5 frames; a spline runs across them"
 
 
+def channels_used(count: int):
+    return (3, "USED", 2, (), files._Numbers("intel").word(count))
+
+
+@pytest.mark.parametrize("scale", [-1.0, 0.0625])
+@pytest.mark.parametrize("stated", [{"stated_analog": 2}, {"stated_points": 1}])
+def test_the_length_of_the_file_decides_how_long_a_frame_is(tmp_path, scale, stated):
+    """Headers that count the channels but not their samples, or not all the points."""
+    places = files.curve(200)
+    more = {"analog": 6, "samples": 3, "parameters": (channels_used(2),), **stated}
+    data = files.c3d(places, scale=scale, **more)
+    for padding in (b"", bytes(-len(data) % 512)):
+        path = wrote(tmp_path, ".c3d", data + padding)
+        for axis, letter in enumerate("xyz"):
+            assert is_of(read(path, f"LWRI.{letter}"), places, 1, axis)
+
+
+def test_zeros_after_the_last_frame_decide_between_two_readings_of_a_short_file(tmp_path):
+    data = files.c3d(PLACES, analog=6, samples=3, parameters=(channels_used(2),), stated_analog=2)
+    assert 12 * 4 * (6 - 2) < 512
+    assert is_of(read(wrote(tmp_path, ".c3d", data), "LWRI.y"), PLACES, 1, 1)
+
+
+def test_a_file_that_fits_neither_its_header_nor_its_parameters_is_refused(tmp_path):
+    places = files.curve(200)
+    data = files.c3d(places, analog=5, samples=3, parameters=(channels_used(2),), stated_analog=2)
+    with pytest.raises(TakeError, match=r"2 points with 2 .*or 2 points with 6 analog values, and"):
+        read(wrote(tmp_path, ".c3d", data), "LWRI.y")
+
+
 def test_more_frames_than_the_header_can_say(tmp_path):
     places = np.zeros((66_000, 1, 3))
     places[:, 0, 0] = np.arange(66_000) % 500

@@ -51,13 +51,17 @@ def c3d(
     analog: int = 0,
     parameters: Sequence[tuple[int, str, int, tuple[int, ...], bytes]] = (),
     last: int | None = None,
+    stated_analog: int | None = None,
+    stated_points: int | None = None,
+    samples: int = 1,
 ) -> bytes:
     """A C3D file of positions (n, points, 3), NaN where a point is hidden.
 
-    A positive `scale` writes 16 bits a number; `analog` words follow each frame.
+    A positive `scale` writes 16 bits a number; `analog` words follow each frame, in `samples`. The
+    header states `stated_points` and `stated_analog` if they are not the true numbers.
     """
     own, n, points = _Numbers(processor), len(places), places.shape[1]
-    groups = [(-1, "POINT"), (-2, "TRIAL")]
+    groups = [(-1, "POINT"), (-2, "TRIAL"), (-3, "ANALOG")]
     width = max(map(len, names), default=1)
     labels = "".join(name.ljust(width) for name in names).encode()
     each = [
@@ -80,9 +84,10 @@ def c3d(
         body += own.word(2 + len(rest)) + rest
     body = body.ljust(512, b"\0")
     assert len(body) == 512
-    head = bytes((2, 0x50)) + own.word(points) + own.word(analog) + own.word(1)
+    head = bytes((2, 0x50)) + own.word(points if stated_points is None else stated_points)
+    head += own.word(analog if stated_analog is None else stated_analog) + own.word(1)
     head += own.word(min(n if last is None else last, 0xFFFF)) + own.word(10) + own.real(scale)
-    head += own.word(3) + own.word(1) + own.real(rate)
+    head += own.word(3) + own.word(samples) + own.real(rate)
     data = b""
     for frame in places:
         for place in frame:
