@@ -73,6 +73,8 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
         console.record("render", **_fields(path, wav), samples_sha256=samples)
     else:
         console.data(_lines(path, wav, samples))
+    if wav.damage is not None:
+        console.warn(f"{path}: {wav.damage}")
     if source is None:
         return
     if wav.score is None:

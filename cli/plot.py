@@ -157,6 +157,8 @@ def _sound(
         info = read_info(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
+    if info.damage is not None:
+        console.warn(f"{path}: {info.damage}")
     rate = float(info.format.rate)
     if svg is not None:
         from ergon.view.sound import picture

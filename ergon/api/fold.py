@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _AMBISONICS = "ambix"
 _BLOCK = 65_536  # frames
+_WRITTEN: dict[Bits, Bits] = {8: 16, 32: "float", "double": "float"}  # what is read, not written
 
 
 class FoldError(ErgonError, ValueError):
@@ -101,7 +102,9 @@ def fold_file(
         check_target(Path(target), force=options.force, inputs=inputs)
     held = _source(path, info, options, report)
     filters, made = _filters(held, (to, options.head), info.format.rate, report)
-    bits: Bits = options.bits or ("float" if info.format.bits == "double" else info.format.bits)
+    bits: Bits = options.bits or _WRITTEN.get(info.format.bits, info.format.bits)
+    if info.damage is not None:
+        report.warn(f"{path}: {info.damage}")
     format = WaveFormat(info.format.rate, filters.shape[1], bits)
     sound.check_format(target, format)
     fold = _core.Fold(filters)

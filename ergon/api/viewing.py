@@ -74,7 +74,7 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
     if (
         info.format.n_channels <= _EARS
         and info.container == "RIFF"
-        and info.format.bits != "double"
+        and info.format.bits in (16, 24, "float")
     ):
         return path
     made = folder / "two-ears.wav"

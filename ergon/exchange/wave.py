@@ -120,6 +120,8 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
                 form = "<f4" if bits == "float" else "<f8"
                 with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
                     flat = np.frombuffer(data, form).astype(np.float64)
+            elif bits == 8:  # unsigned, around 128
+                flat = np.frombuffer(data, np.uint8) / 128.0 - 1.0
             else:
                 width = BYTES[bits]
                 octets = np.zeros((count * n_channels, 4), np.uint8)

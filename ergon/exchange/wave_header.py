@@ -4,8 +4,9 @@
 without Python, so that no interpreter stands between its sound and the disk. It reads nothing.
 
 Sources: Microsoft, "Multiple channel audio data and WAVE files" (WAVE_FORMAT_EXTENSIBLE); EBU Tech
-3306 (RF64 and ds64); EBU Tech 3285 (bext). They are written here and not by libsndfile because that
-needs to seek (no pipe), puts its own version into `bext`, and stamps the clock into float files.
+3306 (RF64 and ds64); ITU-R BS.2088 (BW64, the same by another name); EBU Tech 3285
+(bext). They are written here and not by libsndfile because that needs to seek (no pipe), puts its
+own version into `bext`, and stamps the clock into float files.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ from typing import BinaryIO, Literal
 
 from ergon.common.errors import ErgonError
 
-Bits = Literal[16, 24, "float", "double"]
+Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
 
 ORIGINATOR = "ergon"
 CHANNELS_MAX = 64
 # A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
 RIFF_LIMIT = 2**32 - 1
-BYTES: dict[Bits, int] = {16: 2, 24: 3, "float": 4, "double": 8}
+BYTES: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
+_Container = Literal["RIFF", "RF64", "BW64", "FLAC"]
+_CONTAINERS: dict[bytes, _Container] = {b"RIFF": "RIFF", b"RF64": "RF64", b"BW64": "BW64"}
+_UNKNOWN = (0, 0xFFFFFFFF)  # sizes that programs leave which cannot go back to write them
+_SOX_UNKNOWN = 0x7FFFF000  # and what SoX leaves, rounded down to whole frames (its wav.c)
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
@@ -78,7 +83,7 @@ class WaveFormat:
 class WaveInfo:
     """What a sound file says it holds; `offset` and `size` [bytes] are those of its samples."""
 
-    container: Literal["RIFF", "RF64", "FLAC"]
+    container: _Container
     format: WaveFormat
     n_frames: int
     offset: int
@@ -87,6 +92,17 @@ class WaveInfo:
     description: str = ""
     axml: bytes = b""
     chna: bytes = b""
+    mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
+    missing: int = 0  # bytes of samples that the header announces beyond the end of the file
+
+    @property
+    def damage(self) -> str | None:
+        """What is wrong with a file that can be read all the same; None if it is whole."""
+        if not self.missing:
+            return None
+        stated = (self.size + self.missing) // self.format.frame_bytes
+        frames = f"of {stated:,} frames {self.n_frames:,} are there"
+        return f"the file is shorter than its header says: {frames}"
 
     @property
     def score(self) -> str | None:
@@ -158,11 +174,14 @@ def _pack_format(format: WaveFormat) -> bytes:
 def parse(file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
     head = file.read(12)
-    if len(head) < 12 or head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
+    if head[:4] == b"RIFX":
+        raise NotWaveError("this WAVE file has big-endian numbers (RIFX), which are not read")
+    if len(head) < 12 or head[:4] not in _CONTAINERS or head[8:] != b"WAVE":
         raise NotWaveError("this is not a WAVE file")
-    container: Literal["RIFF", "RF64"] = "RF64" if head[:4] == b"RF64" else "RIFF"
+    container = _CONTAINERS[head[:4]]
     format: WaveFormat | None = None
-    long_size = 0
+    long_size, long_whole, mask = 0, 0, 0
+    whole = int.from_bytes(head[4:8], "little")
     originator: str | None = None
     description = ""
     more = {b"axml": b"", b"chna": b""}
@@ -171,17 +190,22 @@ def parse(file: BinaryIO) -> WaveInfo:
         if name == b"data":
             if format is None:
                 raise NotWaveError("the samples come before their format")
-            size = long_size if size == 0xFFFFFFFF and container == "RF64" else size
+            if size == 0xFFFFFFFF and container != "RIFF":
+                size, whole = long_size, long_whole
             offset = file.tell()
-            size = min(size, file.seek(0, 2) - offset)
+            end = file.seek(0, 2)
+            size, missing = _sizes(size, end - offset, format, is_whole=whole + 8 == end)
             n_frames = size // format.frame_bytes
-            said = originator, description, more[b"axml"], more[b"chna"]
-            return WaveInfo(container, format, n_frames, offset, size, *said)
+            stated = originator, description, more[b"axml"], more[b"chna"]
+            return WaveInfo(container, format, n_frames, offset, size, *stated, mask, missing)
         start = file.tell()
         if name == b"ds64":
-            long_size = _DS64.unpack(read_exactly(file, _DS64.size))[1]
+            long_whole, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
         elif name == b"fmt ":
-            format = _parse_format(read_exactly(file, min(size, 40)))
+            content = read_exactly(file, min(size, 40))
+            format = _parse_format(content)
+            if content[:2] == b"\xfe\xff":
+                mask = int.from_bytes(content[20:24], "little")
         elif name == b"bext" and size >= _BEXT.size:
             text, origin, *_ = _BEXT.unpack(read_exactly(file, _BEXT.size))
             description, originator = _text(text), _text(origin)
@@ -189,6 +213,19 @@ def parse(file: BinaryIO) -> WaveInfo:
             more[name] = read_exactly(file, size)
         file.seek(start + size + (size & 1))
     raise NotWaveError("this WAVE file holds no samples")
+
+
+def _sizes(stated: int, there: int, format: WaveFormat, *, is_whole: bool) -> tuple[int, int]:
+    """Bytes of the samples, and how many the header states that are not there.
+
+    `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
+    """
+    is_sox = _SOX_UNKNOWN - format.frame_bytes < stated <= _SOX_UNKNOWN
+    if (stated in _UNKNOWN and not (is_whole and not stated)) or (is_sox and stated > there):
+        return there, 0
+    if stated == 0xFFFFFFFFFFFFFFFF:
+        return there, 0
+    return min(stated, there), max(0, stated - there)
 
 
 def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> bytes:
@@ -210,8 +247,10 @@ def _parse_format(content: bytes) -> WaveFormat:
     if tag == _TAG_EXTENSIBLE and len(content) >= 40:
         tag = int.from_bytes(content[24:26], "little")
     forms: dict[tuple[int, int], Bits] = {
+        (_TAG_PCM, 8): 8,
         (_TAG_PCM, 16): 16,
         (_TAG_PCM, 24): 24,
+        (_TAG_PCM, 32): 32,
         (_TAG_FLOAT, 32): "float",
         (_TAG_FLOAT, 64): "double",
     }

@@ -168,6 +168,22 @@ def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], s
     assert sorted(tmp_path.iterdir()) == before, "nothing is written"
 
 
+@pytest.mark.parametrize("words", [("info",), ("fold", "--to", "stereo"), ("bell",), ("plot",)])
+def test_a_cut_file_is_named_by_every_command_that_reads_sound(
+    tmp_path: Path, words: tuple[str, ...]
+):
+    t = np.arange(48_000) / 48_000.0
+    stroke = 0.5 * np.exp(-8.0 * t) * np.sin(2 * np.pi * 440.0 * t)
+    with (tmp_path / "cut.wav").open("wb") as file:
+        writer = WaveWriter(file, WaveFormat(48_000, 2, 24), 96_000, Stamp("cut"))
+        writer.write((np.stack([stroke, stroke], axis=1) * 2**31).astype(np.int32))
+    command, *more = words
+    more += ["--from", "stereo"] if command == "fold" else []
+    done = ergon(tmp_path, command, "cut.wav", *more)
+    assert "shorter than its header says: of 96,000 frames 48,000 are there" in done.stderr
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_delays_of_a_head_are_heard(tmp_path: Path):
     """A head that says when sound comes in Data.Delay alone: 30 samples between the ears."""
     import h5py

@@ -11,6 +11,7 @@ import soundfile
 
 from ergon.exchange.wave import WaveWriter, hash_samples, is_render, read_blocks, read_info
 from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat, pack, parse
+from ergon.scores.gesture.takes import read as read_take
 
 HASH = hashlib.sha256(b"a score").hexdigest()
 STAMP = Stamp("Étude for one bell", HASH)
@@ -164,6 +165,73 @@ def test_what_is_no_wave_file_is_refused(tmp_path: Path, data: bytes) -> None:
     path.write_bytes(data)
     with pytest.raises(NotWaveError):
         read_info(path)
+
+
+def struck(n_frames: int = 1000, n_channels: int = 2) -> np.ndarray:
+    return np.random.default_rng(5).uniform(-0.9, 0.9, (n_frames, n_channels))
+
+
+def plain(data: np.ndarray, **more: object) -> bytes:
+    """A file as libsndfile writes it, with a head of 44 bytes before its samples."""
+    file = io.BytesIO()
+    soundfile.write(file, data, 44_100, format="WAV", **more)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
+@pytest.mark.parametrize("form", ["WAV", "WAVEX", "RF64"])
+def test_every_form_of_samples_is_read_as_libsndfile_reads_it(tmp_path: Path, subtype, form):
+    path = tmp_path / "x.wav"
+    soundfile.write(path, struck(), 44_100, format=form, subtype=subtype)
+    expected, _ = soundfile.read(path, always_2d=True)
+    np.testing.assert_array_equal(np.concatenate([*read_blocks(path)]), expected)
+    assert read_info(path).damage is None
+
+
+def test_bw64_is_rf64_by_another_name(tmp_path: Path):
+    """ITU-R BS.2088: the same chunks, another first word."""
+    path = tmp_path / "x.wav"
+    soundfile.write(path, struck(), 44_100, format="RF64", subtype="PCM_24")
+    expected = np.concatenate([*read_blocks(path)])
+    path.write_bytes(b"BW64" + path.read_bytes()[4:])
+    assert read_info(path).container == "BW64"
+    np.testing.assert_array_equal(np.concatenate([*read_blocks(path)]), expected)
+    take = read_take(path, "2")
+    np.testing.assert_array_equal(take.x, expected[:, 1])
+
+
+@pytest.mark.parametrize("riff", [0, 36, 0xFFFFFFFF])
+@pytest.mark.parametrize("size", [0, 0xFFFFFFFF, 0x7FFFF000])
+def test_a_size_that_a_pipe_left_means_to_the_end(tmp_path: Path, riff: int, size: int):
+    data = bytearray(plain(struck(), subtype="PCM_16"))
+    assert data[36:40] == b"data"
+    data[4:8], data[40:44] = riff.to_bytes(4, "little"), size.to_bytes(4, "little")
+    path = tmp_path / "x.wav"
+    path.write_bytes(data)
+    info = read_info(path)
+    assert (info.n_frames, info.damage) == (1000, None)
+    if size != 0x7FFFF000:
+        assert len(read_take(path, "1").x) == 1000
+
+
+def test_an_empty_file_that_says_so_is_empty(tmp_path: Path):
+    """What follows its samples is no sound."""
+    head = plain(struck(0), subtype="PCM_16")[:44]
+    data = head + b"LIST" + (20).to_bytes(4, "little") + bytes(20)
+    data = data[:4] + (len(data) - 8).to_bytes(4, "little") + data[8:]
+    path = tmp_path / "x.wav"
+    path.write_bytes(data)
+    assert read_info(path).n_frames == 0
+
+
+def test_a_cut_file_says_what_is_missing(tmp_path: Path):
+    path = tmp_path / "x.wav"
+    path.write_bytes(plain(struck(), subtype="PCM_16")[: 44 + 4 * 300])
+    info = read_info(path)
+    assert info.n_frames == 300
+    assert info.damage == (
+        "the file is shorter than its header says: of 1,000 frames 300 are there"
+    )
 
 
 def test_wrong_number_of_frames_or_channels_is_refused() -> None:

@@ -66,6 +66,6 @@ def bell(
             message += "use a table without other files"
             raise OptionError("strokes", message)
         return bells.of_table(resonances.read(tables[0]), count)
-    heard = [(place, stroke.stroke(str(file), *stroke.read(file))) for place, file in files]
+    heard = [(place, stroke.stroke(str(file), *stroke.read(file, report))) for place, file in files]
     with report.waiting("looking for modes"):
         return bells.of_strokes(heard, count)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ergon.common.errors import ErgonError
+from ergon.common.report import Report
 from ergon.exchange import sound as sound_files
 from ergon.exchange.wave_header import NotWaveError
 from ergon.workshop.bells.bands import Array
@@ -45,19 +46,21 @@ class Stroke:
     delay: float
 
 
-def read(path: Path) -> tuple[Array, float]:
+def read(path: Path, report: Report | None = None) -> tuple[Array, float]:
     """The loudest channel of a WAV or FLAC file (n,), and its rate [Hz].
 
     Raises NotAStrokeError and OSError.
     """
     try:
-        return _loudest_channel(path)
+        return _loudest_channel(path, report or Report())
     except NotWaveError as error:
         raise NotAStrokeError(f"{path}: {error}") from None
 
 
-def _loudest_channel(path: Path) -> tuple[Array, float]:
+def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
     info = sound_files.read_info(path)
+    if info.damage is not None:
+        report.warn(f"{path}: {info.damage}")
     if info.n_frames * info.format.n_channels > _SAMPLES_MAX:
         message = f"{path}: it has {info.n_frames:,} frames of {info.format.n_channels} channels; "
         raise NotAStrokeError(message + "cut the stroke out of it")
