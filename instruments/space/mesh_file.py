@@ -36,7 +36,7 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
         return values
     place, who = values.place_of("file"), values.context.of("file")
     kind = PurePath(name).suffix.lower()
-    document = read(name, place, _as_text if kind == _BINARY else decode)
+    document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
     if document is not None and kind == _GLTF:
         mesh = _gltf(document, who, collector)
@@ -65,3 +65,6 @@ def _as_text(data: bytes, name: str, collector: Collector) -> str | None:
     except MeshFileError as error:
         collector.error(error.code, str(error), Place(name, 1, 1))
         return None
+
+
+_DECODERS: dict[str, Decoder] = {_BINARY: _as_text, _GLTF: decode}

@@ -12,12 +12,26 @@ from itertools import pairwise
 from ergon.instruments.space.mesh import MAX_EDGES, MAX_FACES, MAX_POINTS, MOST, Mesh, MeshFileError
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.syntax import decode
 from ergon.notation.text.values import Place
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
-# Keywords for looks and names, which are ignored.
-_OTHER = frozenset(["vt", "vn", "o", "g", "s", "usemtl", "mtllib"])
+# Keywords for curves, surfaces and other files, which would be missing from the mesh; what has any
+# other keyword (looks, names, groups, single points) says nothing of vertices and edges.
+_MISSED = frozenset(["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"])
+
+
+def decoded(data: bytes, name: str, collector: Collector) -> str | None:
+    """The text of a file, whose names and comments may be in Latin-1; None after saying what is
+    wrong.
+    """
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        if data[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+            data = data.decode("latin-1").encode()
+    return decode(data, name, collector)
 
 
 def written(mesh: Mesh) -> str:
@@ -75,7 +89,7 @@ class Reader:
             self._vertex(words[1:])
         elif kind in ("f", "l"):
             self._edges_of(kind, words[1:])
-        elif kind and kind not in _OTHER:
+        elif kind in _MISSED:
             raise MeshFileError(
                 f"{quote(kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )

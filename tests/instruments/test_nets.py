@@ -250,6 +250,30 @@ def test_a_file_becomes_points_and_springs(tmp_path):
     assert upright.held == [False, True, False, True]
 
 
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("p 1 2 3", "mg 1 0.5", "bevel off", "c_interp on", "d_interp off", "lod 7", "usemap off"),
+        *("maplib a.map", "shadow_obj a.obj", "trace_obj a.obj", "vp 0.5 0.5", "s 1", "vt 0 0"),
+        *("g Flügel_rechts", "o Körper", "usemtl weiß", "mtllib Häuser.mtl", "# Maße in cm"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_lines_without_vertices_and_edges_are_passed_over(tmp_path, line, encoding):
+    """Of the format's keywords (Wavefront, Object Files, version 3.0, appendix B1)."""
+    (tmp_path / "rock.obj").write_bytes(f"{line}\n{TRIANGLE}{line}\n".encode(encoding))
+    net = "MESH: {file: rock.obj, at: [0, 0, 0], M: 8g, K: 1kN/m, scale: 1cm}"
+    text = SCENE.format(axes=3, net=net, out="SOX: it.0.x", seed=1)
+    score = load(tmp_path / "a.yaml", text=text)
+    assert score.piece is not None, score.diagnostics
+    (module,) = score.piece.instruments["a"].modules
+    mesh = module.fields["file"]
+    assert (len(mesh.points), len(mesh.edges), len(mesh.faces)) == (3, 3, 1)
+
+
 @pytest.mark.parametrize(
     ("obj", "code", "line", "said"),
     [
@@ -261,6 +285,8 @@ def test_a_file_becomes_points_and_springs(tmp_path):
         ("v 0 0 0\nv 1 0 0\nl 1 0\n", "E106", 3, "'0' is not a vertex"),
         ("v 0 0 0\nl 1 1\n", "E106", 2, "vertex 1 is written twice in a row"),
         ("v 0 0 0\ncurv 1 2\n", "E106", 2, "'curv' is not read"),
+        ("v 0 0 0\nsurf 0 1 0 1 1 2\n", "E106", 2, "'surf' is not read"),
+        ("call other.obj\n", "E106", 1, "'call' is not read"),
         ("v 0 0 0\n", "E106", 8, "the file has no edges"),
         ("v 0 0 0\nl 1 " + "9" * 5000 + "\n", "E106", 2, "is not a vertex"),
     ],
