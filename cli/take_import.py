@@ -31,7 +31,7 @@ from .outcome import Refused
 @click.option(
     "--unit",
     type=Quantity("SIZE"),
-    help="What 1.0 means in a file without units (BVH, SDIF; WAV: 1m), such as 1cm.",
+    help="What 1.0 means in a file without units (BVH, SDIF, tables; WAV: 1m), such as 1cm.",
 )
 @click.option(
     "--audio",

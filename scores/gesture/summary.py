@@ -13,7 +13,8 @@ import numpy as np
 from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
-from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, number_in, opened
+from ergon.scores.gesture.table_file import sheet
+from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, number_in, opened
 
 
 @dataclass(slots=True)
@@ -70,23 +71,14 @@ def summary(path: Path) -> Table:
 def _table(path: Path) -> Table:
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
-            rows = lines(file, path)
-            _, header = next(rows, (1, ""))
-            separator = next((s for s in ",;\t" if s in header), ",")
-            columns = tuple(Column(name.strip()) for name in header.split(separator))
+            table = sheet(file, path)
+            columns = tuple(Column(name) for name in table.names)
             if len(columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
             time = next((i for i, column in enumerate(columns) if column.is_time), None)
             block: list[list[float]] = []
             n_rows, before = 0, -math.inf
-            for number, line in rows:
-                cells = line.split(separator)
-                if len(cells) != len(columns):
-                    reason = (
-                        f"the number of values in this line is {len(cells)}, but "
-                        f"the file has {len(columns)} columns"
-                    )
-                    raise TakeError(reason, path, number)
+            for number, cells in table.rows:
                 try:
                     block.append([float(cell) for cell in cells])
                 except ValueError:

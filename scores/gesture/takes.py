@@ -1,24 +1,26 @@
 """Captured movements: recordings, tables, WAV, motion capture, read in bounded memory.
 
 * take: a recording of live hands; an axis is called by its player, or its key.
-* CSV, TSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before
-  comments.
+* CSV, TSV (`table_file.py`): a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns,
+  `#` before comments.
 * WAV: channels are numbered from 1; 1.0 is one `unit` (1 m by default).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
 * C3D, BVH, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as
   `RWRI.x`.
 * SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
-CSV and npz files without `t` need a `rate`, BVH and SDIF files a `unit`, because they state
-none. GMS files cannot be read, because no description of their format is public.
+CSV and npz files without `t` need a `rate`; BVH and SDIF files and columns without a unit need a
+`unit`, because they state none. GMS files cannot be read, because no description of their
+format is public.
 """
 
 import io
 import os
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
 
@@ -28,12 +30,12 @@ from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture import bvh_file, c3d_file, motion, optitrack_file, qtm_file, sdif_file
 from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
+from ergon.scores.gesture.table_file import Sheet, sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
     MAX_SAMPLES,
     Floats,
     TakeError,
-    lines,
     number_in,
     opened,
 )
@@ -44,6 +46,7 @@ _PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE  # format tags (RFC 2361)
 _WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
     b"RIFF": "little",
     b"RF64": "little",
+    b"BW64": "little",  # RF64 by another name (ITU-R BS.2088)
     b"RIFX": "big",
 }
 
@@ -92,28 +95,17 @@ def read(
 
 
 def _read_table(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
-    _check_unit(unit, path)
     with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
-            rows = lines(file, path)
-            header_line, header = next(rows, (1, ""))
-            separator = next((s for s in (",", ";", "\t") if s in header), ",")
-            names = [name.strip() for name in header.split(separator)]
-            columns = _columns(names, path, header_line)
+            table = sheet(file, path)
+            columns = _columns(table.names, path, table.line)
             c, x_unit = _chosen(columns, channel, path)
+            divisor = _of_column(table, c, x_unit, unit, path)
             timed = "t" in columns
             t, t_unit = columns.get("t", (c, "s"))
             _check_rate(timed, rate, path)
             ts, xs = array("d"), array("d")
-            for number, line in rows:
-                cells = line.split(separator)
-                if len(cells) != len(names):
-                    raise TakeError(
-                        f"the number of values in this line is {len(cells)}, but "
-                        f"the file has {len(names)} columns",
-                        path,
-                        number,
-                    )
+            for number, cells in table.rows:
                 x = number_in(cells[c], path, number)
                 if timed:
                     instant = number_in(cells[t], path, number)
@@ -125,35 +117,51 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
                 xs.append(x)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    x_metres = np.frombuffer(xs) / _divisor(x_unit, METRE, "position", path)
     if timed:
-        seconds = np.frombuffer(ts) / _divisor(t_unit, SECOND, "time", path)
+        seconds = np.frombuffer(ts) / _divisor(t_unit or "s", SECOND, "time", path)
     else:
         seconds = np.arange(len(xs)) / (rate or 1.0)
-    return _checked(seconds, x_metres, path)
+    return _checked(seconds, np.frombuffer(xs) / divisor, path)
 
 
-def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[int, str]]:
-    """Name → (column, unit) of headers such as `x [mm]`."""
-    columns: dict[str, tuple[int, str]] = {}
+def _of_column(
+    table: Sheet, column: int, stated: str | None, unit: float | None, path: Path
+) -> float:
+    """How many units of a column are a metre, by its header or by `unit` [m]. Raises TakeError."""
+    if stated is not None:
+        _check_unit(unit, path)
+        return _divisor(stated, METRE, "position", path)
+    if unit is None:
+        message = (
+            f"'{table.names[column][:40]}' has no unit; write a header such as t [s],x [mm], or "
+            "what 1.0 means, such as unit: 1mm"
+        )
+        raise TakeError(message, path, table.line, field="unit")
+    return 1.0 / unit
+
+
+def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[int, str | None]]:
+    """Name → (column, unit) of headers such as `x [mm]`; the unit is None where none is stated."""
+    columns: dict[str, tuple[int, str | None]] = {}
     for i, name in enumerate(names):
         word, bracket, unit = name.partition("[")
         word = word.strip()
-        if not bracket or not unit.endswith("]") or not word:
-            raise TakeError(
-                f"'{name[:40]}' has no unit; write a header such as t [s],x [mm]", path, line
+        if not word or (bracket and not unit.endswith("]")):
+            message = (
+                f"'{name[:40]}' is not the name of a column; write a header such as t [s],x [mm]"
             )
+            raise TakeError(message, path, line)
         if word in columns:
             raise TakeError(f"two columns are called '{word[:40]}'", path, line)
-        columns[word] = (i, unit[:-1].strip())
+        columns[word] = (i, unit[:-1].strip() if bracket else None)
     if len(columns) > MAX_CHANNELS:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path, line)
     return columns
 
 
 def _chosen(
-    columns: dict[str, tuple[int, str]], channel: str | None, path: Path
-) -> tuple[int, str]:
+    columns: Mapping[str, tuple[int, str | None]], channel: str | None, path: Path
+) -> tuple[int, str | None]:
     """The column and unit of a channel, or of the only one."""
     channels = [name for name in columns if name != "t"]
     if channel is None and len(channels) == 1:
@@ -216,9 +224,12 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
 def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
-    _judge_wav(path)
+    patches = _judge_wav(path)
     try:
-        with soundfile.SoundFile(path) as file:
+        with (
+            open_regular(path) as raw,
+            soundfile.SoundFile(_Mended(raw, patches) if patches else path) as file,
+        ):
             _check_rate(True, rate, path)
             names = {str(i + 1): (i, "m") for i in range(file.channels)}
             if file.channels > MAX_CHANNELS:
@@ -242,11 +253,37 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float |
         ) from None
 
 
-def _judge_wav(path: Path) -> None:
-    """Refuse WAV files that libsndfile would read without an error. Raises TakeError.
+class _Mended:
+    """A WAV file with some of its bytes replaced, as libsndfile reads it."""
+
+    def __init__(self, file: BinaryIO, patches: dict[int, bytes]) -> None:
+        self._file, self._patches = file, patches
+        self.tell = file.tell
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move; a place that no file has, of a damaged one, is not moved to, for no error can pass
+        through C.
+        """
+        with suppress(OSError):
+            self._file.seek(offset, whence)
+        return self._file.tell()
+
+    def read(self, size: int = -1) -> bytes:
+        start = self._file.tell()
+        data = bytearray(self._file.read(size))
+        for offset, patch in self._patches.items():
+            for place, value in enumerate(patch, offset - start):
+                if 0 <= place < len(data):
+                    data[place] = value
+        return bytes(data)
+
+
+def _judge_wav(path: Path) -> dict[int, bytes]:
+    """The bytes to replace for libsndfile, by their offsets. Raises TakeError.
 
     It gives no error if a file ends before its samples do, and it decodes any content whatever
-    the file's name, such as MP3 within a WAV file, with messages on stdout.
+    the file's name, such as MP3 within a WAV file, with messages on stdout. It does not know
+    the name BW64, and takes a size of 0, which a pipe cannot mend, by its word.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -265,10 +302,13 @@ def _judge_wav(path: Path) -> None:
                 if tag not in (_PCM, _FLOAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
             elif name == b"data" and tag is not None:
+                patches = {0: b"RF64"} if head[:4] == b"BW64" else {}
                 # Programs that stream leave 0 or 0xFFFFFFFF as the size.
+                if not length and int.from_bytes(head[4:8], order) + 8 != size:
+                    patches[start - 4] = min(size - start, 0xFFFFFFFE).to_bytes(4, order)
                 if length not in (0, 0xFFFFFFFF) and start + length > size:
                     raise TakeError("the file is shorter than its header says", path)
-                return
+                return patches
             file.seek(start + length + length % 2)
     raise TakeError("this is not a WAV file: it holds no samples", path)
 
@@ -282,11 +322,11 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
         column, x_unit = _chosen(columns, channel, path)
         timed = "t" in columns
         _check_rate(timed, rate, path)
-        x = _array(arrays, column, path) / _divisor(x_unit, METRE, "position", path)
+        x = _array(arrays, column, path) / _divisor(x_unit or "m", METRE, "position", path)
         if not timed:
             return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
         at, t_unit = columns["t"]
-        t = _array(arrays, at, path) / _divisor(t_unit, SECOND, "time", path)
+        t = _array(arrays, at, path) / _divisor(t_unit or "s", SECOND, "time", path)
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
     return _checked(t, x, path)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import ergon.scores
 from ergon.scores.gesture import npz, takes
+from ergon.scores.gesture.summary import summary
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import read
 
@@ -59,6 +60,40 @@ def test_rows_without_times_need_a_rate(tmp_path):
         read(path, rate=float("nan"))
 
 
+SPREADSHEETS = {
+    "quoted": '"t [s]","x [mm]"\n"0","1"\n"0.1","2"\n"0.2","4.5"\n',
+    "semicolons": "t [s];x [mm]\r\n0;1\r\n0.1;2\r\n0.2;4.5\r\n",
+    "decimal commas": "t [s];x [mm]\n0,0;1,0\n0,1;2,0\n0,2;4,5\n",
+    "tabs and commas": "t [s]\tx [mm]\n0,0\t1,0\n0,1\t2,0\n0,2\t4,5\n",
+    "quoted commas": '"t [s]","x [mm]"\n0,1e0\n0.1,"2"\n0.2,4.5\n',
+    "a separator in a name": '"t [s]";"x, of the hand [mm]"\n"0,0";"1,0"\n"0,1";"2"\n"0,2";"4,5"\n',
+}
+
+
+@pytest.mark.parametrize("text", SPREADSHEETS.values(), ids=SPREADSHEETS)
+def test_tables_as_spreadsheets_write_them(tmp_path, text):
+    path = csv(tmp_path, text)
+    take = read(path)
+    assert take.t.tolist() == [0.0, 0.1, 0.2]
+    assert take.x.tolist() == [1e-3, 2e-3, 4.5e-3]
+    _, x = summary(path).columns
+    assert (x.low, x.high) == (1.0, 4.5)
+
+
+def test_a_unit_counts_where_the_column_has_none(tmp_path):
+    path = csv(tmp_path, "t,x,y [cm]\n0,1,1\n0.1,2,3\n")
+    take = read(path, "x", unit=1e-3)
+    assert (take.t.tolist(), take.x.tolist()) == ([0.0, 0.1], [1e-3, 2e-3])
+    with pytest.raises(TakeError, match="states its own unit; remove `unit`"):
+        read(path, "y", unit=1e-3)
+    assert read(path, "y").x.tolist() == [0.01, 0.03]
+
+
+def test_a_table_without_a_header_is_no_summary(tmp_path):
+    with pytest.raises(TakeError, match=r"hand\.csv:1: this line is numbers"):
+        summary(csv(tmp_path, "1;1;100;2.5\n2;2;100;3.5\n"))
+
+
 def test_a_channel_has_a_suggestion(tmp_path):
     path = csv(tmp_path, "t [s],thumb [mm],index [mm]\n0,0,0\n1,0,0\n")
     with pytest.raises(TakeError, match="no channel 'indx'") as caught:
@@ -78,9 +113,16 @@ def test_a_channel_has_a_suggestion(tmp_path):
         ("t [s],x [mm]\n0,0\n1,\n", 3, "'' is not a number"),
         ("t [s],x [mm]\n0,0\n1,2\n0.5,3\n", 4, "times must rise"),
         ("t [s],x [mm]\n0,0\n0,2\n", 3, "times must rise"),
-        ("t,x\n0,0\n", 1, "'t' has no unit"),
+        (
+            "t,x\n0,0\n",
+            1,
+            "'x' has no unit; write a header such as t [s],x [mm], or what 1.0 means",
+        ),
+        ("0,1\n1,2\n", 1, "this line is numbers, but the first line of a table names its columns"),
+        ("1;1;100;2.5\n2;2;100;3.5\n", 1, "this line is numbers"),
+        ('t [s],"x [mm]\n0,0\n', 1, "a quotation in this line is not closed"),
         ("x [mm],x [mm]\n0,0\n", 1, "two columns are called 'x'"),
-        ("", 1, "has no unit"),
+        ("", 1, "is not the name of a column"),
         ("t [s],x [mm]\n0," + "0" * 70_000, 2, "this line has more than"),
         ("t [s],x [mm]\n0,0\n", None, "two samples"),
         ("t [s],x [mm]\n", None, "two samples"),
