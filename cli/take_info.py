@@ -127,6 +127,8 @@ def _table(console: Console, path: Path) -> None:
         table = summary(path)
     except TakeError as error:
         raise Refused(error.message) from None
+    if table.note is not None:
+        console.warn(f"{path}: {table.note}")
     time = next((column for column in table.columns if column.is_time), None)
     span = _seconds(time) if time else None
     rate = (table.n_rows - 1) / span if span else None

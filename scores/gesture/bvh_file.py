@@ -2,13 +2,15 @@
 
 Positions of joints in space follow from rotating each about its parent (Meredith & Maddock,
 Motion Capture File Formats Explained, University of Sheffield, 2001, 2.1). A position channel
-replaces that component of the joint's offset. Lengths have no unit.
+replaces that component of the joint's offset. Lengths have no unit. Writers lay the same words out
+in other lines, and write them in other cases; both are read.
 """
 
 from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +27,9 @@ from ergon.scores.gesture.take_file import (
     opened,
 )
 
-_CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "XYZ")
+_CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "xyz")
+_KEYWORDS = frozenset(["ROOT", "JOINT", "OFFSET", "CHANNELS", "MOTION"])
+_BRACE = re.compile(r"[{}]")
 _HIGH = 1e6  # largest length or angle in an intact file
 
 
@@ -41,29 +45,45 @@ class _Joint:
     channels: list[tuple[int, int]] = field(default_factory=list)  # kind of channel, column
 
 
-class _Text:
-    """Reads the lines of a BVH file as words, and keeps the line number."""
+class _Words:
+    """The words of a BVH file, however they are laid out in lines, with the line of the last."""
 
     def __init__(self, file: io.TextIOWrapper, path: Path) -> None:
         self._lines = lines(file, path)
         self._path = path
+        self._ahead: list[str] = []  # of the line, last word first
         self.number = 0
 
-    def words(self) -> list[str]:
-        """The words of the next line that is not empty."""
-        self.number, line = next(self._lines, (self.number, ""))
-        return line.split()
+    def word(self) -> str:
+        """The next word; empty at the end of the file."""
+        while not self._ahead:
+            numbered = next(self._lines, None)
+            if numbered is None:
+                return ""
+            self.number, line = numbered
+            self._ahead = _BRACE.sub(r" \g<0> ", line).split()[::-1]
+        return self._ahead.pop()
 
-    def wrong(self, message: str) -> TakeError:
-        return TakeError(message, self._path, self.number or None)
+    def back(self, word: str) -> None:
+        """Put a word back before the others."""
+        self._ahead.append(word)
 
-    def numbers(self, words: list[str], count: int, what: str) -> list[float]:
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            values = []
-        if len(values) != count or not all(abs(value) <= _HIGH for value in values):
-            raise self.wrong(f"{what} must be {count:,} numbers")
+    def wrong(self, message: str, line: int | None = None) -> TakeError:
+        return TakeError(message, self._path, line or self.number or None)
+
+    def numbers(self, count: int, what: str) -> list[float]:
+        values: list[float] = []
+        line = None
+        for _ in range(count):
+            word = self.word()
+            line = line or self.number
+            try:
+                value = float(word)
+            except ValueError:
+                value = math.nan
+            if not abs(value) <= _HIGH:
+                raise self.wrong(f"{what} must be {count:,} numbers", line)
+            values.append(value)
         return values
 
 
@@ -71,87 +91,128 @@ def read(path: Path) -> Motion:
     """The motion in a BVH file: its joints, and the ends of its limbs. Raises TakeError,
     OSError.
     """
-    with io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace") as file:
-        text = _Text(file, path)
-        joints, n_channels = _hierarchy(text)
-        n, rate = _motion(text)
-        at = text.number
+    with _open(path) as file:
+        words = _Words(file, path)
+        joints, n_channels = _hierarchy(words)
+        n, rate = _motion(words)
+        n_numbers = sum(1 for _ in iter(words.word, ""))
+    n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (n, 0)
 
     def blocks() -> Iterator[Floats]:
         most = max(1, BLOCK // max(n_channels, 3 * len(joints)))
-        with io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace") as file:
-            text = _Text(file, path)
-            while text.number < at:
-                text.words()
+        with _open(path) as file:
+            words = _Words(file, path)
+            _hierarchy(words)
+            _motion(words)
             left = n
             while left:
-                rows = []
-                for _ in range(min(left, most)):
-                    if not (words := text.words()):
-                        raise TakeError("the file has fewer frames than it says", path)
-                    rows.append(text.numbers(words, n_channels, "a frame"))
+                rows = [words.numbers(n_channels, "a frame") for _ in range(min(left, most))]
                 left -= len(rows)
                 yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
 
-    return judged(Motion(unique_names([j.name for j in joints]), n, rate, None, blocks), path)
+    if left_over:
+        message = (
+            f"it holds {n_numbers:,} numbers, but a frame must be {n_channels:,} numbers: a row "
+        )
+        raise TakeError(message + "is incomplete", path)
+    if n_there < n:
+        raise TakeError("the file has fewer frames than it says", path)
+    note = None
+    if n_there > n:
+        note = f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
+    names = unique_names([joint.name for joint in joints])
+    return judged(Motion(names, n, rate, None, blocks, note), path)
 
 
-def _hierarchy(text: _Text) -> tuple[list[_Joint], int]:
+def _open(path: Path) -> io.TextIOWrapper:
+    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+
+
+def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
-    if text.words() != ["HIERARCHY"]:
-        raise text.wrong("this is not a BVH file")
+    if words.word().upper() != "HIERARCHY":
+        raise words.wrong("this is not a BVH file")
     joints: list[_Joint] = []
     above: list[int] = []  # joints whose braces are open
-    opening, n_channels = False, 0
-    while (words := text.words()) != ["MOTION"]:
-        match words:
-            case ["ROOT" | "JOINT", *name] if (words[0] == "ROOT") == (not above) and not opening:
-                joints.append(_Joint(" ".join(name), above[-1] if above else None))
-                opening = words[-1] != "{"
-                if not opening:
-                    joints[-1].name = " ".join(name[:-1])
-                    above.append(len(joints) - 1)
-            case ["End", _, *brace] if above and not opening:
-                joints.append(_Joint(f"{joints[above[-1]].name} end", above[-1]))
-                opening = brace != ["{"]
-                if not opening:
-                    above.append(len(joints) - 1)
-            case ["{"] if opening:
+    n_channels = 0
+    while (word := words.word().upper()) != "MOTION":
+        match word:
+            case "ROOT" | "JOINT" if (word == "ROOT") == (not above):
+                joints.append(_Joint(_name(words), above[-1] if above else None))
                 above.append(len(joints) - 1)
-                opening = False
-            case ["}"] if above and not opening:
+            case "END" if above:
+                _name(words)
+                joints.append(_Joint(f"{joints[above[-1]].name} end", above[-1]))
+                above.append(len(joints) - 1)
+            case "}" if above:
                 above.pop()
-            case ["OFFSET", *numbers] if above:
-                joints[above[-1]].offset = text.numbers(numbers, 3, "an offset")
-            case ["CHANNELS", count, *names] if above and not opening:
-                if count != str(len(names)) or not set(names) <= set(_CHANNELS):
-                    raise text.wrong(f"channels are a count and names of {', '.join(_CHANNELS)}")
+            case "OFFSET" if above:
+                joints[above[-1]].offset = words.numbers(3, "an offset")
+            case "CHANNELS" if above:
                 own = joints[above[-1]].channels
-                own += [(_CHANNELS.index(name), n_channels + i) for i, name in enumerate(names)]
-                n_channels += len(names)
+                named = _channels(words)
+                own += [(kind, n_channels + i) for i, kind in enumerate(named)]
+                n_channels += len(named)
             case _:
-                raise text.wrong("this line is out of place in a BVH file")
+                raise words.wrong("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
-            raise text.wrong(f"the file has more than {MAX_CHANNELS:,} points")
-    if above or opening:
-        raise text.wrong("a brace is not closed before MOTION")
+            raise words.wrong(f"the file has more than {MAX_CHANNELS:,} points")
+    if above:
+        raise words.wrong("a brace is not closed before MOTION")
     return joints, n_channels
 
 
-def _motion(text: _Text) -> tuple[int, float]:
+def _name(words: _Words) -> str:
+    """The words before a brace that opens."""
+    name: list[str] = []
+    while (word := words.word()) != "{":
+        if not word or word == "}" or word.upper() in _KEYWORDS:
+            raise words.wrong("this line is out of place in a BVH file: a brace opens no joint")
+        name.append(word)
+    return " ".join(name)
+
+
+def _channels(words: _Words) -> list[int]:
+    """The kinds of channels that a joint has."""
+    count, line = words.word(), words.number
+    kinds: list[int] = []
+    while (word := words.word().lower()) in _CHANNELS:
+        kinds.append(_CHANNELS.index(word))
+    words.back(word)
+    if count != str(len(kinds)):
+        known = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
+        raise words.wrong(f"channels are a count and names of {known}", line)
+    return kinds
+
+
+def _motion(words: _Words) -> tuple[int, float]:
     """The number of frames, and the frame rate [Hz]."""
-    frames = text.words()
-    if frames[:1] != ["Frames:"] or len(frames) != 2 or not frames[1].isdecimal():
-        raise text.wrong("after MOTION comes `Frames:` and their number")
-    if len(frames[1]) > 9 or int(frames[1]) > MAX_SAMPLES:
-        raise text.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
-    words = text.words()
-    if words[:2] != ["Frame", "Time:"]:
-        raise text.wrong("after `Frames:` comes `Frame Time:` and seconds")
-    (period,) = text.numbers(words[2:], 1, "the time of a frame")
-    if not period > 1e-6:
-        raise text.wrong("the time of a frame must be above a microsecond")
-    return int(frames[1]), 1 / period
+    frames = _after(words, "frames")
+    if frames is None or not frames.isdecimal():
+        raise words.wrong("after MOTION comes `Frames:` and their number")
+    if len(frames) > 9 or int(frames) > MAX_SAMPLES:
+        raise words.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
+    period = _after(words, "frame", "time")
+    if period is None:
+        raise words.wrong("after `Frames:` comes `Frame Time:` and seconds")
+    words.back(period)
+    (seconds,) = words.numbers(1, "the time of a frame")
+    if not seconds > 1e-6:
+        raise words.wrong("the time of a frame must be above a microsecond")
+    return int(frames), 1 / seconds
+
+
+def _after(words: _Words, *label: str) -> str | None:
+    """The word after a label and its colon, with or without spaces; None without the label."""
+    *first, last = label
+    if any(words.word().lower() != each for each in first):
+        return None
+    name, colon, value = words.word().partition(":")
+    if name.lower() != last:
+        return None
+    if not colon:
+        colon, value = (following := words.word())[:1], following[1:]
+    return (value or words.word()) if colon == ":" else None
 
 
 def _places(joints: list[_Joint], rows: Floats) -> Floats:

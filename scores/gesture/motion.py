@@ -32,7 +32,8 @@ class Motion:
 
     `rate` [Hz] is None if the file does not state it, as is `metres`, the length of 1.0 in the
     file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
-    unit; a point that is not seen is NaN there.
+    unit; a point that is not seen is NaN there. `note` says what is wrong with a file that can be
+    read.
     """
 
     points: tuple[str, ...]
@@ -40,6 +41,7 @@ class Motion:
     rate: float | None
     metres: float | None
     blocks: Callable[[], Iterator[Floats]]
+    note: str | None = None
 
 
 def judged(motion: Motion, path: Path) -> Motion:
@@ -145,8 +147,8 @@ def scale(of_file: float | None, unit: float | None, path: Path) -> float:
 def track(
     motion: Motion, channel: str | None, rate: float | None, unit: float | None, path: Path
 ) -> tuple[Floats, Floats, str | None]:
-    """Instants [s] and positions [m] of a channel, both (seen,), and a note on gaps that the spline
-    fills.
+    """Instants [s] and positions [m] of a channel, both (seen,), and a note on damage and on gaps
+    that the spline fills.
 
     Time begins with the file, not with the first frame in which the point is seen. Raises
     TakeError.
@@ -171,7 +173,8 @@ def track(
         x = places @ _direction(places, motion.points[index], path)
     else:
         x = places[:, AXES.index(axis)]
-    return seen / hertz, x * metres, damage
+    notes = "; ".join(filter(None, (motion.note, damage)))
+    return seen / hertz, x * metres, notes or None
 
 
 def _hidden(seen: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:

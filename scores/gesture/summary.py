@@ -50,10 +50,11 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The number of rows, and the columns."""
+    """The number of rows, the columns, and a note on what is wrong with the file."""
 
     n_rows: int
     columns: tuple[Column, ...]
+    note: str | None = None
 
 
 _BLOCK = 4096  # rows
@@ -148,9 +149,9 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
             for column, own in zip(columns, values, strict=True):
                 column.add(own)
         if not motion.rate:
-            return Table(motion.n, columns)
+            return Table(motion.n, columns, motion.note)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
-        return Table(motion.n, (time, *columns))
+        return Table(motion.n, (time, *columns), motion.note)
 
     return points
 

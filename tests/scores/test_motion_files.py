@@ -1,6 +1,7 @@
 """Motion capture as takes: C3D, BVH, TSV of Qualisys, CSV of OptiTrack, SDIF."""
 
 import math
+import re
 
 import ezc3d
 import motion_files as files
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from ergon.scores.gesture import bvh_file, c3d_file
+from ergon.scores.gesture.summary import summary
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import Samples, read
 
@@ -233,6 +235,40 @@ def test_joints_turn_about_their_parents(tmp_path):
         read(path, "hand.x")
 
 
+ROWS = np.random.default_rng(4).uniform(-90, 90, (5, 12))
+PLAIN = files.bvh(ROWS).decode()
+HEAD, FRAMES = PLAIN[: PLAIN.index("MOTION")], PLAIN[PLAIN.index("MOTION") :]
+LAYOUTS = {
+    "capitals": HEAD.upper() + FRAMES.upper(),
+    "small letters": HEAD.lower() + FRAMES.lower(),
+    "one line": " ".join(HEAD.split()) + "\n" + FRAMES,
+    "a word a line": "\n".join(PLAIN.split()),
+    "braces without spaces": HEAD.replace(" {", "{").replace("\n{", "{") + FRAMES,
+    "wrapped frames": HEAD + re.sub(r"((?:\S+ ){5}\S+) ", r"\1\n", FRAMES),
+    "no space after the colon": PLAIN.replace("Frames: ", "Frames:").replace("Time: ", "Time:\t"),
+    "a space before the colon": PLAIN.replace("Frames:", "Frames :").replace("Time:", "Time :"),
+    "lines of Windows": PLAIN.replace("\n", "\r\n"),
+    "empty lines": PLAIN.replace("\n", "\n\n"),
+}
+
+
+@pytest.mark.parametrize("text", LAYOUTS.values(), ids=LAYOUTS)
+def test_the_same_words_in_other_lines_are_the_same_motion(tmp_path, text):
+    expected = np.concatenate([*bvh_file.read(wrote(tmp_path, ".bvh", PLAIN.encode())).blocks()])
+    motion = bvh_file.read(wrote(tmp_path, ".bvh", text.encode()))
+    names = ["hips", "arm", "hand", "hand end"]
+    assert [point.lower() for point in motion.points] == names
+    assert np.array_equal(np.concatenate([*motion.blocks()]), expected)
+    assert (motion.n, motion.note) == (5, None)
+
+
+def test_frames_beyond_the_stated_number_are_named(tmp_path):
+    path = wrote(tmp_path, ".bvh", PLAIN.replace("Frames: 5", "Frames: 3").encode())
+    words = "the file says 3 frames, and 2 more follow, which are not read"
+    assert summary(path).note == words
+    assert read(path, "hand.x", unit=0.01).damage == words
+
+
 def test_an_arm_that_turns_by_a_right_angle(tmp_path):
     rows = np.zeros((2, 12))
     rows[1, 6] = 90.0
@@ -253,7 +289,8 @@ def test_an_arm_that_turns_by_a_right_angle(tmp_path):
         ("Frames: 3", "Frames: 4", "fewer frames than it says"),
         ("Frames: 3", "Frames: 999999999", "more than 20,000,000 samples"),
         ("Frame Time: 0.01", "Frame Time: 0", "above a microsecond"),
-        ("Frame Time: 0.01", "Frame Time:", "the time of a frame must be 1 numbers"),
+        ("Frame Time: 0.01", "Frame Time:", "35 numbers, but a frame must be 12 numbers"),
+        ("Frame Time: 0.01", "Frame Time: x", "the time of a frame must be 1 numbers"),
         ("0 0 0 0 0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 0 0 0 1", "a frame must be 12 numbers"),
     ],
 )
