@@ -31,9 +31,9 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take, a MIDI file, a motion file or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
-    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) is a take: its channels and what
-    they span. Of a MIDI file it says what is played and what is passed over. A .motion file is what
-    moved. Anything else is a score.
+    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels and
+    what they span. Of a MIDI file it says what is played and what is passed over. A .motion file is
+    what moved. Anything else is a score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES

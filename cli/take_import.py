@@ -65,7 +65,7 @@ def import_take(
     """Make a recording of a movement in a table, WAV or motion capture.
 
     Of a table (CSV, TSV, npz) a channel is a column; its name has a unit (`t [s],x [mm]`). Of
-    motion capture (C3D, BVH, TSV of Qualisys, CSV of OptiTrack) it is a point and an axis:
+    motion capture (C3D, BVH, TRC, TSV of Qualisys, CSV of OptiTrack) it is a point and an axis:
     `RWRI.x`, or `RWRI.auto` for the straight line that its path is nearest to; positions count from
     the first. Of SDIF it is a column of a matrix. `ergon take info` lists them. Positions between
     the samples are those of the spline that a score would play. A score can play such files as they

@@ -27,7 +27,7 @@ def info(console: Console, file: str) -> None:
     """Say what a take holds, and whether it is whole.
 
     Of a recording (.take) it says the hands, the duration, the range of positions and forces, and
-    what was lost. Of a table (CSV, TSV, npz) or motion capture (C3D, BVH, SDIF) it says the
+    what was lost. Of a table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) it says the
     channels.
     """
     from ergon.scores.gesture.summary import SUFFIXES

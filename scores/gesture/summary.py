@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file
+from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file, trc_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
 from ergon.scores.gesture.table_file import sheet
@@ -177,6 +177,7 @@ _SUMMARIES: dict[str, Callable[[Path], Table]] = {
     ".npz": _npz,
     ".c3d": _points(c3d_file.read),
     ".bvh": _points(bvh_file.read),
+    ".trc": _points(trc_file.read),
     ".sdif": _sdif,
 }
 SUFFIXES = tuple(_SUMMARIES)

@@ -17,7 +17,7 @@ from ergon.notation.text.errors import TextError
 
 Floats = NDArray[np.float64]
 
-SUFFIXES = (".take", ".csv", ".tsv", ".wav", ".npz", ".c3d", ".bvh", ".sdif")
+SUFFIXES = (".take", ".csv", ".tsv", ".wav", ".npz", ".c3d", ".bvh", ".trc", ".sdif")
 MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
 MAX_BYTES = 1 << 30  # of a CSV or npz file, and of what an npz file holds when it is unpacked
 MAX_LINE = 65_536  # characters; a thousand channels fit

@@ -5,7 +5,7 @@
   `#` before comments.
 * WAV: channels are numbered from 1; 1.0 is one `unit` (1 m by default).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
-* C3D, BVH, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as
+* C3D, BVH, TRC, TSV of Qualisys, CSV of OptiTrack (`motion.py`): a point and an axis, such as
   `RWRI.x`.
 * SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
@@ -27,7 +27,15 @@ import numpy as np
 from ergon import _core
 from ergon.common.regular import open_regular
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture import bvh_file, c3d_file, motion, optitrack_file, qtm_file, sdif_file
+from ergon.scores.gesture import (
+    bvh_file,
+    c3d_file,
+    motion,
+    optitrack_file,
+    qtm_file,
+    sdif_file,
+    trc_file,
+)
 from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
 from ergon.scores.gesture.table_file import Sheet, sheet
@@ -405,5 +413,6 @@ _READERS: dict[str, _Reader] = {
     ".npz": _read_npz,
     ".c3d": _captured(c3d_file.read),
     ".bvh": _captured(bvh_file.read),
+    ".trc": _captured(trc_file.read),
     ".sdif": _read_sdif,
 }

@@ -143,8 +143,8 @@ TAKE = Record(
         Field(
             "file",
             k.PATH,
-            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, SDIF or MIDI (.mid); of an input "
-            "a WAV file, heard where no card is",
+            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, TRC, SDIF or MIDI (.mid); of an "
+            "input a WAV file, heard where no card is",
         ),
         Field(
             "input",
@@ -168,7 +168,9 @@ TAKE = Record(
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
         Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
         Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
-        Field("unit", k.SIZE, "what 1.0 means in a file without units (BVH, SDIF; WAV: 1m)"),
+        Field(
+            "unit", k.SIZE, "what 1.0 means in a file without units (BVH, SDIF, tables; WAV: 1m)"
+        ),
     ),
 )
 

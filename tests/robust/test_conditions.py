@@ -487,7 +487,7 @@ READERS = (
 @pytest.mark.parametrize("line", READERS)
 def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
     """A pipe that nobody writes to, a folder, a device without an end: a sentence, in 2 GB."""
-    captured = (".c3d", ".bvh", ".tsv", ".sdif")
+    captured = (".c3d", ".bvh", ".trc", ".tsv", ".sdif")
     suffixes = (".csv", ".npz", ".wav", *captured) if "take import" in line else ("",)
     if "take" in line or "stats" in line or "--hands" in line:
         suffixes = suffixes if "import" in line else (".take",)

@@ -1,4 +1,4 @@
-"""Motion capture as takes: C3D, BVH, TSV of Qualisys, CSV of OptiTrack, SDIF."""
+"""Motion capture as takes: C3D, BVH, TRC, TSV of Qualisys, CSV of OptiTrack, SDIF."""
 
 import math
 import re
@@ -300,6 +300,55 @@ def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, told):
     path = wrote(tmp_path, ".bvh", text.replace(old, new, 1).encode())
     with pytest.raises(TakeError, match=told):
         read(path, "hand.x", unit=0.01)
+
+
+# --- TRC ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", ["mm", "cm", "m"])
+@pytest.mark.parametrize(
+    "layout", [{}, {"blank": False}, {"last_tab": True}, {"end": "\r\n"}, {"rate": 59.94}]
+)
+def test_markers_of_trc(tmp_path, unit, layout):
+    places = files.curve(40)
+    places[10:13, 1] = np.nan
+    path = wrote(tmp_path, ".trc", files.trc(places, unit=unit, **layout))
+    metres, rate = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[unit], layout.get("rate", 100.0)
+    for point, name in enumerate(("RWRI", "LWRI")):
+        for axis, letter in enumerate("xyz"):
+            assert is_of(read(path, f"{name}.{letter}"), places, point, axis, rate, metres)
+    assert read(path, "LWRI.x").damage == (
+        "'LWRI' is not seen in 3 frames; a spline runs across them"
+    )
+    names = [column.name for column in summary(path).columns[1:]]
+    assert names == [f"{name}.{axis} [m]" for name in ("RWRI", "LWRI") for axis in "xyz"]
+
+
+TRC = files.trc(files.curve(3))
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (TRC.replace(b"PathFileType", b"Path"), "this is not a TRC file"),
+        (b"PathFileType", "this is not a TRC file"),
+        (TRC.replace(b"\t2\tmm", b"\t3\tmm"), "5: its head says 3 markers, and names 2"),
+        (TRC.replace(b"\t3\t2\tmm", b"\t4\t2\tmm"), "the file says 4 frames, and holds 3"),
+        (TRC.replace(b"\t3\t2\tmm", b"\tx\t2\tmm"), "NumFrames in the head"),
+        (TRC.replace(b"\n100\t", b"\n0\t"), "DataRate in the head"),
+        (files.trc(files.curve(3), step=0.005), "100 frames a second, .* are 0.005 s apart"),
+        (TRC[:-1] + b"\t1\n", "9: the number of values in this line is 9"),
+        (
+            TRC.replace(b"\n2\t0.01000\t", b"\n2\t0.01000\tx"),
+            "8: this line is not a row of numbers",
+        ),
+        (TRC.replace(b"\tmm", b"\tell"), "does not state the unit"),
+    ],
+)
+def test_what_is_no_trc_file_is_refused(tmp_path, data, told):
+    assert data != TRC
+    with pytest.raises(TakeError, match=told):
+        read(wrote(tmp_path, ".trc", data), "RWRI.x")
 
 
 # --- TSV ------------------------------------------------------------------------------------------

@@ -19,6 +19,35 @@ def curve(n: int = 12, points: int = 2) -> Floats:
     return np.round(16 * 40 * np.sin(t / 3)) / 16
 
 
+# --- TRC ------------------------------------------------------------------------------------------
+
+
+def trc(
+    places: Floats,
+    names: Sequence[str] = ("RWRI", "LWRI"),
+    unit: str = "mm",
+    rate: float = 100.0,
+    *,
+    blank: bool = True,
+    last_tab: bool = False,
+    end: str = "\n",
+    step: float | None = None,
+) -> bytes:
+    """A TRC file of positions (n, points, 3), with empty cells where a point is hidden."""
+    n, n_points = places.shape[:2]
+    fields = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame "
+    values = [f"{rate:g}", f"{rate:g}", n, n_points, unit, f"{rate:g}", 1, n]
+    axes = "\t".join(f"X{i}\tY{i}\tZ{i}" for i in range(1, n_points + 1))
+    text = ["PathFileType\t4\t(X/Y/Z)\twalk.trc", *["\t".join([*fields.split(), "OrigNumFrames"])]]
+    text += ["\t".join(map(str, values)), "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t"]
+    text += ["\t\t" + axes, *[""] * blank]
+    for i, frame in enumerate(places):
+        cells = ["" if np.isnan(x) else repr(float(x)) for x in frame.ravel()]
+        row = [str(i + 1), f"{i * (step or 1 / rate):.5f}", *cells, *[""] * last_tab]
+        text.append("\t".join(row))
+    return (end.join(text) + end).encode()
+
+
 # --- C3D ------------------------------------------------------------------------------------------
 
 

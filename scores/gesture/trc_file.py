@@ -1,0 +1,127 @@
+"""TRC files of markers, as Cortex (Motion Analysis) and OpenSim write them.
+
+Three lines of head (names of fields, then their values), a line of the names of markers, a line of
+axes, then a frame a row: its number, its instant and three numbers for each marker, between tabs
+(OpenSim documentation, "Marker (.trc) Files").
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
+from ergon.scores.gesture.points import METRE
+from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
+
+_FIRST = "PathFileType"
+_LEADING = 2  # columns before the positions: the number of the frame, its instant
+_RATE_MAX = 1e6  # Hz
+_UNEVEN = 0.05  # part of a frame by which the first instants may differ from the stated rate
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    """The fields of the head, the names of the markers, and the line before the frames."""
+
+    fields: dict[str, str]
+    names: list[str]
+    line: int
+
+
+def read(path: Path) -> Motion:
+    """The motion in a TRC file; a marker that is not seen has empty cells.
+
+    Raises TakeError and OSError.
+    """
+    head = _head(path)
+    n, n_markers = (_count(head, name, path) for name in ("NumFrames", "NumMarkers"))
+    if n_markers != len(head.names):
+        message = f"its head says {n_markers:,} markers, and names {len(head.names):,}"
+        raise TakeError(message, path, head.line)
+    rate = _rate(head, path)
+    unit = head.fields.get("Units", "").strip()
+    metres = METRE.get(unit) if unit else None
+
+    def blocks() -> Iterator[Floats]:
+        return in_blocks((_values(cells, path, line) for line, cells in _rows(head, path)), n, path)
+
+    names = unique_names(head.names)
+    return judged(Motion(names, n, rate, metres and 1 / metres, blocks), path)
+
+
+def _head(path: Path) -> _Head:
+    with _text(path) as file:
+        numbered = lines(file, path)
+        first, fields, values, markers, axes = (next(numbered, (0, "")) for _ in range(5))
+    names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
+    if not first[1].startswith(_FIRST) or not markers[1].startswith("Frame#") or not axes[0]:
+        raise TakeError(
+            "this is not a TRC file: it begins with PathFileType, and its fourth line with Frame#",
+            path,
+        )
+    if len(names) > MAX_CHANNELS:
+        raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
+    cells = (text.split("\t") for _, text in (fields, values))
+    pairs = zip(*cells, strict=False)
+    return _Head({name.strip(): value.strip() for name, value in pairs}, names, axes[0])
+
+
+def _rows(head: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The cells of each frame, with their line. Raises TakeError."""
+    width = _LEADING + 3 * len(head.names)
+    with _text(path) as file:
+        for line, text in lines(file, path):
+            if line <= head.line:
+                continue
+            cells = [cell.strip() for cell in text.split("\t")]
+            if len(cells) == width + 1 and not cells[-1]:  # a tab may come last
+                cells.pop()
+            if len(cells) != width:
+                message = (
+                    f"the number of values in this line is {len(cells)}, but the markers need "
+                )
+                raise TakeError(f"{message}{width}", path, line)
+            yield line, cells
+
+
+def _values(cells: list[str], path: Path, line: int) -> list[float]:
+    return positions(cells, range(_LEADING, len(cells), 3), path, line)
+
+
+def _text(path: Path) -> io.TextIOWrapper:
+    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+
+
+def _count(head: _Head, name: str, path: Path) -> int:
+    value = head.fields.get(name, "")
+    if not value.isdecimal() or len(value) > 9:
+        raise TakeError(f"{name} in the head of this file is not a number", path)
+    return int(value)
+
+
+def _rate(head: _Head, path: Path) -> float:
+    """The frame rate [Hz], which the instants of the first two frames must have. Raises
+    TakeError.
+    """
+    rate = _number(head.fields.get("DataRate", ""))
+    if not 0 < rate <= _RATE_MAX:
+        raise TakeError("DataRate in the head of this file is not a number above 0", path)
+    instants = [_number(cells[1]) for _, cells in islice(_rows(head, path), 2)]
+    step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
+    if not abs(step * rate - 1) <= _UNEVEN:
+        message = (
+            f"its head says {rate:g} frames a second, but its first two frames are {step:g} s "
+        )
+        raise TakeError(message + "apart", path, head.line + 1)
+    return rate
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
