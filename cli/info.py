@@ -9,7 +9,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.common.sound_files import SUFFIXES
+from ergon.common.sound_files import SUFFIXES, foreign_file
 
 from . import options
 from .console import Console, plural
@@ -56,6 +56,8 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         from .motion_info import motion
 
         motion(console, path)
+    elif (foreign := foreign_file(path)) is not None:
+        raise Refused(f"{file}: {foreign}")
     else:
         _score(console, file, trust)
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
 from ergon.common.errors import ErgonError
+from ergon.common.sound_files import foreign_form
 
 Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
 
@@ -174,8 +175,8 @@ def _pack_format(format: WaveFormat) -> bytes:
 def parse(file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
     head = file.read(12)
-    if head[:4] == b"RIFX":
-        raise NotWaveError("this WAVE file has big-endian numbers (RIFX), which are not read")
+    if (foreign := foreign_form(head)) is not None:
+        raise NotWaveError(foreign)
     if len(head) < 12 or head[:4] not in _CONTAINERS or head[8:] != b"WAVE":
         raise NotWaveError("this is not a WAVE file")
     container = _CONTAINERS[head[:4]]

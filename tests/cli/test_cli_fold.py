@@ -184,6 +184,27 @@ def test_a_cut_file_is_named_by_every_command_that_reads_sound(
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("subtype", ["PCM_16", "FLOAT"])
+@pytest.mark.parametrize(
+    ("form", "suffix", "name"),
+    [("AIFF", "aiff", "AIFF"), ("W64", "w64", "Wave64"), ("CAF", "caf", "Core Audio"),
+     ("AU", "au", "AU"), ("AIFF", "wav", "AIFF"), ("AIFF", "yaml", "AIFF")],
+)  # fmt: skip
+def test_other_forms_of_sound_are_named(tmp_path: Path, form, suffix, name, subtype):
+    """As libsndfile writes them."""
+    import soundfile
+
+    path = tmp_path / f"in.{suffix}"
+    soundfile.write(path, np.full((100, 2), 0.6), 48_000, subtype=subtype, format=form)
+    for words in (("info",), ("bell",), ("fold", "--to", "stereo", "-o", "out.wav")):
+        command, *more = words
+        done = ergon(tmp_path, command, path.name, *more)
+        said = f"{path.name}: it is sound in the form {name}"
+        assert said in done.stderr, (command, done.stderr)
+        assert "save it as WAV or FLAC" in done.stderr
+        assert done.returncode == 2
+
+
 def test_the_delays_of_a_head_are_heard(tmp_path: Path):
     """A head that says when sound comes in Data.Delay alone: 30 samples between the ears."""
     import h5py

@@ -8,6 +8,7 @@ from pathlib import Path
 from ergon.common.decay import LN_1000
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
+from ergon.common.sound_files import foreign_file
 
 _MOST = 100_000  # characters of a line, and lines
 _BYTES_MAX = 1 << 24  # of a file
@@ -30,6 +31,8 @@ def read(path: Path) -> list[tuple[float, float, float]]:
             raise TableError(f"{path}: it is larger than {_BYTES_MAX >> 20} MB")
         lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError:
+        if (foreign := foreign_file(path)) is not None:
+            raise TableError(f"{path}: {foreign}") from None
         message = f"{path}: it is neither a WAV or FLAC file nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
     rows = []
