@@ -60,11 +60,22 @@ def to_field(source: Field, target: Field) -> NDArray[np.float64]:
 
 
 def to_stereo(source: Field) -> NDArray[np.float64]:
-    """Two channels by constant power, (n_in, 2, 1), by how far to the right each direction is."""
+    """Two channels by constant power, (n_in, 2, 1), by how far to the right each direction is.
+
+    A stereo pair stays as it is, whatever its angle.
+    """
     array, decoder = _heard_from(source)
     right = array[:, 0]
+    if source.order is None and len(array) == 2 and _are_mirrored(array):
+        return np.eye(2)[np.argsort(right)][:, :, None]
     sides = np.stack([np.sqrt((1.0 - right) / 2.0), np.sqrt((1.0 + right) / 2.0)], 1)
     return _through(decoder, sides[:, :, None])
+
+
+def _are_mirrored(array: NDArray[np.float64]) -> bool:
+    """Whether two directions (2, 3) are a stereo pair: one the mirror image of the other."""
+    mirrored = array[1] * (-1.0, 1.0, 1.0)
+    return bool(abs(array[0] - mirrored).max() < 1e-6 and abs(array[0, 0]) > 0.1)
 
 
 def to_ears(source: Field, head: Head, rate: float) -> NDArray[np.float64]:

@@ -26,6 +26,15 @@ def test_stereo_has_constant_power():
     np.testing.assert_allclose(gains[3], (1.0, 0.0), atol=1e-12)  # 90° to the left
 
 
+@pytest.mark.parametrize("azimuth", [30.0, 45.0, 90.0, 110.0])
+def test_a_stereo_pair_stays_as_it_is(azimuth: float):
+    left, right = point(azimuth, 0.0, 2.0), point(-azimuth, 0.0, 2.0)
+    gains = fold_filters.to_stereo(fold_filters.Field((left, right)))[:, :, 0]
+    np.testing.assert_array_equal(gains, np.eye(2))
+    crossed = fold_filters.to_stereo(fold_filters.Field((right, left)))[:, :, 0]
+    np.testing.assert_array_equal(crossed, np.eye(2)[::-1])
+
+
 def test_another_room_has_the_energy():
     gains = fold_filters.to_field(DOME, RING)[:, :, 0]
     np.testing.assert_allclose((gains**2).sum(1), 1.0, atol=1e-12)
