@@ -346,3 +346,20 @@ def test_spoiled_lists_are_refused_or_read() -> None:
         assert found.piece is not None, (spoiled, found.diagnostics)
         read += 1
     assert read > 20
+
+
+@pytest.mark.parametrize(
+    ("box", "words"),
+    [
+        ("#X obj 50 50 pmpd~ 1 1;", "a patch of Pure Data with pmpd~, and"),
+        ("#X obj 5 5 pmpd3d;\n#X obj 5 9 pmpd2d;", "with pmpd2d, pmpd3d, and"),
+        ("#X obj 50 50 osc~ 440;", "without an object of pmpd"),
+    ],
+)
+def test_a_patch_is_told_from_other_texts(tmp_path: Path, box: str, words: str) -> None:
+    path = tmp_path / "patch.pd"
+    head = "#N canvas 0 0 450 300 10;\n"
+    path.write_text(f"{head}{box}\n#X msg 50 20 mass 20;\n#X connect 1 0 0 0;\n")
+    with pytest.raises(ModelError, match=words) as caught:
+        import_model(path)
+    assert "write the messages that its pmpd object gets into a text" in str(caught.value)

@@ -23,7 +23,7 @@ from ergon.workshop.models.miphysics.score import RATES
 from ergon.workshop.models.miphysics.score import written as miphysics_written
 from ergon.workshop.models.page import OSC, RATE, Input
 from ergon.workshop.models.pmpd.interpreter import network
-from ergon.workshop.models.pmpd.reading import is_list
+from ergon.workshop.models.pmpd.reading import is_list, is_patch, patch_words
 from ergon.workshop.models.pmpd.reading import parse as pmpd_messages
 from ergon.workshop.models.pmpd.score import written as pmpd_written
 from ergon.workshop.models.pmpd.words import OBJECTS, Object
@@ -82,6 +82,10 @@ def import_model(
         told = ModelError(message)
         told.file = str(path)
         raise told
+    if options.dialect is None and is_patch(text):
+        refused = ModelError(patch_words(text))
+        refused.file = str(path)
+        raise refused
     inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
     asked = options.dialect

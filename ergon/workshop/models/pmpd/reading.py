@@ -16,6 +16,7 @@ _SEPARATOR = re.compile(r"\\?[;,]")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _OTHER = re.compile(r"pmpd[23]d~?")
+_PATCH_OBJECT = re.compile(r"#X obj -?[0-9]+ -?[0-9]+ (pmpd[23]?d?~?)(?=[ ;,])")
 _MOST_WORDS = 20_000  # of a message: the values of an array
 
 
@@ -34,6 +35,22 @@ def is_list(text: str) -> bool:
         known = {*OBJECTS, *REFUSED, *(one for of in FORMS.values() for one in of)}
         return message.word in known or bool(_OTHER.fullmatch(message.word))
     return False
+
+
+def is_patch(text: str) -> bool:
+    """Whether a text is a patch of Pure Data."""
+    return text.lstrip().startswith("#N canvas")
+
+
+def patch_words(text: str) -> str:
+    """What a patch holds of pmpd, as a sentence that says what to do with it."""
+    objects = sorted({*_PATCH_OBJECT.findall(text)})
+    named = f" with {', '.join(objects)}" if objects else " without an object of pmpd"
+    return (
+        f"it is a patch of Pure Data{named}, and in which order its messages are sent is known "
+        "only when it runs; write the messages that its pmpd object gets into a text, one a line, "
+        "and import that"
+    )
 
 
 def messages(text: str, most: int = MOST + 1) -> Iterator[Message]:
