@@ -16,7 +16,7 @@ from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
 from . import score as scores
 from .chosen_routes import choose_routes
-from .errors import OptionError
+from .errors import OptionError, ScoreError
 from .layouts import chunks_of_layout
 from .options import AccuracyOptions
 
@@ -281,6 +281,12 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
     start = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
     stop = stage.n_frames if options.to is None else _frame(piece, stage, options.to, "to")
     stop = min(stop, stage.n_frames)
+    if not stage.n_frames:
+        reason = (
+            "the piece has no length: nothing in it is struck or played, and a take that drives a "
+            "module does not count; write how long it is heard, such as `render: {tail: 2s}`"
+        )
+        raise ScoreError((), reason=reason)
     if start >= stop:
         end = scores.where(piece, stage.n_frames / stage.rate)
         option = "from_" if options.to is None else "to"

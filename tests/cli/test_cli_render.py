@@ -137,6 +137,21 @@ def test_a_part_of_the_piece(capsys: Capture) -> None:
     assert "the piece ends at" in capsys.readouterr().err
 
 
+def test_a_piece_without_a_length_is_told_to_have_a_tail(folder: Path, capsys: Capture) -> None:
+    """A take that drives a module strikes nothing."""
+    text = "ergon: 1\ntakes: {t: {file: t.csv}}\ninstruments:\n  a:\n"
+    text += "    modules: {m: {MAS: {M: 1g}}, x: {ENX: {to: m, from: t}}}\n    out: {SOX: m}\n"
+    (folder / "t.csv").write_text("t [s],x [mm]\n0,0\n0.1,1\n0.2,0\n")
+    (folder / "a.yaml").write_text(f"{text}render: {{tail: 0s}}\n")
+    assert app.run(["render", "a.yaml"]) == 1
+    said = capsys.readouterr().err
+    assert "the piece has no length" in said
+    assert "render: {tail: 2s}" in said
+    assert "--from" not in said
+    (folder / "b.yaml").write_text(f"{text}render: {{tail: 0.2s}}\n")
+    assert app.run(["render", "b.yaml"]) == 0
+
+
 def test_another_rate() -> None:
     assert app.run(["render", "-q", "bell.yaml"]) == 0
     assert app.run(["render", "-q", "bell.yaml", "--rate", "48000", "-o", "48.wav"]) == 0
