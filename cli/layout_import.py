@@ -34,7 +34,8 @@ def import_layout(
     """Make a layout of a file of another program.
 
     FILE is one of the IEM AllRADecoder (JSON), the EBU ADM renderer (YAML) or SpatGRIS (XML). Where
-    loudspeakers are is kept, and their order; gains, filters and imaginary ones are not.
+    loudspeakers are is kept, and their order; gains, filters and imaginary ones are not. Direct
+    outs and low-frequency effects are left out and named.
     """
     from ergon.common.regular import read_bounded
     from ergon.exchange.layout_files import FILE_BYTES_MAX, FORMS, LayoutFileError, as_yaml
@@ -49,9 +50,12 @@ def import_layout(
     if len(data) > FILE_BYTES_MAX:
         raise Refused(f"{file} is larger than {FILE_BYTES_MAX >> 20} MB")
     try:
-        speakers = FORMS[kind].read(data)
+        layout = FORMS[kind].read(data)
     except LayoutFileError as error:
         raise Refused(f"{file}: {error}") from None
+    speakers = layout.speakers
+    for note in layout.notes():
+        console.warn(f"{file}: {note}")
     write_text(target, as_yaml(speakers, path.stem, far), force=force, inputs=(path,))
     if console.json:
         console.record("wrote", file=target, form=kind, loudspeakers=len(speakers))

@@ -19,6 +19,7 @@ from ergon.common.structured import MalformedTextError, parse_json
 from ergon.common.terminal import printable
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
+from .speaker_labels import is_effects
 from .xml_text import XmlError, parse_xml
 
 FILE_BYTES_MAX = 4 << 20  # bytes of a file
@@ -33,13 +34,32 @@ class LayoutFileError(ErgonError, ValueError):
 
 
 @dataclass(frozen=True, slots=True)
+class ReadLayout:
+    """The loudspeakers of a room in the order of their outputs, the number of each output from 1,
+    and sentences on what was left out.
+    """
+
+    speakers: list[Angles]
+    outputs: list[int]
+    left_out: list[str]
+
+    def notes(self) -> list[str]:
+        """Sentences on what was left out and on outputs that get other numbers."""
+        if self.outputs == [*range(1, len(self.outputs) + 1)]:
+            return self.left_out
+        stated = ", ".join(map(str, self.outputs))
+        numbers = f"its loudspeakers are at the outputs {stated}; channels of a score follow one "
+        return [*self.left_out, f"{numbers}another, so here they are 1 to {len(self.outputs)}"]
+
+
+@dataclass(frozen=True, slots=True)
 class Form:
     """One program's files: their ending, how they are written, how they are read."""
 
     name: str
     ending: str
     write: Callable[[Sequence[Angles], str], str]
-    read: Callable[[bytes], list[Angles]]
+    read: Callable[[bytes], ReadLayout]
 
 
 # --- IEM ----------------------------------------------------------------------------------------
@@ -81,7 +101,7 @@ def _write_iem(speakers: Sequence[Angles], title: str) -> str:
     return json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
 
 
-def _read_iem(data: bytes) -> list[Angles]:
+def _read_iem(data: bytes) -> ReadLayout:
     try:
         whole = parse_json(data)
     except MalformedTextError as error:
@@ -112,7 +132,7 @@ def _write_ear(speakers: Sequence[Angles], title: str) -> str:
     return "".join(lines)
 
 
-def _read_ear(data: bytes) -> list[Angles]:
+def _read_ear(data: bytes) -> ReadLayout:
     try:
         text = data.decode("utf-8-sig")
         depth = 0
@@ -132,14 +152,29 @@ def _read_ear(data: bytes) -> list[Angles]:
     rows = whole.get("speakers") if isinstance(whole, dict) else whole
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `speakers`")
-    numbered = []
+    numbered, left_out = [], []
     for i, row in enumerate(rows):
+        channel = _number(row.get("channel", i), "channel")
+        names = _names(row)
+        if any(map(is_effects, names)):
+            label = printable("/".join(names)[:40])
+            left_out.append(
+                f"output {channel + 1:g} ({label}) is for low-frequency effects, no loudspeaker of "
+                "the room: it is left out"
+            )
+            continue
         place = row.get("position")
         if not isinstance(place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
         seen = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
-        numbered.append((_number(row.get("channel", i), "channel"), seen))
-    return _in_order(numbered)
+        numbered.append((channel, seen))
+    return _in_order(numbered, left_out, 0)
+
+
+def _names(row: dict[str, Any]) -> list[str]:
+    """The names of a loudspeaker: one text, or several in a list."""
+    names = row.get("names", ())
+    return [str(name) for name in (names if isinstance(names, list) else [names])]
 
 
 # --- SpatGRIS -----------------------------------------------------------------------------------
@@ -164,7 +199,7 @@ def _write_spatgris(speakers: Sequence[Angles], title: str) -> str:
     return "".join([*lines, f"</{_SPATGRIS}>\n"])
 
 
-def _read_spatgris(data: bytes) -> list[Angles]:
+def _read_spatgris(data: bytes) -> ReadLayout:
     """SPEAKER_n with a POSITION inside, as up to version 3, or SPEAKER in groups, as version 4."""
     try:
         root = parse_xml(data)
@@ -174,28 +209,42 @@ def _read_spatgris(data: bytes) -> list[Angles]:
         raise LayoutFileError(f"its root is {printable(root.tag[:40])}, not {_SPATGRIS}")
     for group in root.iter("SPEAKER_GROUP"):
         turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        moved = [*turned, *group.get(_PLACE, "0, 0, 0").split(",")]
+        moved = [*turned, *_axes(group.get(_PLACE, "0, 0, 0"))]
         if any(_number(one, "place of a group") for one in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
-    numbered = []
+    numbered, left_out = [], []
     for one in root.iter():
         number = one.get("SPEAKER_PATCH_ID", "") if one.tag == "SPEAKER" else one.tag[8:]
         is_speaker = one.tag == "SPEAKER" or (one.tag.startswith("SPEAKER_") and number.isdecimal())
-        if not is_speaker or one.get("DIRECT_OUT_ONLY") == "1":
+        if not is_speaker:
+            continue
+        if one.get("DIRECT_OUT_ONLY") == "1":
+            label = printable(number[:20])
+            left_out.append(
+                f"output {label} is a direct out, no loudspeaker of the room: it is left out"
+            )
             continue
         place = one.find("POSITION")
-        axes = one.get(_PLACE, "").split(",") if place is None else [place.get(a) for a in "XYZ"]
+        axes = _axes(one.get(_PLACE, "")) if place is None else [place.get(a) for a in "XYZ"]
         if len(axes) != 3:
             raise LayoutFileError(f"loudspeaker {printable(number[:20])} has no position")
         x, y, z = (_number(axis, "position") for axis in axes)
         numbered.append((_number(number, "number of an output"), angles((x, y, z))))
-    return _in_order(numbered)
+    return _in_order(numbered, left_out)
+
+
+def _axes(text: str) -> list[str]:
+    """The parts of a place: `x, y, z`, in parentheses since version 4.0 of setups."""
+    return text.strip().removeprefix("(").removesuffix(")").split(",")
 
 
 # --- what they have in common -------------------------------------------------------------------
 
 
-def _in_order(numbered: list[tuple[float, Angles]]) -> list[Angles]:
+def _in_order(
+    numbered: list[tuple[float, Angles]], left_out: Sequence[str] = (), first: int = 1
+) -> ReadLayout:
+    """Loudspeakers with their outputs, which count from `first`. Raises LayoutFileError."""
     if not 1 <= len(numbered) <= SPEAKERS_MAX:
         raise LayoutFileError(
             f"it has {len(numbered):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
@@ -203,7 +252,11 @@ def _in_order(numbered: list[tuple[float, Angles]]) -> list[Angles]:
     numbers = [number for number, _ in numbered]
     if len(set(numbers)) < len(numbers):
         raise LayoutFileError("two of its loudspeakers have one channel")
-    return [seen for _, seen in sorted(numbered, key=lambda one: one[0])]
+    if not all(number.is_integer() for number in numbers):
+        raise LayoutFileError("the number of an output is not whole")
+    in_order = sorted(numbered, key=lambda pair: pair[0])
+    outputs = [int(number) + 1 - first for number, _ in in_order]
+    return ReadLayout([seen for _, seen in in_order], outputs, list(left_out))
 
 
 def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:

@@ -23,7 +23,7 @@ def fourth(*rows: str, group: str = "") -> bytes:
 @pytest.mark.parametrize("name", FORMS)
 def test_what_is_written_is_read(name: str):
     text = FORMS[name].write(SPEAKERS, 'A "dome" <&>\n: x')
-    found = np.array(FORMS[name].read(text.encode()))
+    found = np.array(FORMS[name].read(text.encode()).speakers)
     wanted = np.array(SPEAKERS)
     if name == "spatgris":  # the farthest is 1 away
         wanted[:, 2] = 1.0
@@ -45,7 +45,8 @@ def test_channels_give_the_order():
         for i in range(5)
     ]
     text = json.dumps({"LoudspeakerLayout": {"Loudspeakers": rows}})
-    assert [seen[0] for seen in FORMS["iem"].read(text.encode())] == [40.0, 20.0, 10.0, 0.0]
+    layout = FORMS["iem"].read(text.encode())
+    assert [azimuth for azimuth, *_ in layout.speakers] == [40.0, 20.0, 10.0, 0.0]
 
 
 def test_both_versions_of_spatgris():
@@ -58,7 +59,51 @@ def test_both_versions_of_spatgris():
         '<SPEAKER SPEAKER_PATCH_ID="1" CARTESIAN_POSITION="0.0, 1.0, 0.0"/>',
     )
     for text in (old, new):
-        assert FORMS["spatgris"].read(text) == [(0.0, 0.0, 1.0), (90.0, 0.0, 1.0)]
+        assert FORMS["spatgris"].read(text).speakers == [(0.0, 0.0, 1.0), (90.0, 0.0, 1.0)]
+
+
+def test_places_in_parentheses_of_version_4():
+    rows = [
+        f'<SPEAKER SPEAKER_PATCH_ID="{i}" CARTESIAN_POSITION="{place}"/>'
+        for i, place in enumerate(("(0, 1, 0)", "( -1,0 ,0 )", "(0.0, 0.0, 1.0)"), 1)
+    ]
+    text = fourth(*rows).replace(b'"0, 0, 0"', b'"(0, 0, 0)"')
+    layout = FORMS["spatgris"].read(text)
+    np.testing.assert_allclose(
+        layout.speakers, [(0.0, 0.0, 1.0), (90.0, 0.0, 1.0), (0.0, 90.0, 1.0)], atol=1e-12
+    )
+    assert layout.notes() == []
+    with pytest.raises(LayoutFileError, match="moved or turned"):
+        FORMS["spatgris"].read(text.replace(b'"(0, 0, 0)"', b'"(0, 1, 0)"'))
+
+
+def test_a_direct_out_and_a_gap_are_named():
+    row = '<SPEAKER SPEAKER_PATCH_ID="%d" DIRECT_OUT_ONLY="%d" CARTESIAN_POSITION="%d, 1, 0"/>'
+    text = fourth(*(row % (i, i == 3, i) for i in (1, 2, 3, 4, 6)))
+    layout = FORMS["spatgris"].read(text)
+    assert layout.outputs == [1, 2, 4, 6]
+    direct, gap = layout.notes()
+    assert direct == "output 3 is a direct out, no loudspeaker of the room: it is left out"
+    assert gap.startswith("its loudspeakers are at the outputs 1, 2, 4, 6; ")
+
+
+@pytest.mark.parametrize("names", ["LFE1", "LFE2", "[LFE1, sub]", "LFE", "Subwoofer"])
+def test_low_frequency_effects_are_no_loudspeaker_of_the_room(names: str):
+    text = "speakers:\n"
+    for channel, name, az in (
+        (0, "M+030", 30),
+        (1, "M-030", -30),
+        (3, names, 45),
+        (4, "B+045", 45),
+    ):
+        text += f"- {{channel: {channel}, names: {name}, position: {{az: {az}, el: 0, r: 2}}}}\n"
+    layout = FORMS["ear"].read(text.encode())
+    assert layout.speakers == [(30.0, 0.0, 2.0), (-30.0, 0.0, 2.0), (45.0, 0.0, 2.0)]
+    assert layout.outputs == [1, 2, 5]
+    effects, gap = layout.notes()
+    assert effects.startswith("output 4 (")
+    assert "low-frequency effects" in effects
+    assert "at the outputs 1, 2, 5" in gap
 
 
 def test_a_layout_of_ours_is_that_of_a_score(tmp_path):

@@ -1,0 +1,120 @@
+"""Loudspeakers by the labels of ITU-R BS.2051: `M+110` is in the middle layer, 110° to the left.
+
+Two lists of them: the channels of the common definitions of ADM (ITU-R BS.2094-2, table 1), and
+those of the mask of a WAVE file (Microsoft, "Multiple channel audio data and WAVE files").
+"""
+
+from __future__ import annotations
+
+import re
+
+from ergon.space.directions import Angles
+
+_LABEL = re.compile(r"(UH|[MUBT])([+-])(SC|\d{3})(?:_Diff)?")
+_ELEVATIONS = {"M": 0.0, "U": 30.0, "UH": 45.0, "B": -30.0, "T": 90.0}
+_AZIMUTHS = {"022": 22.5, "SC": 25.0}  # the others are in degrees
+_EFFECTS = re.compile(r"(RC_)?(LFE|SUB)", re.IGNORECASE)
+
+# AC_00010001, AC_00010002, …
+_COMMON = [
+    "M+030",
+    "M-030",
+    "M+000",
+    "LFE",
+    "M+110",
+    "M-110",
+    "M+022",
+    "M-022",
+    "M+180",
+    "M+090",
+    "M-090",
+    "T+000",
+    "U+030",
+    "U+000",
+    "U-030",
+    "U+110",
+    "U+180",
+    "U-110",
+    "U+090",
+    "U-090",
+    "B+000",
+    "B+045",
+    "B-045",
+    "M+060",
+    "M-060",
+    "M+135_Diff",
+    "M-135_Diff",
+    "M+135",
+    "M-135",
+    "U+135",
+    "U-135",
+    "LFEL",
+    "LFER",
+    "U+045",
+    "U-045",
+    "M+SC",
+    "M-SC",
+    "M+045",
+    "M-045",
+    "UH+180",
+]
+# Bits of a mask, from the lowest on.
+_MASKED = [
+    "M+030",
+    "M-030",
+    "M+000",
+    "LFE",
+    "M+135",
+    "M-135",
+    "M+022",
+    "M-022",
+    "M+180",
+    "M+090",
+    "M-090",
+    "T+000",
+    "U+030",
+    "U+000",
+    "U-030",
+    "U+135",
+    "U+180",
+    "U-135",
+]
+_SIDES, _BACKS = 0x600, 0x30  # without sides, the back ones are those of 5.1
+_AT_110 = {"M+135": "M+110", "M-135": "M-110"}
+
+
+def is_effects(label: str) -> bool:
+    """Whether a label, or a URN that ends in one, is that of low-frequency effects."""
+    return bool(_EFFECTS.match(label.strip().rpartition(":")[2]))
+
+
+def common_label(channel_format: str) -> str | None:
+    """The label of a common definition, such as AC_00010005; None for another."""
+    try:
+        number = int(channel_format.removeprefix("AC_0001"), 16)
+    except ValueError:
+        return None
+    is_known = channel_format.startswith("AC_0001") and 1 <= number <= len(_COMMON)
+    return _COMMON[number - 1] if is_known else None
+
+
+def masked_labels(mask: int) -> list[str]:
+    """The labels of the channels of a mask; empty if it has bits that are not known."""
+    if mask >> len(_MASKED):
+        return []
+    labels = [label for bit, label in enumerate(_MASKED) if mask >> bit & 1]
+    if mask & _BACKS and not mask & _SIDES:
+        labels = [_AT_110.get(label, label) for label in labels]
+    return labels
+
+
+def place_of(label: str) -> Angles | None:
+    """Where a loudspeaker is, at the distance 1; None for low-frequency effects."""
+    if is_effects(label):
+        return None
+    match = _LABEL.fullmatch(label)
+    if match is None:
+        raise ValueError(label)
+    layer, sign, turn = match.groups()
+    azimuth = _AZIMUTHS.get(turn) or float(turn)
+    return (-azimuth if sign == "-" else azimuth), _ELEVATIONS[layer], 1.0
