@@ -12,6 +12,7 @@ from oracle import mims
 from ergon.api.errors import OptionError
 from ergon.cli import app
 from ergon.workshop.api.model import ModelOptions, import_model
+from ergon.workshop.models.errors import ModelError
 
 FRAMES = 4410
 pytestmark = pytest.mark.usefixtures("own_folder")
@@ -195,3 +196,12 @@ def test_a_text_that_is_no_model_is_said_to_be_none(capsys: pytest.CaptureFixtur
         told = capsys.readouterr().err
         assert message in told, told
         assert not Path("m.yaml").exists()
+
+
+def test_a_parameter_that_follows_a_signal_cannot_be_set(tmp_path):
+    path = tmp_path / "a.mdl"
+    path.write_text("@p audioParam @in3\n@m mass 1 0 0\n@g ground 0\n@s spring @m @g 0.1\n")
+    with pytest.raises(ModelError, match="'p' follows the signal of in3") as caught:
+        import_model(path, ModelOptions(dialect="v2", values={"p": "3"}))
+    assert "feed it by --input in3=FILE.wav" in str(caught.value)
+    assert caught.value.line == 1

@@ -222,6 +222,11 @@ def _params(model: Model, given: Mapping[str, str]) -> dict[str, Amount]:
     for name in given:
         if name not in own:
             raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, own))
+        if own[name].keyword == "audioParam":
+            port = own[name].values["input"].removeprefix("@")
+            message = f"{quote(name)} follows the signal of {port} and has no value to set; "
+            message += f"feed it by --input {port}=FILE.wav"
+            raise ModelError(message, own[name].line)
     for name, one in own.items():
         if one.keyword == "audioParam":
             if not re.fullmatch(r"@in[1-9]\d?", one.values["input"]):
