@@ -100,8 +100,9 @@ def fold_file(
     inputs = (path, *([Path(options.head)] if options.head else []))
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
-    held = _source(path, info, options, report)
+    held, effects = _source(path, info, options, report)
     filters, made = _filters(held, (to, options.head), info.format.rate, report)
+    filters = _without(effects, filters)
     bits: Bits = options.bits or _WRITTEN.get(info.format.bits, info.format.bits)
     if info.damage is not None:
         report.warn(f"{path}: {info.damage}")
@@ -242,15 +243,29 @@ def _named(word: str, option: str, report: Report) -> Field:
         ) from None
 
 
-def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) -> Field:
-    """What the channels of a file are: as `options` say, or else as the file says. Raises
-    FoldError.
+def _without(effects: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The filters of all channels, of which those for low-frequency effects are not heard."""
+    if not effects:
+        return filters
+    import numpy as np
+
+    every = np.zeros((len(filters) + len(effects), *filters.shape[1:]))
+    every[[i for i in range(len(every)) if i not in effects]] = filters
+    return every
+
+
+def _source(
+    path: Path, info: WaveInfo, options: FoldOptions, report: Report
+) -> tuple[Field, tuple[int, ...]]:
+    """What the channels of a file are: as `options` say, or else as the file says; and which of
+    them, from 0, are for low-frequency effects. Raises FoldError.
     """
     from ergon.exchange import adm
     from ergon.exchange.xml_text import XmlError
     from ergon.space.directions import point
     from ergon.space.fold_filters import Field
 
+    effects: tuple[int, ...] = ()
     if options.from_ is not None:
         found = _named(options.from_, "from", report)
     else:
@@ -262,10 +277,14 @@ def _source(path: Path, info: WaveInfo, options: FoldOptions, report: Report) ->
         if said is None:
             raise FoldError(f"{path}: {reason}; name them by --from LAYOUT, such as --from dome24")
         found = Field(tuple(point(*one) for one in said.speakers), said.order)
-    if found.n_channels != info.format.n_channels:
+        effects = said.effects
+    if found.n_channels + len(effects) != info.format.n_channels:
         named = f"{options.from_ or 'its description'} has {found.n_channels}"
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
-    return found
+    if effects:
+        numbers = " and ".join(str(channel + 1) for channel in effects)
+        report.warn(f"{path}: channel {numbers} is for low-frequency effects, and is left out")
+    return found, effects
 
 
 def _filters(

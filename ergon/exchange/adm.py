@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
+from .speaker_labels import common_label, is_effects, masked_labels, place_of
 from .xml_text import XmlError, parse_xml
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ _UID = struct.Struct("<H12s14s11sx")
 _FIRST = 0x1001  # first ID of definitions in the file itself
 _TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
 _CHANNELS_MAX = 1024  # channels
+_EFFECTS_HZ = 200.0  # highest frequency of a channel for effects (BS.2051: 120 Hz)
 _DISTANCE_MAX = 1e4  # [m]
 
 
@@ -34,11 +36,14 @@ class ChannelLayout:
 
     speakers: tuple[Angles, ...] = ()
     order: int | None = None
+    effects: tuple[int, ...] = ()  # channels from 0 for low-frequency effects, no loudspeakers
 
     @property
     def n_channels(self) -> int:
         """Number of these channels."""
-        return len(self.speakers) if self.order is None else (self.order + 1) ** 2
+        if self.order is not None:
+            return (self.order + 1) ** 2
+        return len(self.speakers) + len(self.effects)
 
 
 def chunks(sounded: ChannelLayout, title: str) -> bytes:
@@ -142,16 +147,20 @@ def read(info: WaveInfo) -> ChannelLayout | None:
 
     Raises XmlError for a description that cannot be read.
     """
-    if not info.axml or not info.chna:
-        return None
+    if not info.chna:
+        return _masked(info)
     tracks = _tracks(info.chna, info.format.n_channels)
-    root = parse_xml(info.axml)
+    root = parse_xml(info.axml) if info.axml else ElementTree.Element("none")
     formats = {one.get("audioChannelFormatID"): one for one in root.iter("audioChannelFormat")}
     # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
-    found = [formats.get(f"AC_{track[3:11]}") for track in tracks]
-    if not found or any(one is None for one in found):
+    names = [f"AC_{track[3:11]}" for track in tracks]
+    channels = [formats[name] for name in names if name in formats]
+    labels = {i: common_label(n) for i, n in enumerate(names) if n not in formats}
+    if not names or None in labels.values():
         return None
-    channels = [one for one in found if one is not None]
+    if labels:
+        own = iter(channels)
+        return _speakers([labels.get(i) or next(own) for i in range(len(names))], root)
     kinds = {one.get("typeDefinition") or one.get("typeLabel") for one in channels}
     if kinds <= {"HOA", "0004"}:
         return _ambisonics(channels)
@@ -190,12 +199,21 @@ def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None
 
 
 def _speakers(
-    channels: Sequence[ElementTree.Element], root: ElementTree.Element
+    channels: Sequence[ElementTree.Element | str], root: ElementTree.Element
 ) -> ChannelLayout | None:
+    """The loudspeakers of definitions in the file, or of labels of common ones."""
     packs = (one.get("absoluteDistance") for one in root.iter("audioPackFormat"))
     far = next((_number(one) for one in packs if one), 1.0)
-    speakers = []
-    for one in channels:
+    speakers: list[Angles] = []
+    effects = []
+    for channel, one in enumerate(channels):
+        if isinstance(one, str) or _is_effects(one):
+            common = place_of(one) if isinstance(one, str) else None
+            if common is None:
+                effects.append(channel)
+            else:
+                speakers.append((*common[:2], far))
+            continue
         block = one.find("audioBlockFormat")
         if block is None:
             return None
@@ -211,7 +229,25 @@ def _speakers(
         ):
             raise XmlError("a loudspeaker lies out of range")
         speakers.append((azimuth, elevation, distance))
-    return ChannelLayout(tuple(speakers))
+    return ChannelLayout(tuple(speakers), effects=tuple(effects))
+
+
+def _is_effects(channel: ElementTree.Element) -> bool:
+    """Whether a channel is for low-frequency effects: by its labels, or by its lowpass."""
+    frequencies = channel.findall("frequency")
+    bounds = (one.text for one in frequencies if one.get("typeDefinition") == "lowPass")
+    labels = [label.text or "" for label in channel.findall("audioBlockFormat/speakerLabel")]
+    return any(map(is_effects, labels)) or any(_number(hz) <= _EFFECTS_HZ for hz in bounds)
+
+
+def _masked(info: WaveInfo) -> ChannelLayout | None:
+    """The channels that the mask of the format names. Two are not read so: nearly every program
+    writes that mask, whatever the channels are.
+    """
+    labels = masked_labels(info.mask)
+    if len(labels) != info.format.n_channels or len(labels) < 3:
+        return None
+    return _speakers(labels, ElementTree.Element("none"))
 
 
 def _number(text: str | None) -> float:

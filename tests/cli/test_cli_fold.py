@@ -11,7 +11,7 @@ from commands import forked
 from scipy.signal import resample_poly
 
 from ergon.exchange.wave import WaveWriter, read_blocks, read_info
-from ergon.exchange.wave_header import Stamp, WaveFormat
+from ergon.exchange.wave_header import Stamp, WaveFormat, pack
 
 SCORE = """\
 ergon: 1
@@ -203,6 +203,26 @@ def test_other_forms_of_sound_are_named(tmp_path: Path, form, suffix, name, subt
         assert said in done.stderr, (command, done.stderr)
         assert "save it as WAV or FLAC" in done.stderr
         assert done.returncode == 2
+
+
+def test_low_frequency_effects_are_left_out_of_a_fold_and_named(tmp_path: Path):
+    """A file of 5.1 by its mask: the fourth channel has no place."""
+    frames = np.zeros((200, 6))
+    frames[10, 3] = 0.9
+    frames[20, 0] = 0.5
+    header = pack(WaveFormat(48_000, 6, 24), 200, Stamp("5.1"))
+    mask = header.index(b"fmt ") + 8 + 20
+    header = header[:mask] + (0x3F).to_bytes(4, "little") + header[mask + 4 :]
+    data = (frames * 2**31).astype("<i4").view(np.uint8).reshape(-1, 4)[:, 1:].tobytes()
+    (tmp_path / "in.wav").write_bytes(header + data)
+    done = ergon(tmp_path, "fold", "in.wav", "--to", "stereo", "-o", "out.wav")
+    assert done.returncode == 0, done.stderr
+    assert "channel 4 is for low-frequency effects, and is left out" in done.stderr
+    heard = samples(tmp_path / "out.wav")
+    assert not heard[10].any()
+    right = np.sin(np.radians(-30.0))
+    gains = np.sqrt((1 - right) / 2), np.sqrt((1 + right) / 2)
+    np.testing.assert_allclose(heard[20], 0.5 * np.array(gains), atol=1e-6)
 
 
 def test_the_delays_of_a_head_are_heard(tmp_path: Path):

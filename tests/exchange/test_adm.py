@@ -108,3 +108,83 @@ def test_places_out_of_range_are_refused():
         text = info.axml.replace(b'"azimuth">0.000000', b'"azimuth">' + bad, 1)
         with pytest.raises(xml_text.XmlError, match=r"out of range|not a number"):
             adm.read(replace(info, axml=text))
+
+
+def of_tracks(names: list[str], n_channels: int, axml: bytes = b"", mask: int = 0) -> WaveInfo:
+    """A file whose tracks have these formats, from the first on."""
+    rows = [
+        struct.pack("<H12s14s11sx", i, f"ATU_{i:08x}".encode(), name.encode(), b"AP_00010003")
+        for i, name in enumerate(names, 1)
+    ]
+    chna = struct.pack("<HH", len(rows), len(rows)) + b"".join(rows) if rows else b""
+    format = WaveFormat(48_000, n_channels, 24)
+    return WaveInfo("BW64", format, 1, 0, 3 * n_channels, axml=axml, chna=chna, mask=mask)
+
+
+FIVE = ((30.0, 0.0, 1.0), (-30.0, 0.0, 1.0), (0.0, 0.0, 1.0), (110.0, 0.0, 1.0), (-110.0, 0.0, 1.0))
+TOP = ((30.0, 30.0, 1.0), (-30.0, 30.0, 1.0), (110.0, 30.0, 1.0), (-110.0, 30.0, 1.0))
+SEVEN = (*FIVE[:3], (135.0, 0.0, 1.0), (-135.0, 0.0, 1.0), (90.0, 0.0, 1.0), (-90.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "speakers", "effects"),
+    [
+        ((1, 2), FIVE[:2], ()),
+        ((1, 2, 3, 4, 5, 6), FIVE, (3,)),
+        ((1, 2, 3, 4, 5, 6, 0xD, 0xF, 0x10, 0x12), (*FIVE, *TOP), (3,)),
+        ((3, 0x20, 0x21, 0x28), (FIVE[2], (180.0, 45.0, 1.0)), (1, 2)),
+        ((7, 0x24, 0xC), ((22.5, 0.0, 1.0), (25.0, 0.0, 1.0), (0.0, 90.0, 1.0)), ()),
+    ],
+)
+def test_common_definitions_need_no_description(numbers, speakers, effects):
+    """ITU-R BS.2094-2, table 1; packs 2, 3 and 5 among them."""
+    names = [f"AT_{0x00010000 + number:08x}_01" for number in numbers]
+    layout = adm.read(of_tracks(names, len(names)))
+    assert layout == adm.ChannelLayout(speakers, effects=effects)
+    assert layout.n_channels == len(names)
+
+
+def test_a_definition_that_is_nowhere_says_nothing():
+    names = ["AT_00010001_01", "AT_00010029_01"]
+    assert adm.read(of_tracks(names, 2)) is None
+
+
+@pytest.mark.parametrize(
+    ("mask", "n_channels", "speakers", "effects"),
+    [
+        (0x3F, 6, FIVE, (3,)),
+        (0x60F, 6, (*FIVE[:3], *SEVEN[5:]), (3,)),
+        (0x63F, 8, SEVEN, (3,)),
+        (0x107, 4, (*FIVE[:3], (180.0, 0.0, 1.0)), ()),
+    ],
+)
+def test_the_mask_of_a_wave_file_names_its_channels(mask, n_channels, speakers, effects):
+    layout = adm.read(of_tracks([], n_channels, mask=mask))
+    assert layout == adm.ChannelLayout(speakers, effects=effects)
+
+
+@pytest.mark.parametrize(("mask", "n_channels"), [(0, 6), (0x3F, 8), (0x3, 2), (0x80000000, 1)])
+def test_a_mask_that_does_not_name_all_channels_says_nothing(mask, n_channels):
+    assert adm.read(of_tracks([], n_channels, mask=mask)) is None
+
+
+@pytest.mark.parametrize(
+    "mark",
+    [
+        "<speakerLabel>LFE1</speakerLabel>",
+        "<speakerLabel>urn:itu:bs:2051:0:speaker:LFE</speakerLabel>",
+        "<speakerLabel>RC_LFE</speakerLabel>",
+        "<lowPass/>",
+    ],
+)
+def test_low_frequency_effects_of_a_description_are_no_loudspeaker(mark: str):
+    info = written(adm.ChannelLayout(FIVE[:3]))
+    text = info.axml.decode()
+    if "lowPass" in mark:
+        bound = '<frequency typeDefinition="lowPass">120</frequency>'
+        block = '<audioBlockFormat audioBlockFormatID="AB_00011002'
+        text = text.replace(block, bound + block)
+    else:
+        text = text.replace("<speakerLabel>2</speakerLabel>", mark)
+    layout = adm.read(replace(info, axml=text.encode()))
+    assert layout == adm.ChannelLayout((FIVE[0], FIVE[2]), effects=(1,))
