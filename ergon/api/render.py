@@ -155,7 +155,7 @@ def _is_silent(bits: Bits, peak: float) -> bool:
 
     if not isinstance(bits, int):
         return peak == 0.0
-    return not _core.pcm(np.array([[peak], [-peak]]), 1.0, bits).any()
+    return not _core.pcm(np.array([[peak], [-peak]]), 1.0, 16 if bits == 16 else 24).any()
 
 
 def render(

@@ -111,7 +111,7 @@ def _file(name: str, prepared: PreparedRender, frames: NDArray[np.float64]) -> b
     if bits == "float":
         samples = _core.single(frames, 1.0)
     elif bits != "double":
-        samples = _core.pcm(frames, 1.0, bits)
+        samples = _core.pcm(frames, 1.0, 16 if bits == 16 else 24)
     writer.write(samples)
     writer.close()
     return file.getvalue()

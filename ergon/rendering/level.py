@@ -204,7 +204,7 @@ class MasterChain:
         elif bits == "double":
             self._writer.write(kept)
         else:
-            self._writer.write(_core.pcm(kept, 1.0, bits))
+            self._writer.write(_core.pcm(kept, 1.0, 16 if bits == 16 else 24))
 
     def close(self) -> None:
         """Push out what the limiter still holds, and end the file."""
