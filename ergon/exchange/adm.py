@@ -159,8 +159,8 @@ def read(info: WaveInfo) -> ChannelLayout | None:
     if not names or None in labels.values():
         return None
     if labels:
-        own = iter(channels)
-        return _speakers([labels.get(i) or next(own) for i in range(len(names))], root)
+        described = iter(channels)
+        return _speakers([labels.get(i) or next(described) for i in range(len(names))], root)
     kinds = {one.get("typeDefinition") or one.get("typeLabel") for one in channels}
     if kinds <= {"HOA", "0004"}:
         return _ambisonics(channels)
@@ -235,7 +235,7 @@ def _speakers(
 def _is_effects(channel: ElementTree.Element) -> bool:
     """Whether a channel is for low-frequency effects: by its labels, or by its lowpass."""
     frequencies = channel.findall("frequency")
-    bounds = (one.text for one in frequencies if one.get("typeDefinition") == "lowPass")
+    bounds = (each.text for each in frequencies if each.get("typeDefinition") == "lowPass")
     labels = [label.text or "" for label in channel.findall("audioBlockFormat/speakerLabel")]
     return any(map(is_effects, labels)) or any(_number(hz) <= _EFFECTS_HZ for hz in bounds)
 

@@ -181,8 +181,8 @@ def parse(file: BinaryIO) -> WaveInfo:
         raise NotWaveError("this is not a WAVE file")
     container = _CONTAINERS[head[:4]]
     format: WaveFormat | None = None
-    long_size, long_whole, mask = 0, 0, 0
-    whole = int.from_bytes(head[4:8], "little")
+    long_size, long_riff_size, mask = 0, 0, 0
+    riff_size = int.from_bytes(head[4:8], "little")
     originator: str | None = None
     description = ""
     more = {b"axml": b"", b"chna": b""}
@@ -192,16 +192,16 @@ def parse(file: BinaryIO) -> WaveInfo:
             if format is None:
                 raise NotWaveError("the samples come before their format")
             if size == 0xFFFFFFFF and container != "RIFF":
-                size, whole = long_size, long_whole
+                size, riff_size = long_size, long_riff_size
             offset = file.tell()
             end = file.seek(0, 2)
-            size, missing = _sizes(size, end - offset, format, is_whole=whole + 8 == end)
+            size, missing = _sizes(size, end - offset, format, is_whole=riff_size + 8 == end)
             n_frames = size // format.frame_bytes
             stated = originator, description, more[b"axml"], more[b"chna"]
             return WaveInfo(container, format, n_frames, offset, size, *stated, mask, missing)
         start = file.tell()
         if name == b"ds64":
-            long_whole, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
+            long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
         elif name == b"fmt ":
             content = read_exactly(file, min(size, 40))
             format = _parse_format(content)

@@ -199,8 +199,8 @@ def test_other_forms_of_sound_are_named(tmp_path: Path, form, suffix, name, subt
     for words in (("info",), ("bell",), ("fold", "--to", "stereo", "-o", "out.wav")):
         command, *more = words
         done = ergon(tmp_path, command, path.name, *more)
-        said = f"{path.name}: it is sound in the form {name}"
-        assert said in done.stderr, (command, done.stderr)
+        message = f"{path.name}: it is sound in the form {name}"
+        assert message in done.stderr, (command, done.stderr)
         assert "save it as WAV or FLAC" in done.stderr
         assert done.returncode == 2
 

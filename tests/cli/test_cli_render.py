@@ -144,10 +144,10 @@ def test_a_piece_without_a_length_is_told_to_have_a_tail(folder: Path, capsys: C
     (folder / "t.csv").write_text("t [s],x [mm]\n0,0\n0.1,1\n0.2,0\n")
     (folder / "a.yaml").write_text(f"{text}render: {{tail: 0s}}\n")
     assert app.run(["render", "a.yaml"]) == 1
-    said = capsys.readouterr().err
-    assert "the piece has no length" in said
-    assert "render: {tail: 2s}" in said
-    assert "--from" not in said
+    message = capsys.readouterr().err
+    assert "the piece has no length" in message
+    assert "render: {tail: 2s}" in message
+    assert "--from" not in message
     (folder / "b.yaml").write_text(f"{text}render: {{tail: 0.2s}}\n")
     assert app.run(["render", "b.yaml"]) == 0
 
