@@ -13,7 +13,7 @@ from ergon.notation.tables.strengths import Level
 from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
-from ergon.scores.gesture.transforms import Transform
+from ergon.scores.pattern.turn_chain import Change
 from ergon.scores.reading.piece import PlayingOptions
 from ergon.scores.reading.rhythms import words_of
 
@@ -87,7 +87,7 @@ class Plays(BlockCommand):
     every: Length | None
     times: int | None
     until: Position | None
-    do: tuple[Transform, ...]
+    do: tuple[Change, ...]
     manner: PlayingOptions
     entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
 
@@ -97,7 +97,7 @@ class Do(BlockCommand):
     """`ada do mirror`: transform further what the player plays."""
 
     player: str
-    do: tuple[Transform, ...]
+    do: tuple[Change, ...]
 
     @property
     def chain(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
 from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.turn_chain import FORMS
 from ergon.scores.pattern.words import OPTIONS
 
 WHEN = (
@@ -75,6 +76,7 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
         return (*options, *PATTERNS)
     if verb == "do":
         plays_words = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
+        plays_words += tuple((form.example, f"of plays: {form.line}") for form in FORMS.values())
         return (*plays_words, *((example, f"of strikes: {line}") for example, line in OF_RHYTHMS))
     return NOTATION if verb == "=" else ()
 

@@ -13,8 +13,9 @@ from ergon.repl.language import values as v
 from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
 from ergon.scores.edits.entries import entry_of_play
-from ergon.scores.gesture.transforms import ARITY, Transform
+from ergon.scores.gesture.transforms import ARGUMENTS, ARITY
 from ergon.scores.pattern import words as play_words
+from ergon.scores.pattern.turn_chain import Change
 from ergon.scores.reading.part import PLAY, SHAPES
 from ergon.scores.reading.playing_options import playing_options
 
@@ -31,7 +32,7 @@ class ParsedPlay:
 
     what: str
     options: Mapping[str, Any]
-    do: tuple[Transform, ...]
+    do: tuple[Change, ...]
     written: play_words.PlayWords
 
 
@@ -107,7 +108,10 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
                 yield v.Completion(option, hint)
     if not any(word in (*play_words.OPTIONS, "do", *ARITY) for word in context.before):
         yield from v.PLAYED.completions(context)
-    yield from v.transform_completions(context)
+    if last.endswith(",") or last in ("do", *ARGUMENTS):
+        yield from v.play_transform_completions(context)
+    else:
+        yield from v.transform_completions(context)
 
 
 # The options of `plays`, each with a line of help.

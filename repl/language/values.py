@@ -18,7 +18,8 @@ from ergon.repl.language.commands import NOW, Now, Sync
 from ergon.repl.language.scope import Scope, playable, scores_in
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, METRE
-from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
+from ergon.scores.gesture.transforms import ARGUMENTS, ARITY, EXAMPLES
+from ergon.scores.pattern.turn_chain import FORMS, parse_chain
 from ergon.scores.pattern.words import OPTIONS
 from ergon.scores.reading.automatable import amount_reader
 
@@ -486,12 +487,24 @@ def _curve_completions(context: CompletionContext) -> Iterator[Completion]:
 
 
 def transform_completions(context: CompletionContext) -> Iterator[Completion]:
-    """The names of transformations, or after one of them an example of its first value."""
+    """The names of transformations of gestures, or after one an example of its first value."""
+    yield from _example_completions(context, {word: EXAMPLES[word] for word in ARITY})
+
+
+def play_transform_completions(context: CompletionContext) -> Iterator[Completion]:
+    """The names of all transformations that follow `do` of a player, or an example of a value."""
+    examples = {**EXAMPLES, **{word: form.example for word, form in FORMS.items()}}
+    yield from _example_completions(context, examples)
+
+
+def _example_completions(
+    context: CompletionContext, examples: Mapping[str, str]
+) -> Iterator[Completion]:
     last = context.before[-1] if context.before else ""
-    if ARITY.get(last):
+    if ARGUMENTS.get(last):
         yield Completion(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
     else:
-        yield from (Completion(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
+        yield from (Completion(word, f"for instance {text}") for word, text in examples.items())
 
 
 def _read_notation(text: str) -> notation.Notation:
@@ -508,9 +521,9 @@ NOTATION = Value(
     _point_completions,
 )
 DO = Value(
-    "transformations, such as scale 0.5, mirror",
+    "transformations, such as rev, every 4 mirror",
     lambda text, *_: parse_chain(text),
-    transform_completions,
+    play_transform_completions,
 )
 
 

@@ -11,11 +11,13 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.texts import SECTIONS, ListEdit, Texts
+from ergon.scores.gesture.transforms import parse_do
 from ergon.scores.pattern import words
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.turn_chain import split_chain
 from ergon.scores.reading.piece import Piece, Play
 
 
@@ -35,6 +37,10 @@ class Entry:
         """The entry from a position on."""
         return replace(self, fields={"at": where, **self.fields})
 
+    def with_step(self, every: str) -> Entry:
+        """The entry with a time between repetitions that `fast` and `slow` do not change."""
+        return replace(self.with_fields(every=every), do=tuple(map(_in_place, self.do)))
+
     def flow(self) -> str:
         """The entry as an item of a list."""
         said: dict[str, edit.Tree] = dict(self.fields)
@@ -52,6 +58,16 @@ class Entry:
                 is_flag = words.OPTIONS[name] is None
                 said += ([name] if text == "true" else []) if is_flag else [name, text]
         return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
+
+
+def _in_place(do: str) -> str:
+    """A transformation of gestures alone: `stretch` in place of `fast` and `slow`."""
+    if do.split()[:1] not in (["fast"], ["slow"]):
+        return do
+    try:
+        return f"stretch {parse_do(do).lengthening!r}"
+    except TextError as error:
+        raise EditError(f"{quote(do)} cannot be written out: {error.message}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +259,7 @@ def _of_item(item: Node) -> Entry:
     if isinstance(do, document.Sequence):
         chain = [node.text for node in do.items if isinstance(node, Scalar)]
     elif isinstance(do, Scalar) and not do.is_empty:
-        chain = [text.strip() for text in do.text.split(",")]
+        chain = [*split_chain(do.text)]
     return Entry(fields, tuple(chain))
 
 

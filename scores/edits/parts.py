@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import islice, takewhile
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
@@ -17,6 +17,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import MidpointChance, apply
 from ergon.scores.pattern import words
 from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.turn_chain import is_turn
 from ergon.scores.reading.patterns import PATTERN_FIELDS
 from ergon.scores.reading.piece import Piece
 
@@ -53,6 +54,8 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequenc
             closed.append(line)
             more = _rest_of(line, piece, more, at)
         else:
+            always = takewhile(lambda do: not is_turn(do), line.entry.do)
+            more = Entry(line.entry.fields, (*always, *chain))
             more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
         new.append(more)
     new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
@@ -68,6 +71,8 @@ def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) 
         until = None if "times" in entry.fields else entry.fields.get("until")
         return left if until is None else left.with_fields(until=until)
     more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else at))
+    if done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
+        return more.with_fields(skip=str(done))
     if done < len(starts) and "times" in more.fields:
         more = more.with_fields(times=str(len(starts) - done))
     return more

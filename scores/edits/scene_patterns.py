@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import dropwhile, takewhile
 
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.entries import Entry
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import REST, Group, Leaf
 from ergon.scores.pattern.steps import Steps
+from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
+from ergon.scores.pattern.turns import Turn, numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 
 _MOST_STEPS = 192  # of a round that is written out
@@ -31,19 +35,36 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
     if course.pattern.chance is None and _is_periodic(places, count, beats):
         yield places[0], entry
         return
-    turns = parse_turns(entry.fields[words.NTH]) if course.pattern.turns else ()
-    text = entry.fields.get(words.NTH, "")
+    turns = _turns(entry) if course.pattern.turns else []
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place in range(count):
         if (name := course.played(place)) is not None:
-            number = course.round(place) + 1
-            due = (one for turn in turns if number % turn.nth == 0 for one in turn.do)
-            chain = tuple(text[one.offset : one.offset + one.length] for one in due)
+            chain = tuple(
+                text[one.offset : one.offset + one.length]
+                for turn, text in turns
+                for one in course.due(place, (turn,))
+                if one is not None
+            )
             played.setdefault(chain, []).append((places[place], name))
     for chain, found in played.items():
-        own = Entry(entry.with_fields(**_OF_PATTERNS).fields, (*entry.do, *chain))
+        always = takewhile(lambda do: not is_turn(do), entry.do)
+        own = Entry(entry.with_fields(**_OF_PATTERNS).fields, (*always, *chain))
         for begin, play, every in _written_out(found, beats):
-            yield begin, own.with_fields(play=play, every=f"{every:.12g}")
+            yield begin, own.with_fields(play=play).with_step(f"{every:.12g}")
+
+
+def _turns(entry: Entry) -> list[tuple[Turn, str]]:
+    """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
+    text = entry.fields.get(words.NTH, "")
+    pairs = [(turn, text) for turn in parse_turns(text)] if text else []
+    more = [*dropwhile(lambda do: not is_turn(do), entry.do)]
+    for do in more:
+        try:
+            pairs.append((as_turn(parse_change(do)), do))
+        except TextError as error:
+            raise EditError(f"{quote(do)} cannot be written out: {error.message}") from None
+    turns = numbered(turn for turn, _ in pairs)
+    return [*zip(turns, (text for _, text in pairs), strict=True)]
 
 
 def strikes(

@@ -140,14 +140,14 @@ def _looped(line: Line, beats: float) -> Iterator[tuple[float, Entry]]:
     if isinstance(line.starts, Steps):
         yield from scene_patterns.entries(entry, line.starts, line.count_before(beats), beats)
         return
-    entry = entry.with_fields(every=f"{beats:.12g}")
+    entry = entry.with_step(f"{beats:.12g}")
     begins = [line.begin] if line.starts is None else [*line.starts]
     begins = [begin for begin in begins if begin < beats - SAME]
     step = beats / len(begins) if begins else beats
     if len(begins) > 1 and all(
         abs(begin - begins[0] - number * step) < SAME for number, begin in enumerate(begins)
     ):
-        yield begins[0], entry.with_fields(every=f"{step:.12g}")
+        yield begins[0], entry.with_step(f"{step:.12g}")
         return
     for begin in begins:
         yield begin, entry

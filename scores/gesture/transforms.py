@@ -6,7 +6,7 @@ start of the occurrence.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor
 from typing import NamedTuple, Protocol
@@ -18,6 +18,7 @@ from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import instant, metres
 
 NOW = Time()
+NO_OTHERS: Mapping[str, str] = {}
 LARGEST = 1e4  # of a scale or stretch
 # A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
 JITTER_ROOM = 0.45
@@ -54,6 +55,18 @@ class Transform:
     offset: int = 0
     length: int = 1
 
+    @property
+    def lengthening(self) -> float:
+        """How many times as long a gesture becomes."""
+        if self.word == "fast":
+            return 1.0 / self.amount
+        return self.amount if self.word in ("stretch", "slow") else 1.0
+
+    @property
+    def spacing(self) -> float:
+        """How many times as long the time between repetitions becomes."""
+        return self.lengthening if self.word in ("fast", "slow") else 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class TakeTransform:
@@ -75,25 +88,33 @@ class _TransformResult(NamedTuple):
     note: str | None = None
 
 
-def parse_do(text: str, start: int = 0) -> Transform:
+def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
-    Raises TextError with offsets into the text plus `start`.
+    `others` are words that the caller reads, for messages. Raises TextError with offsets into
+    the text plus `start`.
     """
     words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", text)]
+    known = (*_VERBS, *others)
     if not words:
-        raise TextError(f"a transformation is one of {', '.join(_VERBS)}", offset=start)
+        raise TextError(f"a transformation is one of {', '.join(known)}", offset=start)
     (word, offset), arguments = words[0], words[1:]
     verb = _VERBS.get(word)
     if word in _OF_RHYTHMS:
         message = f"'{word}' is of rhythms and phrases; a hand moves: {_OF_RHYTHMS[word]}"
+    elif word in _OF_ROUNDS:
+        message = f"'{word}' needs rounds, and a gesture by itself has none; write it in `do` of "
+        message += "what plays the gesture"
+    else:
+        message = ""
+    if message:
         raise TextError(message, offset=offset, length=len(word))
     if verb is None:
         raise TextError(
-            f"unknown transformation '{word[:40]}'; known are {', '.join(_VERBS)}",
+            f"unknown transformation '{word[:40]}'; known are {', '.join(known)}",
             offset=offset,
             length=len(word),
-            suggestion=nearest(word, _VERBS),
+            suggestion=nearest(word, known),
         )
     if len(arguments) != len(verb.arguments):
         over = arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
@@ -152,10 +173,10 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
             )
         amount, time = transform.amount, transform.time
         scale *= {"scale": amount, "mirror": -1.0}.get(transform.word, 1.0)
-        if transform.word == "stretch":
-            stretch *= amount
-            shift = Time(shift.beats * amount, shift.seconds * amount)
-        reverse ^= transform.word == "reverse"
+        longer = transform.lengthening
+        stretch *= longer
+        shift = Time(shift.beats * longer, shift.seconds * longer)
+        reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
             into = (time.beats - shift.beats) * beat + time.seconds - shift.seconds
             left_out[reverse] += max(0.0, into) / stretch
@@ -174,7 +195,7 @@ def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> 
 
 
 def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
-    s = t.amount
+    s = t.lengthening
     return _TransformResult(
         tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
     )
@@ -340,23 +361,39 @@ _VERBS = {
     "jitter": _Verb("jitter 4ms 0.2mm", (("time", _span), ("x", _reach)), _jitter),
     "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
     "quantise": _Verb("quantise 1/8", (("amount", _positive),), _quantise),
+    "rev": _Verb("rev", (), _reverse),
+    "fast": _Verb("fast 2", (("amount", _positive),), _stretch),
+    "slow": _Verb("slow 2", (("amount", _positive),), _stretch),
 }
+# Those that rhythms have too: without `do` before it, such a word may be the name of a gesture.
+_ALSO_OF_RHYTHMS = ("rev", "fast", "slow")
 _ONE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
+_NO_STROKES = "it has no strokes; write its points"
 # Words that rhythms and phrases have, and what a gesture or a take has for them.
 _OF_RHYTHMS = {
-    "rev": "write reverse",
-    "palindrome": "write every 2nd do reverse",
-    "fast": "write stretch 1/2 for fast 2",
-    "slow": "write stretch 2 for slow 2",
     "late": "write shift 1/8, in beats",
     "early": "write shift -1/8, in beats",
-    "degrade": "write chance 0.5 beside `every`",
-    "every": "write every 4th do mirror",
+    "swing": "write swing 2/3 beside `every`",
+    "euclid": "write euclid 3 8 beside the names of gestures",
+    "struct": "write euclid 3 8, or rests between names: knock ~ knock",
+    "mask": "write rests between names: knock ~ knock knock",
+    "cat": "write the names one after another: knock lean",
     "transpose": "it has no pitch; transpose the instrument",
-    "off": _ONE_HAND,
-    "superimpose": _ONE_HAND,
-    "echo": _ONE_HAND,
-    "ply": _ONE_HAND,
+    **dict.fromkeys(("off", "superimpose", "echo", "ply", "stack", "jux"), _ONE_HAND),
+    **dict.fromkeys(("legato", "tremolo", "roll", "grace", "arp", "rolled", "strum"), _NO_STROKES),
 }
-ARITY = {word: len(verb.arguments) for word, verb in _VERBS.items()}
+# Words that change some of the rounds that a player plays.
+_OF_ROUNDS = (
+    "palindrome",
+    "iter",
+    "every",
+    "whenmod",
+    "chunk",
+    "sometimes",
+    "often",
+    "rarely",
+    "degrade",
+)
+ARGUMENTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
+ARITY = {word: count for word, count in ARGUMENTS.items() if word not in _ALSO_OF_RHYTHMS}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}

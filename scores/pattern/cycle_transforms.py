@@ -6,12 +6,10 @@ follows it, up to the next comma, or several in parentheses: `every 4 (rev, fast
 
 from __future__ import annotations
 
-import re
-from typing import Any
-
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.scores.pattern import cycle_arguments as read
+from ergon.scores.pattern.chain_parser import ChainParser
 from ergon.scores.pattern.cycle_forms import CycleTransform, Form, apply
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycles import Cycles
@@ -62,41 +60,19 @@ def parse_transforms(text: str, start: int = 0) -> tuple[CycleTransform, ...]:
     return _Parser(text, start).chain()
 
 
-_WORD = re.compile(r"[^\s,()]+")
-_VALUE = re.compile(r"[+-]?\.?[0-9][^\s,()]*")
 _DEEPER, _HIGHER = "([{<", ")]}>"
 
 
-class _Parser:
-    """Reads a text from left to right; `place` is the next character."""
+class _Parser(ChainParser[CycleTransform]):
+    """Reads transformations of cycles, and counts them."""
 
     def __init__(self, text: str, start: int) -> None:
-        self.text = text
-        self.start = start
-        self.place = 0
+        super().__init__(text, start)
         self.count = 0
 
-    def chain(self, opened: int | None = None) -> tuple[CycleTransform, ...]:
-        """Transformations up to the end, or to the parenthesis that closes the one at `opened`."""
-        transforms = [self.transform()]
-        while self.peek() == ",":
-            self.place += 1
-            transforms.append(self.transform())
-        sign = self.peek()
-        if sign == ")" and opened is not None:
-            self.place += 1
-        elif sign == ")":
-            raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
-        elif sign:
-            before = transforms[-1]
-            extra, example = self.word() or sign, TABLE[before.word].example
-            message = f"{quote(extra)} does not belong to '{before.word}', which is written for "
-            message += f"instance {example}; a comma divides transformations"
-            raise self.mistake(message, self.place, len(extra))
-        elif opened is not None:
-            message = "this '(' is not closed: every 4 (rev, fast 2)"
-            raise self.mistake(message, opened)
-        return tuple(transforms)
+    def example(self, transform: CycleTransform) -> tuple[str, str]:
+        """The word of a transformation, and an example of it."""
+        return transform.word, transform.form.example
 
     def transform(self) -> CycleTransform:
         """One transformation, with what it takes."""
@@ -123,29 +99,6 @@ class _Parser:
             raise self.mistake(wrong, begin, length)
         return CycleTransform(word, form, number, values, inner, self.start + begin, length)
 
-    def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
-        """The values of the arguments of a transformation."""
-        words: list[tuple[str, int]] = []
-        while len(words) < len(form.arguments[-1]):
-            self.peek()
-            value = self.word()
-            # A word that is not like a value is read as one only where a value must follow.
-            may_end = form.takes_change or any(len(a) == len(words) for a in form.arguments)
-            if not value or (may_end and not _VALUE.fullmatch(value)):
-                break
-            words.append((value, self.place))
-            self.place += len(value)
-        counts = {len(readers): readers for readers in form.arguments}
-        readers = counts.get(len(words))
-        if readers is None:
-            wanted = form.arguments[0][len(words)].what
-            message = f"'{word}' needs {wanted}; write for instance {form.example}"
-            raise self.mistake(message, begin, len(word))
-        return tuple(
-            reader.argument(value, self.start + place, form.example)
-            for reader, (value, place) in zip(readers, words, strict=True)
-        )
-
     def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
         """The rhythm up to the next comma or parenthesis that is in no brackets of its text."""
         self.peek()
@@ -160,17 +113,6 @@ class _Parser:
             raise self.mistake(message, begin, len(word))
         return read.parse_beats(self.text[first : self.place], self.start + first, number)
 
-    def inner(self, form: Form, begin: int, word: str) -> tuple[CycleTransform, ...]:
-        """The transformation that another takes, or several in parentheses."""
-        sign = self.peek()
-        if sign == "(":
-            self.place += 1
-            return self.chain(self.place - 1)
-        if sign in ("", ",", ")"):
-            message = f"'{word}' needs a transformation after it; write for instance {form.example}"
-            raise self.mistake(message, begin, len(word))
-        return (self.transform(),)
-
     def unknown(self, word: str) -> TextError:
         """The mistake of a word that is no transformation."""
         known = ", ".join(TABLE)
@@ -184,21 +126,3 @@ class _Parser:
         message = f"unknown transformation {quote(word)}; known are {known}"
         near = _SUGGESTED.get(word) or nearest(word, TABLE)
         return self.mistake(message, self.place, len(word), near)
-
-    def peek(self) -> str:
-        """The next character that is not white space; empty at the end."""
-        while self.text[self.place : self.place + 1].isspace():
-            self.place += 1
-        return self.text[self.place : self.place + 1]
-
-    def word(self) -> str:
-        """The word that begins here; empty if none does."""
-        match = _WORD.match(self.text, self.place)
-        return match.group() if match else ""
-
-    def mistake(
-        self, message: str, place: int, length: int = 1, near: str | None = None
-    ) -> TextError:
-        """A mistake at a place of the text."""
-        offset = self.start + place
-        return TextError(message, offset=offset, length=max(1, length), suggestion=near)

@@ -56,6 +56,10 @@ class Draws:
         """Whether an event with a given probability happens."""
         return self._chance("chance", member, place).uniform(0.0, 1.0) < probability
 
+    def changes(self, probability: float, place: int, rule: int) -> bool:
+        """Whether the rule of a number changes what is played in a place."""
+        return self._chance("change", rule, place).uniform(0.0, 1.0) < probability
+
     def transforms(self, place: int) -> _core.Chance:
         """The source of chance for the transformations of what is played in a place."""
         return self._chance("do", 0, place)

@@ -12,7 +12,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
-from ergon.scores.pattern.turns import Turn
+from ergon.scores.pattern.turns import Occasion, Turn, due, iterations
 
 _ROUNDS = 1024  # kept for each line
 
@@ -45,6 +45,20 @@ class Pattern:
         return is_name and Pattern(self.order) == self
 
 
+def iteration_mistake(pattern: Pattern) -> str | None:
+    """What is wrong with `iter` of a pattern; None if nothing is, or it is not written."""
+    order = pattern.order
+    for shares in iterations(pattern.turns):
+        if pattern.euclid is not None:
+            return "with `euclid` names go on from pulse to pulse by themselves; remove `iter`"
+        if order.way != "in turn" or any(isinstance(item, Group) for item in order.items):
+            return "`iter` takes names and rests one after another, without groups and choices"
+        if order.places % shares:
+            message = f"`iter {shares}` divides the names into {shares} equal shares, and there "
+            return f"{message}are {order.places}; write iter {order.places}"
+    return None
+
+
 class Place(NamedTuple):
     """Where an item of a round begins, in steps from the round's beginning; the name of a rest is
     None.
@@ -68,6 +82,8 @@ class PlaceSequence:
         self._names = lru_cache(_ROUNDS)(self._named)
         order = pattern.order
         self._steps = lru_cache(_ROUNDS)(self._split)
+        # By how many names each round begins later than the round before.
+        self.later = sum(order.places // shares for shares in iterations(pattern.turns))
         self._steady = _split(_places(order, None, 0)) if order.is_steady else None
 
     def step(self, place: int) -> tuple[int, float]:
@@ -109,17 +125,35 @@ class PlaceSequence:
         chance = self.pattern.chance
         if name is None or (chance is not None and not self.draws.happens(chance, number)):
             return None
-        return name
+        return None if None in self.due(place, self.pattern.turns) else name
 
     def named(self, place: int) -> str | None:
         """The name in a place, whether chance lets it be played or not; None for a rest."""
         turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
-        return self._names(turn)[within]
+        return self._names(turn)[(within + turn * self.later) % self.pattern.order.places]
 
     def do(self, place: int) -> tuple[Transform, ...]:
-        """The transformations of the round in which a place is."""
-        number = self.round(place) + 1
-        return tuple(one for t in self.pattern.turns if number % t.nth == 0 for one in t.do)
+        """The transformations of a place, besides those of the whole line."""
+        return tuple(one for one in self.due(place, self.pattern.turns) if one is not None)
+
+    def due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
+        """What turns do in a place; None where one leaves it out."""
+        if not turns:
+            return ()
+        number = place + self.pattern.skip
+
+        def draw(rule: int, probability: float) -> bool:
+            return self.draws.changes(probability, number, rule)
+
+        return tuple(due(turns, Occasion(self.round(place), self._share(place), draw)))
+
+    def _share(self, place: int) -> float:
+        """How much of its round is over where a place begins, from 0 to 1."""
+        step, into = self.step(place)
+        euclid = self.pattern.euclid
+        if euclid is not None:
+            return euclid.positions()[step % euclid.pulses] / euclid.steps
+        return (step % self.pattern.order.steps + into) / self.pattern.order.steps
 
     def _named(self, turn: int) -> Sequence[str | None]:
         return tuple(_names(self.pattern.order, self.draws, turn))

@@ -155,7 +155,8 @@ def _end_to_end(
     lasting = []
     for item in order.items:
         found = length(item.name) if isinstance(item, Leaf) and item.name is not None else None
-        if order.way != "in turn" or found is None or course.pattern.swing != EVEN:
+        is_mixed = order.way != "in turn" or course.later or course.pattern.swing != EVEN
+        if is_mixed or found is None:
             raise TextError(
                 "the length of a step is missing; write `every`, for instance every 1",
                 code="E103",

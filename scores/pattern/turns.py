@@ -1,27 +1,116 @@
-"""Transformations of some rounds only: `4th do mirror`, `3rd do scale 0.5, reverse`."""
+"""Transformations of some of what is played: `4th do mirror`, `every 4 rev`, `sometimes 0.3 rev`.
+
+Rounds and draws by chance decide: a round is one pass through the names of a pattern.
+"""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+from math import floor
+from typing import NamedTuple
 
 from ergon.notation.text.errors import TextError
-from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENTS, Transform, parse_do
 
 ORDINAL = re.compile(r"([0-9]{1,4})(?:st|nd|rd|th)")
 _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
 _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
+_OMIT_EMPTY = {"hash_omits_empty": True}
 # One transformation: from its word up to a comma or to the word of the next transformation.
-_WORDS = "|".join(ARITY)
+_WORDS = "|".join(ARGUMENTS)
 _ONE = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 
 @dataclass(frozen=True, slots=True)
+class Rule:
+    """Which places a change is for, by the word of a transformation and its values.
+
+    `number` is that of its draws by chance.
+    """
+
+    word: str
+    values: tuple[float, ...] = ()
+    number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Turn:
-    """Transformations of every nth round: `every 4th do mirror`."""
+    """Transformations of every nth round, or of the places that a rule names.
+
+    What `leaves_out` a place plays nothing there. `offset` and `length` are its place in the text.
+    """
 
     nth: int
-    do: tuple[Transform, ...]
+    do: tuple[Transform | Turn, ...]
+    rule: Rule | None = field(default=None, metadata=_OMIT_EMPTY)
+    leaves_out: bool = field(default=False, metadata=_OMIT_EMPTY)
+    offset: int = field(default=0, metadata=_OMIT_EMPTY)
+    length: int = field(default=0, metadata=_OMIT_EMPTY)
+
+    def transforms(self) -> Iterator[Transform]:
+        """All transformations that it may do."""
+        for inner in self.do:
+            yield from inner.transforms() if isinstance(inner, Turn) else (inner,)
+
+
+class Occasion(NamedTuple):
+    """A place of a pattern: its round from 0, and how much of the round is over (0 to 1).
+
+    `draw` says whether chance of a number lets happen what has a probability.
+    """
+
+    round: int
+    share: float
+    draw: Callable[[int, float], bool]
+
+
+_RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
+    "every": lambda rule, where: where.round % rule.values[0] == 0,
+    "whenmod": lambda rule, where: where.round % rule.values[0] >= rule.values[1],
+    "chunk": lambda rule, where: (
+        floor(where.share * rule.values[0] + _ROUNDING) == where.round % rule.values[0]
+    ),
+    "sometimes": lambda rule, where: where.draw(rule.number, rule.values[0]),
+    "iter": lambda *_: True,  # `iterations` has what it does
+}
+_ROUNDING = 1e-9
+
+
+def due(turns: Iterable[Turn], where: Occasion) -> Iterator[Transform | None]:
+    """The transformations of a place, left to right; None where one leaves the place out."""
+    for turn in turns:
+        rule = turn.rule
+        if (where.round + 1) % turn.nth or not (rule is None or _RULES[rule.word](rule, where)):
+            continue
+        if turn.leaves_out:
+            yield None
+        for inner in turn.do:
+            if isinstance(inner, Turn):
+                yield from due((inner,), where)
+            else:
+                yield inner
+
+
+def iterations(turns: Iterable[Turn]) -> Iterator[int]:
+    """The shares of a pattern by which `iter` begins each round later."""
+    for turn in turns:
+        if turn.rule is not None and turn.rule.word == "iter":
+            yield int(turn.rule.values[0])
+
+
+def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tuple[Turn, ...]:
+    """Turns whose rules have numbers in the order written, so that each draws by itself."""
+    numbers = numbers or count(1)
+    return tuple([_numbered(turn, numbers) for turn in turns])
+
+
+def _numbered(turn: Turn, numbers: Iterator[int]) -> Turn:
+    rule = turn.rule and replace(turn.rule, number=next(numbers))
+    do = [_numbered(one, numbers) if isinstance(one, Turn) else one for one in turn.do]
+    return replace(turn, do=tuple(do), rule=rule)
 
 
 def parse(text: str, start: int = 0) -> tuple[Turn, ...]:

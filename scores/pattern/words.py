@@ -13,9 +13,10 @@ from typing import NamedTuple
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
-from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
+from ergon.scores.gesture.transforms import ARGUMENTS, ARITY
 from ergon.scores.pattern.order import Group, name_of
 from ergon.scores.pattern.order import parse as parse_order
+from ergon.scores.pattern.turn_chain import Change, parse_first
 from ergon.scores.pattern.turns import ORDINAL
 from ergon.scores.pattern.turns import parse as parse_turns
 
@@ -65,7 +66,7 @@ class PlayWords:
 
     what: Word
     options: dict[str, Word]
-    do: tuple[Transform, ...] = ()
+    do: tuple[Change, ...] = ()
     order: Group | None = None
 
 
@@ -96,17 +97,19 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
     while stop < len(words) and words[stop].text not in (*_KNOWN, ","):
         stop += 1
     what, order = _order(text, words[:stop], start, called)
-    chain: list[Transform] = []
+    chain: list[Change] = []
     wanting: str | None = None  # a `do` or a comma that a transformation must follow
     i = stop
     while i < len(words):
         word, offset = words[i]
         place = start + offset
         if word in ARITY or wanting is not None:
-            stop = _end_of_transform(words, i)
-            last = words[stop - 1]
-            chain.append(parse_do(text[offset : last.offset + len(last.text)], place))
-            wanting, i = None, stop
+            change, end = parse_first(text, offset, start, _KNOWN)
+            chain.append(change)
+            wanting, i = (
+                None,
+                next((n for n in range(i, len(words)) if words[n].offset >= end), len(words)),
+            )
         elif word == "do" or (word == "," and chain and words[i - 1].text not in OPTIONS):
             wanting, i = word, i + 1
         elif word in OPTIONS:
@@ -282,7 +285,7 @@ def _end_of_turns(words: list[Word], first: int) -> int:
 def _end_of_transform(words: list[Word], first: int) -> int:
     """The index after the transformation that begins at word `first`, with its arguments."""
     stop = first + 1
-    limit = stop + ARITY.get(words[first].text, 0)
+    limit = stop + ARGUMENTS.get(words[first].text, 0)
     while stop < min(limit, len(words)) and words[stop].text not in (*_KNOWN, ","):
         stop += 1
     return stop

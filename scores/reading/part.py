@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import prod
 from typing import Any, NamedTuple
 
+from ergon.notation.clock.positions import Length
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
@@ -18,14 +21,18 @@ from ergon.notation.tables.shapes import (
     wrong_shape,
 )
 from ergon.notation.text.document import Node, Scalar, Sequence
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
+from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, name_of, parse, plain
+from ergon.scores.pattern.pattern import Pattern, iteration_mistake
+from ergon.scores.pattern.turn_chain import as_turns
+from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 from ergon.scores.reading.piece import Play
-from ergon.scores.reading.playing_options import DO, OF_ENTRY, playing_options
+from ergon.scores.reading.playing_options import OF_ENTRY, PLAY_DO, playing_options
 
 MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
@@ -48,22 +55,36 @@ def _play(values: Values) -> Play:
 def _made(
     given: dict[str, Any], context: Context, played: Played, at: Place, until: Place | None
 ) -> Play:
+    do, more = as_turns(given.get("do", ()))
+    given = {**given, "nth": numbered((*given.get("nth", ()), *more))} if more else given
     pattern = pattern_of(given, played.order or plain(played.text))
+    if wrong := iteration_mistake(pattern):
+        context.error("E305", f"{quote(played.text)}: {wrong}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
         what=played.text if only is None else only.name or "",
         at=given["at"],
-        every=given.get("every"),
+        every=_spaced(pattern, given.get("every"), do),
         times=given.get("times"),
         until=given.get("until"),
-        do=given.get("do", ()),
+        do=do,
         manner=playing_options(given),
         place=played.place,
         at_place=at,
         until_place=until,
         pattern=pattern if only is None else None,
     )
+
+
+def _spaced(pattern: Pattern, every: Length | None, do: Iterable[Transform]) -> Length | None:
+    """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
+    length says it.
+    """
+    factor = prod(change.spacing for change in do)
+    if factor != 1.0 and every is None and pattern.euclid is not None:
+        every = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
+    return every if every is None or factor == 1.0 else every.times(factor)
 
 
 class Played(NamedTuple):
@@ -122,7 +143,7 @@ PLAY = Record(
         _AT,
         Field("play", _PLAYED, "what is played: a name or a pattern", required=True),
         *_OPTIONS,
-        Field("do", DO, "transformations, left to right"),
+        Field("do", PLAY_DO, "transformations, left to right"),
     ),
     _play,
     meant={"repeat": "times"},

@@ -423,7 +423,7 @@ class Play:
         more.
         """
         turns = () if self.pattern is None else self.pattern.turns
-        return (self.do, *((*self.do, *turn.do) for turn in turns))
+        return (self.do, *((*self.do, *turn.transforms()) for turn in turns))
 
     def course(self, seed: int) -> PlaceSequence:
         """What a pattern plays in each of its places, with all chance derived from `seed`."""

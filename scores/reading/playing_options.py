@@ -10,6 +10,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import parse_chain, parse_do
+from ergon.scores.pattern import turn_chain
 from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
 
 DO = Either(
@@ -21,6 +22,23 @@ DO = Either(
     ),
     sequence=ListOf(
         Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
+    ),
+)
+# The `do` of what a player plays.
+PLAY_DO = Either(
+    scalar=Text(
+        turn_chain.parse_chain,
+        "transformations, such as rev, every 4 mirror",
+        types=("string",),
+        has_values=True,
+    ),
+    sequence=ListOf(
+        Text(
+            turn_chain.parse_change,
+            "a transformation, such as every 4 rev",
+            types=("string",),
+            has_values=True,
+        )
     ),
 )
 # An option that neither the gesture nor the entry writes is that of DEFAULT_OPTIONS.

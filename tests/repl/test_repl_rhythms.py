@@ -231,7 +231,7 @@ def test_do_refused_without_cycles(stepped: Stepped):
     assert not reply.taken
     assert "no cycle" in reply.text
     stepped.ok("ada plays knock every 1")
-    assert not stepped.type("ada do rev").taken
+    assert not stepped.type("ada do ply 2").taken
     stepped.ok("ada do mirror")
 
 

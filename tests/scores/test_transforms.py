@@ -214,9 +214,8 @@ def test_a_take_has_no_points_to_move(do):
     ("do", "marked", "words", "suggestion"),
     [
         ("scale 0.5, miror", "miror", "unknown transformation", "mirror"),
-        ("mirror, rev", "rev", "a hand moves: write reverse", None),
-        ("fast 2", "fast", "write stretch 1/2", None),
-        ("every 4 rev", "every", "write every 4th do mirror", None),
+        ("mirror, late 1/8", "late", "a hand moves: write shift 1/8", None),
+        ("every 4 rev", "every", "a gesture by itself has none", None),
         ("ply 2", "ply", "it is in one place at a time", None),
         ("quantize 1/8", "quantize", "unknown transformation", "quantise"),
         ("scale", "scale", "write for instance scale 0.5", None),

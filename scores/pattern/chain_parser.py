@@ -1,0 +1,111 @@
+"""Chains of transformations, read from left to right: `every 4 rev, degrade 0.4`.
+
+One that changes only a part takes the transformation that follows it, up to the next comma, or
+several in parentheses: `every 4 (rev, fast 2)`.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from typing import Any, Generic, TypeVar
+
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.pattern.cycle_forms import Form
+
+T = TypeVar("T")
+
+_WORD = re.compile(r"[^\s,()]+")
+_VALUE = re.compile(r"[+-]?\.?[0-9][^\s,()]*")
+
+
+class ChainParser(ABC, Generic[T]):
+    """Reads a text from left to right; `place` is the next character."""
+
+    def __init__(self, text: str, start: int = 0, place: int = 0) -> None:
+        """Take a text; offsets of mistakes count from `start` before it."""
+        self.text = text
+        self.start = start
+        self.place = place
+
+    @abstractmethod
+    def transform(self) -> T:
+        """One transformation, with what it takes. Raises TextError."""
+
+    @abstractmethod
+    def example(self, transform: T) -> tuple[str, str]:
+        """The word of a transformation, and an example of it."""
+
+    def chain(self, opened: int | None = None) -> tuple[T, ...]:
+        """Transformations up to the end, or to the parenthesis that closes the one at `opened`."""
+        transforms = [self.transform()]
+        while self.peek() == ",":
+            self.place += 1
+            transforms.append(self.transform())
+        sign = self.peek()
+        if sign == ")" and opened is not None:
+            self.place += 1
+        elif sign == ")":
+            raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
+        elif sign:
+            before = transforms[-1]
+            extra, (word, example) = self.word() or sign, self.example(before)
+            message = f"{quote(extra)} does not belong to '{word}', which is written for "
+            message += f"instance {example}; a comma divides transformations"
+            raise self.mistake(message, self.place, len(extra))
+        elif opened is not None:
+            message = "this '(' is not closed: every 4 (rev, fast 2)"
+            raise self.mistake(message, opened)
+        return tuple(transforms)
+
+    def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
+        """The values of the arguments of a transformation."""
+        words: list[tuple[str, int]] = []
+        while len(words) < len(form.arguments[-1]):
+            self.peek()
+            value = self.word()
+            # A word that is not like a value is read as one only where a value must follow.
+            may_end = form.takes_change or any(len(a) == len(words) for a in form.arguments)
+            if not value or (may_end and not _VALUE.fullmatch(value)):
+                break
+            words.append((value, self.place))
+            self.place += len(value)
+        counts = {len(readers): readers for readers in form.arguments}
+        readers = counts.get(len(words))
+        if readers is None:
+            wanted = form.arguments[0][len(words)].what
+            message = f"'{word}' needs {wanted}; write for instance {form.example}"
+            raise self.mistake(message, begin, len(word))
+        return tuple(
+            reader.argument(value, self.start + place, form.example)
+            for reader, (value, place) in zip(readers, words, strict=True)
+        )
+
+    def inner(self, form: Form, begin: int, word: str) -> tuple[T, ...]:
+        """The transformation that another takes, or several in parentheses."""
+        sign = self.peek()
+        if sign == "(":
+            self.place += 1
+            return self.chain(self.place - 1)
+        if sign in ("", ",", ")"):
+            message = f"'{word}' needs a transformation after it; write for instance {form.example}"
+            raise self.mistake(message, begin, len(word))
+        return (self.transform(),)
+
+    def peek(self) -> str:
+        """The next character that is not white space; empty at the end."""
+        while self.text[self.place : self.place + 1].isspace():
+            self.place += 1
+        return self.text[self.place : self.place + 1]
+
+    def word(self) -> str:
+        """The word that begins here; empty if none does."""
+        match = _WORD.match(self.text, self.place)
+        return match.group() if match else ""
+
+    def mistake(
+        self, message: str, place: int, length: int = 1, near: str | None = None
+    ) -> TextError:
+        """A mistake at a place of the text."""
+        offset = self.start + place
+        return TextError(message, offset=offset, length=max(1, length), suggestion=near)

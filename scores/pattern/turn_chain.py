@@ -1,0 +1,209 @@
+"""The `do` of what a player plays: `rev, every 4 (fast 2, mirror), degrade 0.3`.
+
+Words that change some rounds or some places by chance are written as those of rhythms are; the
+others are the transformations of gestures.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import takewhile
+
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.gesture.transforms import ARGUMENTS, EXAMPLES, Transform, parse_do
+from ergon.scores.pattern.chain_parser import ChainParser
+from ergon.scores.pattern.cycle_forms import HALF
+from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_transforms import MAX_TRANSFORMS
+from ergon.scores.pattern.turns import Rule, Turn, iterations
+
+Change = Transform | Turn
+
+_SEGMENT = re.compile(r"[^,()]*")
+_WORD = re.compile(r"\S+")
+
+
+@dataclass(frozen=True, slots=True)
+class TurnForm:
+    """A word that changes some of what is played: what it does, an example, and its rule."""
+
+    line: str
+    example: str
+    rule: Callable[..., Rule]
+
+
+def _sometimes(probability: float = HALF) -> Rule:
+    return Rule("sometimes", (float(probability),))
+
+
+FORMS: Mapping[str, TurnForm] = {
+    "palindrome": TurnForm(
+        "every second round backwards", "palindrome", lambda: Rule("whenmod", (2, 1))
+    ),
+    "every": TurnForm(
+        "a change of the first of every so many rounds",
+        "every 4 rev",
+        lambda period: Rule("every", (period,)),
+    ),
+    "whenmod": TurnForm(
+        "a change of those of every so many rounds that have at least a number, from 0",
+        "whenmod 4 3 mirror",
+        lambda period, least: Rule("whenmod", (period, least)),
+    ),
+    "iter": TurnForm(
+        "each round of a pattern begins one of so many shares of its names later",
+        "iter 4",
+        lambda shares: Rule("iter", (shares,)),
+    ),
+    "chunk": TurnForm(
+        "a change of one of so many shares of a round: the first, then the second, and so on",
+        "chunk 4 mirror",
+        lambda shares: Rule("chunk", (shares,)),
+    ),
+    "sometimes": TurnForm(
+        "a change of half of the gestures, or of the share before it, by chance",
+        "sometimes 0.3 rev",
+        _sometimes,
+    ),
+    "often": TurnForm(
+        "a change of three quarters of the gestures, by chance",
+        "often scale 0.5",
+        lambda: _sometimes(0.75),
+    ),
+    "rarely": TurnForm(
+        "a change of a quarter of the gestures, by chance",
+        "rarely fast 2",
+        lambda: _sometimes(0.25),
+    ),
+    "degrade": TurnForm(
+        "without half of the gestures, or the share after it, by chance", "degrade 0.4", _sometimes
+    ),
+}
+# Transformations that change what is played without another one behind them.
+_DONE: Mapping[str, tuple[Transform, ...]] = {
+    "palindrome": (Transform("rev"),),
+    "degrade": (),
+    "iter": (),
+}
+_KNOWN = {word: form.example for word, form in FORMS.items()}
+
+
+def parse_chain(text: str) -> tuple[Change, ...]:
+    """Read transformations separated by commas. Raises TextError."""
+    return _Parser(text).chain()
+
+
+def parse_change(text: str) -> Change:
+    """Read one transformation. Raises TextError."""
+    chain = parse_chain(text)
+    if len(chain) > 1:
+        message = f"{quote(text)} is not one transformation; write one in each item of a list"
+        raise TextError(message, length=len(text))
+    return chain[0]
+
+
+def parse_first(text: str, place: int, start: int, others: Container[str]) -> tuple[Change, int]:
+    """Read the transformation at a place of a text, and where it ends: at the latest at one of
+    `others`, which are no values. Raises TextError.
+    """
+    parser = _Parser(text, start, place, others)
+    change = parser.transform()
+    return change, len(text[: parser.place].rstrip())
+
+
+def is_turn(text: str) -> bool:
+    """Whether a transformation changes only some of what is played."""
+    return next(iter(text.split()), "") in FORMS
+
+
+def as_turns(chain: Iterable[Change]) -> tuple[tuple[Transform, ...], tuple[Turn, ...]]:
+    """The transformations up to the first that changes only some places, and the others as
+    turns.
+    """
+    always: list[Transform] = []
+    turns: list[Turn] = []
+    for change in chain:
+        if turns or isinstance(change, Turn):
+            turns.append(as_turn(change))
+        else:
+            always.append(change)
+    return tuple(always), tuple(turns)
+
+
+def as_turn(change: Change) -> Turn:
+    """A change as a turn; a transformation is one of all rounds."""
+    return change if isinstance(change, Turn) else Turn(1, (change,))
+
+
+def split_chain(text: str) -> tuple[str, ...]:
+    """The texts of transformations, parted by the commas that are in no parentheses."""
+    depth, parts = 0, [""]
+    for sign in text:
+        depth += (sign == "(") - (sign == ")")
+        if sign == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    return tuple(part.strip() for part in parts)
+
+
+class _Parser(ChainParser[Change]):
+    """Reads the changes of a chain.
+
+    Among `others`, the words of a line, a transformation takes no more words than it has values.
+    """
+
+    def __init__(
+        self, text: str, start: int = 0, place: int = 0, others: Container[str] | None = None
+    ) -> None:
+        super().__init__(text, start, place)
+        self.others = others
+        self.count = 0
+
+    def transform(self) -> Change:
+        """One transformation, with what it takes."""
+        self.peek()
+        begin, word = self.place, self.word()
+        form = FORMS.get(word)
+        if form is None:
+            return self.gesture_transform()
+        self.count += 1
+        if self.count > MAX_TRANSFORMS:
+            message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
+            raise self.mistake(message, begin, len(word))
+        written = replace(TABLE[word], example=form.example)
+        self.place += len(word)
+        rule = form.rule(*self.values(written, begin, word))
+        inner = _DONE[word] if word in _DONE else self.inner(written, begin, word)
+        if any(True for _ in iterations(one for one in inner if isinstance(one, Turn))):
+            message = f"'iter' changes the order of all rounds; write it before '{word}': "
+            raise self.mistake(f"{message}iter 4, {form.example}", begin, len(word))
+        length = len(self.text[begin : self.place].rstrip())
+        is_rest = word == "degrade"
+        return Turn(1, inner, rule, is_rest, self.start + begin, length)
+
+    def gesture_transform(self) -> Transform:
+        """A transformation of a gesture itself."""
+        match = _SEGMENT.match(self.text, self.place)
+        text = match.group() if match else ""
+        if self.others is not None:
+            words = [*_WORD.finditer(text)]
+            count = 1 + ARGUMENTS.get(words[0].group(), 0) if words else 0
+            more = takewhile(self.is_value, words[1:count])
+            taken = [*words[:1], *more]
+            text = text[: taken[-1].end()] if taken else ""
+        begin = self.place
+        self.place += len(text)
+        return parse_do(text, self.start + begin, _KNOWN)
+
+    def is_value(self, word: re.Match[str]) -> bool:
+        """Whether a word may be a value of a transformation."""
+        return self.others is None or word.group() not in self.others
+
+    def example(self, transform: Change) -> tuple[str, str]:
+        """The word of a transformation, and an example of it."""
+        begin = transform.offset - self.start
+        word = self.text[begin:].split()[0].rstrip(",()")
+        return word, FORMS[word].example if word in FORMS else EXAMPLES[word]

@@ -1,0 +1,147 @@
+"""`ada do every 4 rev` at the prompt: undone, saved, kept, entered anywhere, rendered."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from sessions import Stepped
+
+from ergon.repl.session.version import piece_of
+from ergon.scores.reading.load import load
+from ergon.scores.staging.preparing import prepare
+from tests.repl.test_repl_patterns import SCORE, gestures, same
+
+
+@pytest.fixture
+def session(tmp_path: FilePath):
+    stepped = Stepped(SCORE, tmp_path)
+    yield stepped
+    stepped.close()
+
+
+class Path(NamedTuple):
+    """A gesture that was played: its beat, how long it lasts, when it is highest, as a share."""
+
+    beat: float
+    name: str
+    lasting: float
+    highest: float
+    x: tuple[float, ...]
+
+
+def path(gesture, beat: float) -> Path:
+    lasting = gesture.t[-1] - gesture.t[0]
+    highest = (gesture.t[int(np.argmax(gesture.x))] - gesture.t[0]) / lasting
+    x = tuple(gesture.x)
+    return Path(round(beat, 2), gesture.name, round(lasting, 4), round(highest, 4), x)
+
+
+def played(session: Stepped, seconds: float) -> list[Path]:
+    """What ada plays while the session runs."""
+    found = set()
+    for _ in range(round(seconds / 0.25)):
+        session.run(0.25)
+        running, now = session.session.schedule.running, session.session.schedule.beat_now()
+        own = [g for g in running.stage.gestures if g.player == "ada"]
+        paths = [path(g, running.beat(round(g.start * session.rate))) for g in own]
+        found |= {one for one in paths if now - 1.0 <= one.beat < now}
+    return sorted(found)
+
+
+def test_rounds_go_on_counting_and_come_back(session):
+    session.ok("ada plays tap every 1 at 1|1")
+    session.ok("play")
+    session.run(2.2)
+    session.ok("ada do every 4 rev at 3|3")
+    found = [one for one in played(session, 5.0) if one.beat >= 10.0]
+    assert [one.beat for one in found if one.highest > 0.5] == [12.0]
+    assert [one.beat for one in found if one.highest < 0.5] == [10.0, 11.0, 13.0, 14.0]
+    session.ok("undo")
+    session.run(1.0)
+    found = played(session, 4.0)
+    assert len(found) >= 6
+    assert all(one.highest < 0.5 for one in found)
+    same(session)
+
+
+def test_fast_halves_the_gesture_and_the_time_between(session):
+    session.ok("ada plays tap every 1 at 1|1")
+    session.ok("play")
+    session.run(1.2)
+    session.ok("ada do fast 2 at 3|1")
+    found = [one for one in played(session, 5.0) if 8.0 <= one.beat < 10.0]
+    assert [one.beat for one in found] == [8.0, 8.5, 9.0, 9.5]
+    assert {one.lasting for one in found} == {0.08}
+    same(session)
+
+
+@pytest.mark.parametrize(
+    "do", ["degrade 0.5", "sometimes 0.5 rev, rarely fast 2", "every 4 (rev, mirror), palindrome"]
+)
+def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, do):
+    found = []
+    for name, start in (("a", "1|1"), ("b", "21|1")):
+        (tmp_path / name).mkdir()
+        stepped = Stepped(SCORE, tmp_path / name)
+        stepped.ok(f"ada plays tap lean every 1/2 do {do} at 1|1")
+        stepped.ok(f"play from {start}")
+        if name == "a":
+            stepped.run(0.1)
+            stepped.ok("play from 21|1")
+        stepped.run(2.0)
+        found.append([one for one in gestures(stepped) if 80 <= one[1] < 100])
+        same(stepped)
+        with_journal = stepped.journal
+    assert found[0] == found[1] != []
+    again = Stepped.resumed(with_journal)
+    again.ok("play from 21|1")
+    again.run(2.0)
+    assert [one for one in gestures(again) if 80 <= one[1] < 100] == found[0]
+    again.close()
+
+
+def test_what_is_saved_plays_the_same(session, tmp_path):
+    session.ok("ada plays tap lean every 1 at 1|1")
+    session.ok("play")
+    session.run(1.0)
+    session.ok("ada do every 3 (rev, scale 0.5), degrade 0.3 at 3|1")
+    before = played(session, 6.0)
+    head = session.session.schedule.head
+    assert piece_of(head.texts) == head.piece
+    session.ok("rest ada")
+    session.ok("save live")
+    saved = load(tmp_path / "live.yaml").piece
+    assert saved is not None
+    beat = saved.tempo_map.beats
+    own = [path(g, beat(g.start)) for g in prepare(saved).hands.gestures if g.player == "ada"]
+    later = [one for one in sorted(own) if 8.0 <= one.beat < 13.0]
+    assert later == [one for one in before if 8.0 <= one.beat < 13.0]
+    assert 0 < len(later) < 5
+
+
+@pytest.mark.parametrize(
+    "do", ["fast 2", "every 2 rev, scale 0.5, degrade 0.4", "slow 2, rev", "iter 2"]
+)
+def test_what_is_kept_plays_as_it_was_played(session, tmp_path, do):
+    session.ok("play")
+    session.ok(f"ada plays tap lean every 1/2 do {do}")
+    before = played(session, 10.0)
+    first = session.session.schedule.beat_now() // 4.0 * 4.0 - 8.0  # the two bars that are over
+    session.ok("keep 2bar as verse")
+    verse = load(tmp_path / "verse.yaml").piece
+    assert verse is not None
+    beat = verse.tempo_map.beats
+    own = [g for g in prepare(verse).hands.gestures if g.player == "ada"]
+    found = sorted(path(g, first + beat(g.start)) for g in own)
+    assert found == [one for one in before if first <= one.beat < first + 8.0] != []
+
+
+@pytest.mark.parametrize("do", ["off 1/8 rev", "every 2 ply 2", "stack rev", "jux rev"])
+def test_a_second_path_on_a_key_is_refused_with_the_reason(session, do):
+    session.ok("ada plays tap every 1")
+    reply = session.type(f"ada do {do}")
+    assert not reply.taken
+    assert "one place at a time" in reply.text
