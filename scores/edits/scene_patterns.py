@@ -40,10 +40,10 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
     for place in range(count):
         if (name := course.played(place)) is not None:
             chain = tuple(
-                text[one.offset : one.offset + one.length]
+                text[do.offset : do.offset + do.length]
                 for turn, text in turns
-                for one in course.due(place, (turn,))
-                if one is not None
+                for do in course.due(place, (turn,))
+                if do is not None
             )
             played.setdefault(chain, []).append((places[place], name))
     for chain, found in played.items():

@@ -102,7 +102,7 @@ def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -
     verb = _VERBS.get(word)
     if word in _OF_RHYTHMS:
         message = f"'{word}' is of rhythms and phrases; a hand moves: {_OF_RHYTHMS[word]}"
-    elif word in _OF_ROUNDS:
+    elif word in _ROUND_WORDS:
         message = f"'{word}' needs rounds, and a gesture by itself has none; write it in `do` of "
         message += "what plays the gesture"
     else:
@@ -366,7 +366,7 @@ _VERBS = {
     "slow": _Verb("slow 2", (("amount", _positive),), _stretch),
 }
 # Those that rhythms have too: without `do` before it, such a word may be the name of a gesture.
-_ALSO_OF_RHYTHMS = ("rev", "fast", "slow")
+_RHYTHM_WORDS = ("rev", "fast", "slow")
 _ONE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
 _NO_STROKES = "it has no strokes; write its points"
 # Words that rhythms and phrases have, and what a gesture or a take has for them.
@@ -383,7 +383,7 @@ _OF_RHYTHMS = {
     **dict.fromkeys(("legato", "tremolo", "roll", "grace", "arp", "rolled", "strum"), _NO_STROKES),
 }
 # Words that change some of the rounds that a player plays.
-_OF_ROUNDS = (
+_ROUND_WORDS = (
     "palindrome",
     "iter",
     "every",
@@ -395,5 +395,5 @@ _OF_ROUNDS = (
     "degrade",
 )
 ARGUMENTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
-ARITY = {word: count for word, count in ARGUMENTS.items() if word not in _ALSO_OF_RHYTHMS}
+ARITY = {word: count for word, count in ARGUMENTS.items() if word not in _RHYTHM_WORDS}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}

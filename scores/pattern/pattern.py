@@ -53,6 +53,8 @@ def iteration_mistake(pattern: Pattern) -> str | None:
             return "with `euclid` names go on from pulse to pulse by themselves; remove `iter`"
         if order.way != "in turn" or any(isinstance(item, Group) for item in order.items):
             return "`iter` takes names and rests one after another, without groups and choices"
+        if order.places == 1:
+            return "`iter` needs several names, such as knock lean"
         if order.places % shares:
             message = f"`iter {shares}` divides the names into {shares} equal shares, and there "
             return f"{message}are {order.places}; write iter {order.places}"
@@ -134,7 +136,7 @@ class PlaceSequence:
 
     def do(self, place: int) -> tuple[Transform, ...]:
         """The transformations of a place, besides those of the whole line."""
-        return tuple(one for one in self.due(place, self.pattern.turns) if one is not None)
+        return tuple(do for do in self.due(place, self.pattern.turns) if do is not None)
 
     def due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
         """What turns do in a place; None where one leaves it out."""

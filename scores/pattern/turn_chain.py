@@ -177,7 +177,7 @@ class _Parser(ChainParser[Change]):
         self.place += len(word)
         rule = form.rule(*self.values(written, begin, word))
         inner = _DONE[word] if word in _DONE else self.inner(written, begin, word)
-        if any(True for _ in iterations(one for one in inner if isinstance(one, Turn))):
+        if any(True for _ in iterations(turn for turn in inner if isinstance(turn, Turn))):
             message = f"'iter' changes the order of all rounds; write it before '{word}': "
             raise self.mistake(f"{message}iter 4, {form.example}", begin, len(word))
         length = len(self.text[begin : self.place].rstrip())

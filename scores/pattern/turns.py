@@ -109,7 +109,7 @@ def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tup
 
 def _numbered(turn: Turn, numbers: Iterator[int]) -> Turn:
     rule = turn.rule and replace(turn.rule, number=next(numbers))
-    do = [_numbered(one, numbers) if isinstance(one, Turn) else one for one in turn.do]
+    do = [_numbered(each, numbers) if isinstance(each, Turn) else each for each in turn.do]
     return replace(turn, do=tuple(do), rule=rule)
 
 

@@ -41,14 +41,14 @@ def path(gesture, beat: float) -> Path:
 
 def played(session: Stepped, seconds: float) -> list[Path]:
     """What ada plays while the session runs."""
-    found = set()
+    result = set()
     for _ in range(round(seconds / 0.25)):
         session.run(0.25)
         running, now = session.session.schedule.running, session.session.schedule.beat_now()
-        own = [g for g in running.stage.gestures if g.player == "ada"]
-        paths = [path(g, running.beat(round(g.start * session.rate))) for g in own]
-        found |= {one for one in paths if now - 1.0 <= one.beat < now}
-    return sorted(found)
+        hers = [g for g in running.stage.gestures if g.player == "ada"]
+        paths = [path(g, running.beat(round(g.start * session.rate))) for g in hers]
+        result |= {each for each in paths if now - 1.0 <= each.beat < now}
+    return sorted(result)
 
 
 def test_rounds_go_on_counting_and_come_back(session):
@@ -56,14 +56,25 @@ def test_rounds_go_on_counting_and_come_back(session):
     session.ok("play")
     session.run(2.2)
     session.ok("ada do every 4 rev at 3|3")
-    found = [one for one in played(session, 5.0) if one.beat >= 10.0]
-    assert [one.beat for one in found if one.highest > 0.5] == [12.0]
-    assert [one.beat for one in found if one.highest < 0.5] == [10.0, 11.0, 13.0, 14.0]
+    result = [each for each in played(session, 5.0) if each.beat >= 10.0]
+    assert [each.beat for each in result if each.highest > 0.5] == [12.0]
+    assert [each.beat for each in result if each.highest < 0.5] == [10.0, 11.0, 13.0, 14.0]
     session.ok("undo")
     session.run(1.0)
-    found = played(session, 4.0)
-    assert len(found) >= 6
-    assert all(one.highest < 0.5 for one in found)
+    result = played(session, 4.0)
+    assert len(result) >= 6
+    assert all(each.highest < 0.5 for each in result)
+    same(session)
+
+
+def test_rounds_of_a_counted_line_stay_as_many(session):
+    session.ok("ada plays tap every 1 times 12 at 1|1")
+    session.ok("play")
+    session.run(1.2)
+    session.ok("ada do every 4 rev at 3|1")
+    result = [each for each in played(session, 7.0) if each.beat >= 8.0]
+    assert [each.beat for each in result] == [8.0, 9.0, 10.0, 11.0]
+    assert [each.highest > 0.5 for each in result] == [True, False, False, False]
     same(session)
 
 
@@ -72,17 +83,23 @@ def test_fast_halves_the_gesture_and_the_time_between(session):
     session.ok("play")
     session.run(1.2)
     session.ok("ada do fast 2 at 3|1")
-    found = [one for one in played(session, 5.0) if 8.0 <= one.beat < 10.0]
-    assert [one.beat for one in found] == [8.0, 8.5, 9.0, 9.5]
-    assert {one.lasting for one in found} == {0.08}
+    result = [each for each in played(session, 5.0) if 8.0 <= each.beat < 10.0]
+    assert [each.beat for each in result] == [8.0, 8.5, 9.0, 9.5]
+    assert {each.lasting for each in result} == {0.08}
     same(session)
 
 
 @pytest.mark.parametrize(
-    "do", ["degrade 0.5", "sometimes 0.5 rev, rarely fast 2", "every 4 (rev, mirror), palindrome"]
+    "do",
+    [
+        "degrade 0.5",
+        "sometimes 0.5 rev, rarely fast 2",
+        "every 4 (rev, mirror), palindrome",
+        "iter 2",
+    ],
 )
 def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, do):
-    found = []
+    result = []
     for name, start in (("a", "1|1"), ("b", "21|1")):
         (tmp_path / name).mkdir()
         stepped = Stepped(SCORE, tmp_path / name)
@@ -92,14 +109,14 @@ def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, do):
             stepped.run(0.1)
             stepped.ok("play from 21|1")
         stepped.run(2.0)
-        found.append([one for one in gestures(stepped) if 80 <= one[1] < 100])
+        result.append([each for each in gestures(stepped) if 80 <= each[1] < 100])
         same(stepped)
         with_journal = stepped.journal
-    assert found[0] == found[1] != []
+    assert result[0] == result[1] != []
     again = Stepped.resumed(with_journal)
     again.ok("play from 21|1")
     again.run(2.0)
-    assert [one for one in gestures(again) if 80 <= one[1] < 100] == found[0]
+    assert [each for each in gestures(again) if 80 <= each[1] < 100] == result[0]
     again.close()
 
 
@@ -116,9 +133,9 @@ def test_what_is_saved_plays_the_same(session, tmp_path):
     saved = load(tmp_path / "live.yaml").piece
     assert saved is not None
     beat = saved.tempo_map.beats
-    own = [path(g, beat(g.start)) for g in prepare(saved).hands.gestures if g.player == "ada"]
-    later = [one for one in sorted(own) if 8.0 <= one.beat < 13.0]
-    assert later == [one for one in before if 8.0 <= one.beat < 13.0]
+    hers = [path(g, beat(g.start)) for g in prepare(saved).hands.gestures if g.player == "ada"]
+    later = [each for each in sorted(hers) if 8.0 <= each.beat < 13.0]
+    assert later == [each for each in before if 8.0 <= each.beat < 13.0]
     assert 0 < len(later) < 5
 
 
@@ -134,9 +151,9 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path, do):
     verse = load(tmp_path / "verse.yaml").piece
     assert verse is not None
     beat = verse.tempo_map.beats
-    own = [g for g in prepare(verse).hands.gestures if g.player == "ada"]
-    found = sorted(path(g, first + beat(g.start)) for g in own)
-    assert found == [one for one in before if first <= one.beat < first + 8.0] != []
+    hers = [g for g in prepare(verse).hands.gestures if g.player == "ada"]
+    result = sorted(path(g, first + beat(g.start)) for g in hers)
+    assert result == [each for each in before if first <= each.beat < first + 8.0] != []
 
 
 @pytest.mark.parametrize("do", ["off 1/8 rev", "every 2 ply 2", "stack rev", "jux rev"])

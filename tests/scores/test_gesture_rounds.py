@@ -39,9 +39,9 @@ def piece(rows: str, seed: int = 5) -> Piece:
 
 def paths(rows: str, seed: int = 5) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
     """Each gesture that is played: its name, and the instants and positions of its points."""
-    of = piece(rows, seed)
     return [
-        (g.name, tuple(round(t, 9) for t in g.t), tuple(g.x)) for g in prepare(of).hands.gestures
+        (g.name, tuple(round(t, 9) for t in g.t), tuple(g.x))
+        for g in prepare(piece(rows, seed)).hands.gestures
     ]
 
 
@@ -94,6 +94,7 @@ def test_iter_begins_each_round_later():
 @pytest.mark.parametrize(
     ("row", "words"),
     [
+        ("1|1 knock every 1 times 4 do iter 4", "needs several names"),
         ("1|1 knock lean every 1 times 4 do iter 3", "there are 2; write iter 2"),
         ("1|1 knock (lean lean) every 1 times 4 do iter 2", "without groups"),
         ("1|1 choose knock lean every 1 times 4 do iter 2", "without groups and choices"),
@@ -123,9 +124,9 @@ def test_a_list_and_a_table_say_the_same():
         )
         read = load("s.yaml", text=text)
         assert read.piece is not None, read.diagnostics
-        found = prepare(read.piece).hands.gestures
+        result = prepare(read.piece).hands.gestures
         expected = prepare(table).hands.gestures
-        assert [(g.start, tuple(g.x)) for g in found] == [(g.start, tuple(g.x)) for g in expected]
+        assert [(g.start, tuple(g.x)) for g in result] == [(g.start, tuple(g.x)) for g in expected]
 
 
 @pytest.mark.parametrize(
@@ -155,15 +156,15 @@ def test_degrade_leaves_out_by_chance():
 
 @pytest.mark.parametrize(("word", "share"), [("sometimes", 0.5), ("often", 0.75), ("rarely", 0.25)])
 def test_sometimes_changes_a_share_by_chance(word, share):
-    found = paths(f"1|1 knock every 1/2 times 2000 do {word} mirror")
-    mirrored = [path for path in found if min(path[2]) < 0.0]
-    assert len(found) == 2000
+    result = paths(f"1|1 knock every 1/2 times 2000 do {word} mirror")
+    mirrored = [path for path in result if min(path[2]) < 0.0]
+    assert len(result) == 2000
     assert len(mirrored) / 2000 == pytest.approx(share, abs=0.045)
 
 
 def test_two_chances_of_a_line_draw_by_themselves():
-    found = paths("1|1 knock every 1/2 times 1000 do sometimes mirror, sometimes scale 0.5")
-    kinds = {(min(x) < 0.0, round(max(map(abs, x)), 6)) for _, _, x in found}
+    result = paths("1|1 knock every 1/2 times 1000 do sometimes mirror, sometimes scale 0.5")
+    kinds = {(min(x) < 0.0, round(max(map(abs, x)), 6)) for _, _, x in result}
     assert kinds == {(False, 0.006), (False, 0.003), (True, 0.006), (True, 0.003)}
 
 
@@ -219,12 +220,24 @@ def test_a_gesture_by_itself_has_no_rounds():
         "  knock: 0mm@0 smooth 6mm@60ms 0mm@160ms",
         "  knock: {points: 0mm@0 smooth 6mm@60ms 0mm@160ms, do: every 4 rev}",
     )
-    found = load("s.yaml", text=text)
-    assert found.piece is None
-    assert "a gesture by itself has none" in str(found.diagnostics)
+    result = load("s.yaml", text=text)
+    assert result.piece is None
+    assert "a gesture by itself has none" in str(result.diagnostics)
 
 
-def test_takes_and_gestures_are_reversed_by_one_word():
+def test_rounds_of_a_take(tmp_path):
+    """Instants of a take that lasts 0.3 s, twice as slow in every second round."""
+    (tmp_path / "hand.csv").write_text("t [s],x [mm]\n0.0,0.0\n0.1,7.0\n0.2,2.0\n0.3,0.0\n")
+    score = SCORE.format(seed=5, rows="    1|1 nod every 1 times 4 do every 2 (slow 2, rev)")
+    text = score.replace("parts:", "takes: {nod: {file: hand.csv, channel: x}}\nparts:")
+    read = load(tmp_path / "s.yaml", text=text)
+    assert read.piece is not None, read.diagnostics
+    spans = [(g.start, g.stop) for g in prepare(read.piece).hands.gestures]
+    expected = [(0.0, 0.6), (0.5, 0.8), (1.0, 1.6), (1.5, 1.8)]
+    assert spans == [pytest.approx(span) for span in expected]
+
+
+def test_rev_is_reverse():
     assert paths("1|1 lean do rev") == paths("1|1 lean do reverse")
 
 
