@@ -15,6 +15,7 @@ from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, TextError, quote
 
@@ -42,6 +43,23 @@ class Part:
         return [name for name, module in self.modules.items() if module.kind in HOLDERS]
 
 
+@dataclass(frozen=True, slots=True)
+class Family:
+    """An instrument with notes: the part of each note by its pitch, in its tuning."""
+
+    parts: Mapping[float, str]
+    tuning: Tuning | None
+
+    def note(self, word: str) -> str | None:
+        """The part of a note by the word of its pitch; None if there is none."""
+        with tuning.used(self.tuning):
+            try:
+                height = pitch(word)
+            except TextError:  # a key that the tuning leaves out
+                return None
+        return None if height is None else tuning.nearby(self.parts, height)
+
+
 @dataclass(slots=True)
 class PartNames:
     """All parts of a piece, by name."""
@@ -51,8 +69,9 @@ class PartNames:
     broken: set[str] = field(default_factory=set)  # parts that were refused
     reached: set[str] = field(default_factory=set)  # parts that some name refers to
     searched: set[str] = field(default_factory=set)  # parts in which some name was looked for
-    # Instruments with `notes`: the part of each note, by its pitch.
-    families: dict[str, dict[float, str]] = field(default_factory=dict)
+    families: dict[str, Family] = field(default_factory=dict)  # instruments with `notes`
+    tuning: Tuning | None = None  # of the score
+    tunings: dict[str, Tuning] = field(default_factory=dict)  # of instruments with their own
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
         """The targets of a name; for an instrument with notes one for each note.
@@ -172,21 +191,21 @@ class PartNames:
         found = self.family(name, prefix)
         if found is None:
             return [name]
-        parts, rest = found
-        names = (".".join(filter(None, (part, rest))) for part in parts.values())
+        family, rest = found
+        names = (".".join(filter(None, (part, rest))) for part in family.parts.values())
         return [Name(word, name.place, str(name)) for word in names]
 
-    def family(self, path: str, prefix: str = "") -> tuple[dict[float, str], str] | None:
+    def family(self, path: str, prefix: str = "") -> tuple[Family, str] | None:
         """The notes of an instrument if a path names it without a note, and the rest of the path;
         else None.
         """
         for full in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
             words = full.split(".")
             for count in range(len(words), 0, -1):
-                parts = self.families.get(".".join(words[:count]))
+                family = self.families.get(".".join(words[:count]))
                 is_note = count < len(words) and tuning.is_pitch(words[count])
-                if parts is not None and not is_note:
-                    return parts, ".".join(words[count:])
+                if family is not None and not is_note:
+                    return family, ".".join(words[count:])
         return None
 
     def is_known(self, name: str) -> bool:
@@ -199,20 +218,15 @@ class PartNames:
         for full in _with_prefix(path, prefix) if self.families else ():
             words = full.split(".")
             for count in range(1, len(words)):
-                parts = self.families.get(".".join(words[:count]))
-                part = None if parts is None else self.note(parts, words[count])
+                family = self.families.get(".".join(words[:count]))
+                part = None if family is None else family.note(words[count])
                 if part is not None:
                     return ".".join((part, *words[count + 1 :]))
         return path
 
-    @staticmethod
-    def note(parts: Mapping[float, str], word: str) -> str | None:
-        """The part of a note of an instrument, by the word of its pitch; None if it has none."""
-        try:
-            height = pitch(word)
-        except TextError:  # a key that the tuning leaves out
-            return None
-        return None if height is None else tuning.nearby(parts, height)
+    def tuning_of(self, path: str) -> Tuning | None:
+        """The tuning of the notes of what a path names: of its instrument, or of the score."""
+        return tuning.of_path(path, self.tunings, self.tuning)
 
     def target(
         self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""
@@ -234,8 +248,9 @@ class PartNames:
         if found is None and match is not None and match[2] is None:
             found, some, axis = self._coordinate(path, part, prefix)
         if found is None and (family := self.family(path, prefix)) is not None:
-            examples = ", ".join([*family[0].values()][:4])
-            problem = f"{quote(name)} has {len(family[0])} notes; write one of them: {examples}"
+            parts = [*family[0].parts.values()]
+            examples = ", ".join(parts[:4])
+            problem = f"{quote(name)} has {len(parts)} notes; write one of them: {examples}"
             self._refuse(name, who, problem)
             return None
         if found is None:

@@ -18,7 +18,9 @@ from ergon.instruments.playing import LEVEL_DOC, LOUDNESS, READY, acts, play_tab
 from ergon.instruments.space import Space
 from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
+from ergon.notation.tables import tuning
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.notes import Notes, check_note
 from ergon.notation.tables.shapes import (
@@ -33,6 +35,7 @@ from ergon.notation.tables.shapes import (
     merged,
     wrong_shape,
 )
+from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
@@ -125,6 +128,7 @@ def instrument_table(form: Form) -> Record:
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
+        Field("tuning", TUNING, "of the notes of this instrument", shown="that of the score"),
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
         Field("members", Members(member_table(form)), "what single members have of their own"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
@@ -153,7 +157,12 @@ class InstrumentShape(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        return self.chosen(node).read(node, name, context)
+        tuned = context.tunings.get(context.name)
+        if tuned is None:
+            return self.chosen(node).read(node, name, context)
+        named_amounts(node.document)  # `let` is in the tuning of the score
+        with tuning.used(tuned):
+            return self.chosen(node).read(node, name, context)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema, including fields that only one form has."""

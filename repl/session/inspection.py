@@ -202,6 +202,7 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     piece = version.piece
     rows = [_tempo_row(entry) for entry in piece.tempo]
     rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
+    rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
     for player in piece.players.values():
         lines = entries.lines(version.texts, piece, player.name)
         sounding = [what for name, what in playing if name == player.name]

@@ -232,14 +232,15 @@ def _acts(piece: Piece, target: str, note: int) -> list[Act]:
 
 def _member_of(piece: Piece, name: str, note: int | str) -> str | None:
     """The member of an instrument with notes that has a pitch, or that a MIDI note plays, by the
-    tuning of the piece; None if there is none.
+    tuning of the instrument; None if there is none.
     """
-    with tuning.used(piece.tuning):
+    tuned = piece.tuning_of(name)
+    with tuning.used(tuned):
         try:
             height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
         except TextError:  # a key that the keyboard map leaves out
             return None
-    members = _by_pitch(piece.families[name], piece.tuning)
+    members = _by_pitch(piece.families[name], tuned)
     return None if height is None else tuning.nearby(members, height)
 
 
@@ -285,7 +286,7 @@ def _check_target(piece: Piece, text: str) -> Target:
         name: Part(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
-    with tuning.used(piece.tuning):
+    with tuning.used(piece.tuning_of(text)):
         target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
     if target is None:
         raise NotTakenError(collector.finish()[0].message)

@@ -16,9 +16,14 @@ _SHOWN = 24  # notes of an instrument
 
 def tuning_lines(piece: Piece) -> Iterator[str]:
     """The tuning of a piece, and the frequencies of the notes of its instruments."""
-    tuned = piece.tuning or tuning.PLAIN
-    yield f"tuning: {tuned.words()}"
+    yield f"tuning: {(piece.tuning or tuning.PLAIN).words()}"
+    for name in piece.tunings:
+        if name not in piece.families:
+            yield f"tuning of {name}: {piece.tunings[name].words()}"
     for name, members in piece.families.items():
+        tuned = piece.tuning_of(name) or tuning.PLAIN
+        if name in piece.tunings:
+            yield f"tuning of {name}: {tuned.words()}"
         words = [member.rpartition(".")[2] for member in members]
         shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_SHOWN]]
         more = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []

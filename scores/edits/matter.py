@@ -84,7 +84,7 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     replaces f and t60 by the equivalent K and Z, and vice versa, so the other one keeps its
     value. Raises EditError.
     """
-    with tuning.used(piece.tuning):
+    with tuning.used(piece.tuning_of(target)):
         return _set_value(texts, piece, target, value)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ergon.instruments.model import Target
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.names import PartNames
+from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import quote
@@ -46,7 +47,8 @@ class AutomationTargets:
             return None
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
         first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
-        automated = automation.made(values, first, parameter, read, self.midi)
+        with tuning.used(self.part_names.tuning_of(first.part)):
+            automated = automation.made(values, first, parameter, read, self.midi)
         return automated and replace(automated, other_notes=tuple(others))
 
     def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:

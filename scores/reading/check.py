@@ -37,6 +37,7 @@ from ergon.scores.reading.piece import (
 )
 from ergon.scores.reading.routing import routed
 from ergon.scores.reading.schedule import schedule
+from ergon.scores.reading.struck_tuning import in_tuning
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
 from ergon.scores.reading.wheels import with_wheels
@@ -52,7 +53,7 @@ class Checker:
         self.uses = uses
         self.score = names.score
         self.collector = uses.collector
-        self.part_names = PartNames(self.collector)
+        self.part_names = PartNames(self.collector, tuning=names.tuning)
         self.gestures_and_takes = GesturesAndTakes(names, uses)
         self.matter = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
         self._phrases_by_name: dict[str, Any] | None = None
@@ -129,7 +130,8 @@ class Checker:
             file_meters=times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
-            families={n: tuple(own.values()) for n, own in self.part_names.families.items()},
+            tunings=self.part_names.tunings,
+            families={n: tuple(own.parts.values()) for n, own in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -145,7 +147,9 @@ class Checker:
     ) -> dict[str, Instrument]:
         """The instruments of the piece, without modes that no rate of the piece computes."""
         notes, entries = self.part_names.families, self.names.tables["instruments"].items()
-        transposed = {part: name for name, parts in notes.items() for part in parts.values()}
+        transposed = {
+            part: name for name, family in notes.items() for part in family.parts.values()
+        }
         written = {
             name: entry.values
             for name, entry in entries
@@ -170,8 +174,8 @@ class Checker:
         """
         available = {}
         for name in self.names.tables["instruments"]:
-            notes = self.part_names.families.get(name, {})
-            first = next(iter(notes.values()), name)
+            family = self.part_names.families.get(name)
+            first = name if family is None else next(iter(family.parts.values()), name)
             instrument = self.matter.by_name.get(first)
             if isinstance(instrument, Instrument) and first not in self.matter.instruments:
                 available[name] = instrument
@@ -272,6 +276,14 @@ class Checker:
     def _strikes(self, values: Any) -> Strikes | None:
         if not isinstance(values, Values) or not melodies.is_whole(values):
             return None
+        phrase = self._phrases().get(values["play"]) if values.written("play") else None
+        reading = in_tuning(values, phrase, self.part_names)
+        if reading is None:
+            return None
+        with reading:
+            return self._strikes_by_kind(values)
+
+    def _strikes_by_kind(self, values: Values) -> Strikes | None:
         kind = melodies.kind_of(values)
         if kind in melodies.MELODIES:
             phrases = self._phrases()

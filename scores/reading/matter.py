@@ -11,10 +11,11 @@ from ergon.instruments import modal, rules
 from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.module_kinds import member_count
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import Family, Part, PartNames
 from ergon.instruments.read import instrument
 from ergon.instruments.space import mesh_file
 from ergon.instruments.transpose import moved, named_pitch
+from ergon.notation.tables import tuning
 from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.notes import pitch
@@ -82,10 +83,14 @@ class PartsReader:
                 if values is None:
                     self._part_names.broken.add(name)
                     continue
-                if section == "instruments" and values.written("notes"):
-                    self._notes(name, entry, values, selves)
-                else:
-                    self._part(section, name, entry, values, selves)
+                tuned = self._uses.tuning_of(entry) if section == "instruments" else None
+                if tuned is not None:
+                    self._part_names.tunings[name] = tuned
+                with tuning.used(tuned or self._names.tuning):
+                    if section == "instruments" and values.written("notes"):
+                        self._notes(name, entry, values, selves)
+                    else:
+                        self._part(section, name, entry, values, selves)
 
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
@@ -153,10 +158,10 @@ class PartsReader:
                 values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
             self._part_names.broken.add(name)
             return
-        self._part_names.families[name] = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
-        known = self._part_names.families[name]
+        parts = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
+        family = self._part_names.families[name] = Family(parts, tuning.written())
         for word, own in (values["members"] or {}).items():
-            if self._part_names.note(known, word) is None:
+            if family.note(word) is None:
                 message = f"{values.context.of('members')}: it has no note {quote(word)}"
                 self._collector.error("E301", message, own.place, word=word, names=notes)
         for note in notes:

@@ -31,6 +31,7 @@ from ergon.notation.tables.shapes import (
     wrong_shape,
 )
 from ergon.notation.tables.strengths import LEVEL, Level, is_level
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError, quote
@@ -358,7 +359,8 @@ class NoteTargets:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
         words = tuning.spelled(word).split(".")
         place = self._place(words)
-        words[place] = notes.moved(words[place], semitones)
+        with tuning.used(self._tuning(words)):
+            words[place] = notes.moved(words[place], semitones)
         return Name(".".join(words), word.place)
 
     def targets(self, row: Row, who: str) -> tuple[Target, ...]:
@@ -399,10 +401,10 @@ class NoteTargets:
                 else:
                     self.part_names.target(to, "mats", who)
                 continue
-            parts, rest = family
-            note = self.part_names.note(parts, word)
+            instrument, rest = family
+            note = instrument.note(word)
             if note is None:
-                known = [part.rpartition(".")[2] for part in parts.values()]
+                known = [part.rpartition(".")[2] for part in instrument.parts.values()]
                 message = f"{who}: {quote(to)} has no note {quote(word)}"
                 if word == before:
                     self.part_names.collector.error(
@@ -419,7 +421,14 @@ class NoteTargets:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""
         words = tuning.spelled(word).split(".")
         place = self._place(words)
-        return None if place is None else notes.step(words[place])
+        if place is None:
+            return None
+        with tuning.used(self._tuning(words)):
+            return notes.step(words[place])
+
+    def _tuning(self, words: Sequence[str]) -> Tuning | None:
+        """The tuning of the note of a name: of its instrument, or of those that a note is for."""
+        return self.part_names.tuning_of(".".join(words)) if words[1:] else tuning.written()
 
     def _place(self, words: list[str]) -> Any:
         """The index of the word in a name that is its note; None if there is none."""

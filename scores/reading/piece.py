@@ -18,7 +18,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
-from ergon.notation.tables.tuning import Tuning
+from ergon.notation.tables.tuning import Tuning, of_path
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.notation import BarCheck
@@ -575,6 +575,8 @@ class Piece:
     used: tuple[str, ...] = field(default=(), compare=False, repr=False)
     # Of its notes; what is computed has their frequencies.
     tuning: Tuning | None = field(default=None, compare=False, repr=False)
+    # Of instruments with their own, by name.
+    tunings: Mapping[str, Tuning] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def motion_every(self) -> int:
@@ -610,6 +612,10 @@ class Piece:
         """The instrument of a name, or of its first note; also one that nothing plays yet."""
         first = self.families.get(name, (name,))[0]
         return self.instruments.get(first) or self.available.get(name)
+
+    def tuning_of(self, path: str) -> Tuning | None:
+        """The tuning of the notes of what a path names: of its instrument, or of the score."""
+        return of_path(path, self.tunings, self.tuning)
 
     def note_families(self) -> dict[str, str]:
         """The instrument that each note belongs to, by the name of the note's part."""
@@ -675,7 +681,10 @@ _NOT_VALUES = {  # places and texts do not count
     Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
-    Piece: ("tempo_map", "starts", "blocks", "families", "phrases", "available", "used", "tuning"),
+    Piece: (
+        *("tempo_map", "starts", "blocks", "families", "phrases", "available", "used"),
+        *("tuning", "tunings"),
+    ),
     Rhythm: ("tuning",),
     RenderSpec: ("file",),
 }

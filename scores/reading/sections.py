@@ -30,6 +30,7 @@ from ergon.notation.tables.shapes import (
     wrong_shape,
 )
 from ergon.notation.tables.strengths import LEVELS
+from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.tables.velocities import VELOCITY_CURVE
 from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
@@ -45,7 +46,6 @@ from ergon.scores.reading.piece import METHODS
 from ergon.scores.reading.playing_options import DO, OF_GESTURE
 from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
-from ergon.scores.reading.tuned import TUNING
 
 RATE = 44100.0  # default frames a second
 MAX_CHANNELS = 1024

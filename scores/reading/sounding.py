@@ -77,11 +77,12 @@ class SoundingNames:
         families = {
             self.of(name): tuple(map(self.of, members)) for name, members in piece.families.items()
         }
+        tunings = {self.of(name): tuned for name, tuned in piece.tunings.items()}
         parts = {
             section: {part.name: part for part in made[section].values()}
             for section in ("keys", "instruments")
         }
-        return replace(piece, **{**made, **parts}, families=families)
+        return replace(piece, **{**made, **parts}, families=families, tunings=tunings)
 
     def _made(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
         """A value with its names replaced; the value itself if there are none."""

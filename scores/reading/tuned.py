@@ -1,20 +1,18 @@
-"""The `tuning:` of a score: which frequency each of its notes has."""
+"""The `tuning:` of a score and those of its instruments: which frequency each note has."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from ergon.notation.tables import quantities as q
-from ergon.notation.tables import tuning
-from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.fields import Values
 from ergon.notation.tables.scala import KeyMap, ScalaError, Scale, parse_key_map, parse_scale
-from ergon.notation.tables.shapes import Context, Text
-from ergon.notation.tables.tuning import MAX_EDO, Tuning
+from ergon.notation.tables.shapes import Context
+from ergon.notation.tables.tuning import Tuning
+from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text import document
-from ergon.notation.text.document import Document
+from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
@@ -23,67 +21,59 @@ _Read = TypeVar("_Read")
 _MAX_FILE = 2**20  # bytes of a scale; the largest of the Scala archive has 30 kB
 
 
-def _root(text: str) -> str:
-    word = text.strip()
-    if tuning.is_pitch(word) and not any(sign in word for sign in ("to", "of")):
-        return word
-    if tuning.spelled(word).endswith("Hz"):
-        return tuning.hertz_word(q.quantity(word, q.FREQUENCY))
-    message = f"{quote(word)} is neither a note such as C4 nor a frequency such as 264Hz"
-    raise TextError(message, length=max(1, len(word)), code="E201")
-
-
-TUNING = Record(
-    "tuning",
-    "which frequencies the notes of this file have",
-    (
-        Field("A4", k.HERTZ, "of equal steps, and of a scale without `keys`", shown="440Hz"),
-        Field("edo", k.integer(1, MAX_EDO, "31"), "equal steps to an octave", shown="12"),
-        Field("scale", k.PATH, "a scale of the program Scala, a .scl file"),
-        Field("keys", k.PATH, "a keyboard map of Scala, a .kbm file; needs `scale`"),
-        Field(
-            "root",
-            Text(_root, "a note or a frequency, such as C4 or 264Hz", is_value=True),
-            "what ratios (3/2) and steps (18\\31) count from",
-            shown="C4",
-        ),
-    ),
-    lone={
-        "edo": r"(\d{1,4})(?: *(?:edo|EDO|tet|TET))?",
-        "A4": r"(\d+(?:\.\d+)? *Hz)",
-        "scale": r"(.+\.scl)",
-    },
-    meant={
-        "a4": "A4",
-        "reference": "A4",
-        "scl": "scale",
-        "kbm": "keys",
-        "map": "keys",
-        "equal": "edo",
-        "divisions": "edo",
-    },
-)
-
-
 def tuning_of(score: Document, files: Files) -> Tuning | None:
     """The tuning that a file names, or None; reports what is wrong with its scale and its map.
 
     Mistakes in the fields themselves are reported where the whole score is read.
     """
-    root = score.root
-    if not isinstance(root, document.Mapping) or "tuning" not in root.entries:
+    return _tuning(score.root, files, "tuning")
+
+
+def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
+    """The tunings of the instruments of a file that have their own, or are `like` such ones of
+    this file; reports as `tuning_of`.
+    """
+    section = score.root.get("instruments") if isinstance(score.root, document.Mapping) else None
+    if not isinstance(section, document.Mapping):
+        return {}
+    nodes = {name: node for name, (_, node) in section.entries.items()}
+    tunings: dict[str, Tuning] = {}
+    for name, node in nodes.items():
+        tuned = _tuning(node, files, f"tuning of instrument {quote(name)}")
+        if tuned is not None:
+            tunings[name] = tuned
+    for name in nodes if tunings else ():
+        chain = [name]
+        while chain[-1] not in tunings and (base := _base(nodes, chain[-1])) not in chain:
+            chain.append(base)
+        if chain[-1] in tunings:
+            tunings |= dict.fromkeys(chain, tunings[chain[-1]])
+    return tunings
+
+
+def _base(nodes: Mapping[str, Node], name: str) -> str:
+    """The instrument of the same file that an instrument is `like`; the name itself if none."""
+    node = nodes.get(name)
+    like = node.get("like") if isinstance(node, document.Mapping) else None
+    is_sure = isinstance(node, document.Mapping) and "tuning" not in node.entries
+    return like.text.strip() if is_sure and isinstance(like, Scalar) else name
+
+
+def _tuning(node: Node | None, files: Files, what: str) -> Tuning | None:
+    """The tuning that a score or an instrument names; `what` begins messages."""
+    if not isinstance(node, document.Mapping) or "tuning" not in node.entries:
         return None
-    values = TUNING.read(root.entries["tuning"][1], "", Context(Collector(), "tuning"))
+    values = TUNING.read(node.entries["tuning"][1], "", Context(Collector(), what))
     if not isinstance(values, Values):
         return None
-    v = replace(values, context=Context(files.collector, "tuning"))
+    v = replace(values, context=Context(files.collector, what))
     for name, other in (("edo", "scale"), ("A4", "keys")):
         if v.written(name) and v.written(other):
-            message = f"tuning: `{other}` says the pitches already; keep `{name}` or `{other}`"
+            message = f"{what}: `{other}` says the pitches already; keep `{name}` or `{other}`"
             v.error("E111", message, name)
             return None
     if v.written("keys") and not v.written("scale"):
-        v.error("E111", "tuning: `keys` is the map of a scale; write `scale` beside it", "keys")
+        v.error("E111", f"{what}: `keys` is the map of a scale; write `scale` beside it", "keys")
         return None
     tuned = Tuning(
         440.0 if v["A4"] is None else v["A4"],
@@ -102,7 +92,7 @@ def tuning_of(score: Document, files: Files) -> Tuning | None:
     try:
         tuned.hertz(tuned.root)
     except TextError as error:
-        v.error("E202", f"tuning: {error.message}; write another `root`", "scale")
+        v.error("E202", f"{what}: {error.message}; write another `root`", "scale")
         return None
     return tuned
 

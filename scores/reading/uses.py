@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Any, TypeVar
@@ -23,7 +23,7 @@ from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
 from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
 from ergon.scores.reading.sections import SCORE
-from ergon.scores.reading.tuned import tuning_of
+from ergon.scores.reading.tuned import tuning_of, tunings_of
 
 # Sections whose names other files may use.
 SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
@@ -64,6 +64,7 @@ class Names:
     )
     used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
     tuning: Tuning | None = None  # of the notes that its file writes
+    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of its instruments with their own
     families: list[str] = field(default_factory=list)  # what `use:` names: prefixes, or file stems
     included: list[tuple[Include, Names]] = field(default_factory=list)
 
@@ -93,11 +94,14 @@ class Uses:
         if document.root is None:
             return names
         names.tuning = tuning_of(document, self.files)
+        names.tunings = tunings_of(document, self.files)
         memory = self.files.memory
         if memory is not None:
-            memory.under(document.file, names.tuning)
+            all_tunings = (names.tuning, names.tunings) if names.tunings else names.tuning
+            memory.under(document.file, all_tunings)
+        context = Context(self.collector, memory=memory, tunings=names.tunings)
         with tuning.used(names.tuning):
-            score = SCORE.read(document.root, "", Context(self.collector, memory=memory))
+            score = SCORE.read(document.root, "", context)
         if score is MISSING:
             return names
         names.score = score
@@ -214,6 +218,23 @@ class Uses:
                 return None, frozenset()
             entry = base
         return self._merged(section, chain), frozenset(values.context.name for values in chain)
+
+    def tuning_of(self, entry: Entry) -> Tuning | None:
+        """The tuning of an instrument whose names are resolved: that which it has itself or by
+        `like`, else that of the instrument that brings its notes; None if they have none.
+        """
+        for _ in range(MAX_LIKE if any(names.tunings for names in self._read.values()) else 0):
+            values = entry.values
+            if not isinstance(values, Values):
+                return None
+            tuned = self._read[values.node.document.file].tunings.get(values.context.name)
+            if tuned is not None or not values.written("like", "from") or values.written("notes"):
+                return tuned
+            base = self._base("instruments", values, entry.home)
+            if base is None:
+                return None
+            entry = base
+        return None
 
     def _merged(self, section: str, chain: Sequence[Values]) -> Values:
         """The last values of a chain, with those of the others over them; the same object as in the

@@ -10,11 +10,12 @@ from __future__ import annotations
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
 from ergon.notation.tables import expressions
+from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
@@ -62,6 +63,7 @@ class Context:
     name: str = ""
     place: Place | None = None
     memory: Memory | None = None  # of the sections of a score
+    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of instruments, by name
 
     def of(self, field_name: str) -> str:
         """`M of key 'k1'`."""
@@ -72,7 +74,8 @@ class Context:
     def inside(self, noun: str, name: str, place: Place) -> Context:
         """The context of a named thing; a module is called by its instrument's name too."""
         called = f"{self.name}.{name}" if noun == "module" and self.name else name
-        return Context(self.collector, f"{noun} {quote(called)}", name, place)
+        owner = f"{noun} {quote(called)}"
+        return Context(self.collector, owner, name, place, tunings=self.tunings)
 
     def error(self, code: str, message: str, place: Place, **more: Any) -> None:
         """Report."""

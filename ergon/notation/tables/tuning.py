@@ -1,7 +1,7 @@
 """Tunings: which frequency a note has, and how pitches are written as words.
 
-A tuning is that of the file that is being read (`used`). Equal temperament with A4 = 440 Hz
-holds without one.
+A tuning is that of the file or the instrument that is being read (`used`). Equal temperament with
+A4 = 440 Hz holds without one.
 """
 
 from __future__ import annotations
@@ -230,17 +230,26 @@ def nearby(parts: Mapping[float, str], height: float) -> str | None:
     return next((parts[pitch] for pitch in near if pitch in parts), None)
 
 
+def of_path(path: str, tunings: Mapping[str, Tuning], other: Tuning | None) -> Tuning | None:
+    """The tuning of the instrument to which a path leads, by `tunings` of instruments; `other` if
+    it has none of its own.
+    """
+    words = spelled(path).split(".") if tunings else []
+    heads = (".".join(words[:count]) for count in range(len(words), 0, -1))
+    return next((tunings[head] for head in heads if head in tunings), other)
+
+
 PLAIN = Tuning()
 _current: ContextVar[Tuning | None] = ContextVar("tuning", default=None)
 
 
 def written() -> Tuning | None:
-    """The tuning of the file that is read; None if it names none."""
+    """The tuning of what is read, a file or an instrument; None if it names none."""
     return _current.get()
 
 
 def current() -> Tuning:
-    """The tuning of the file that is read."""
+    """The tuning of what is read, a file or an instrument."""
     return _current.get() or PLAIN
 
 

@@ -1,0 +1,48 @@
+"""The tuning in which strikes are read: that of the instruments whose notes they name."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import Any
+
+from ergon.instruments.names import PartNames
+from ergon.notation.tables import tuning
+from ergon.notation.tables.fields import Values
+from ergon.notation.text.errors import quote
+from ergon.scores.reading import melodies
+
+# Fields by which notes are moved, ordered or spelled, which depends on the tuning.
+_MOVING = ("transpose", "do", "rhythm", "notes")
+
+
+def in_tuning(
+    values: Values, phrase: Any, part_names: PartNames
+) -> AbstractContextManager[None] | None:
+    """The context in which strikes, which may play a phrase, are read.
+
+    Notes as they are written are looked up in each instrument by its own tuning. Instruments of
+    different tunings have nothing else in common: None after a report of what would move notes.
+    """
+    if not part_names.tunings:
+        return tuning.used(part_names.tuning)
+    names = values["to"] or ()
+    moving = [f"`{name}`" for name in values.written(*_MOVING)]
+    if isinstance(phrase, Values):
+        names = melodies.notes_in(phrase, values)
+        if melodies.is_midi(phrase) or phrase["do"]:
+            moving.append(f"phrase {quote(values['play'])}")
+    tunings = {name: part_names.tuning_of(name) for name in names}
+    first, tuned = next(iter(tunings.items()), ("", part_names.tuning))
+    other = next((name for name in tunings if not _is_same(tunings[name], tuned)), None)
+    if other is None:
+        return tuning.used(tuned)
+    if not moving:
+        return tuning.used(part_names.tuning)
+    message = f"{values.context.of('')}: {quote(first)} and {quote(other)} have different tunings, "
+    message += f"in which {moving[0]} means different notes; write strikes for each"
+    values.error("E111", message, next(iter(values.written(*_MOVING, "play"))))
+    return None
+
+
+def _is_same(first: tuning.Tuning | None, second: tuning.Tuning | None) -> bool:
+    return (first or tuning.PLAIN) == (second or tuning.PLAIN)
