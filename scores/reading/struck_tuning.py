@@ -39,7 +39,7 @@ def in_tuning(
     if not moving:
         return tuning.used(part_names.tuning)
     message = f"{values.context.of('')}: {quote(first)} and {quote(other)} have different tunings, "
-    message += f"in which {moving[0]} means different notes; write strikes for each"
+    message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
     values.error("E111", message, next(iter(values.written(*_MOVING, "play"))))
     return None
 

@@ -250,6 +250,19 @@ def test_notes_of_a_tuning_are_explained_in_hertz(session):
     session(TUNED, act)
 
 
+def test_notes_of_an_instrument_are_explained_in_its_tuning(session):
+    text = TUNED.replace("  wires:", "  wires:\n    tuning: {edo: 19}")
+    c4 = 440.0 * 2.0 ** (-14 / 19)
+    expected = {"f: E": c4 * 2.0 ** (6 / 19), "50cents, 3": 1.5 * c4, "to: wires.3": 1.5 * c4}
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        for before, hertz in expected.items():
+            assert f"{hertz:.3f} Hz" in await editor.hovered(before), before
+
+    session(text, act)
+
+
 def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
     midi_files.save(tmp_path / "tune.mid", [midi_files.meter(0, 6, 8)], midi_files.note(0))
     text = "ergon: 1\ntempo: {from: tune.mid}\nmeter: {from: tune.mid}\n"

@@ -112,14 +112,22 @@ def _number_before(text: str, index: int) -> str:
 
 def explanation(index: int, file: Document, known: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
-    with tuning.used(known.tuning):
-        return _explanation(index, file, known)
-
-
-def _explanation(index: int, file: Document, known: Catalogue) -> str | None:
     cursor = cursors.cursor_at(file, index)
     if cursor is None:
         return None
+    with tuning.used(_tuning_at(cursor, known)):
+        return _explanation(index, cursor, file, known)
+
+
+def _tuning_at(cursor: Cursor, known: Catalogue) -> tuning.Tuning | None:
+    """The tuning of the notes under a cursor: in an instrument, and in a name of one, its own."""
+    path = cursor.node.text
+    if cursor.path[:1] == ("instruments",):
+        path = ".".join(cursor.path[1:2])
+    return tuning.of_path(path, known.tunings, known.tuning)
+
+
+def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -> str | None:
     if cursor.is_name:
         if cursor.field is not None:
             return f"**{cursor.field.name}**: {_field_text(cursor.field)}"

@@ -32,6 +32,7 @@ class Catalogue:
 
     sections: Mapping[str, Mapping[str, Definition]] = field(default_factory=dict)
     tuning: Tuning | None = None  # of the notes of the score
+    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of instruments with their own
 
     def definitions_in(self, *sections: str) -> list[Definition]:
         """All definitions of some sections, in their order."""
@@ -74,7 +75,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
                 if isinstance(one, Values):
                     full = f"{name}.{module}"
                     sections[MODULES][full] = Definition(full, one.kind or "module", one.place)
-    return Catalogue(sections, names.tuning)
+    return Catalogue(sections, names.tuning, names.tunings)
 
 
 def _place(values: object, brought: Place | None, names: Names) -> Place:
