@@ -115,9 +115,11 @@ COMMANDS: Table = {
     "info": (
         "info",
         "info",
-        "Say what a render, a take, a MIDI file, a motion file or a score contains.",
+        "Say what a render, a take, a MIDI file, a motion file, a pack or a score contains.",
     ),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
+    "pack": ("pack", "pack", "Write a score, and all files that it reads, as one file."),
+    "unpack": ("unpack", "unpack", "Write the files of a pack into a new folder."),
     "lsp": ("lsp", "lsp", "Serve an editor: mistakes as one types, completion, explanations."),
     "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),
     "demo": ("demo", "demo", "Render a score that ships with ergon, and play it."),
@@ -135,7 +137,7 @@ SECTIONS = {
     "Hear": ("demo", "render", "play", "duet", "repl", "view", "share", "sweep"),
     "Study": ("plan", "modes", "admittance", "stats", "chart", "stability", "info"),
     "Hands and machine": ("devices", "doctor", "take", "emulate", "metrology"),
-    "Exchange": ("import", "export", "fold", "layout", "motion"),
+    "Exchange": ("import", "export", "fold", "layout", "motion", "pack", "unpack"),
     "Help and editors": ("help", "explain", "completion", "schema", "lsp"),
 }
 _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+PACK = ".ergonpack"  # as in ergon.exchange.pack, which is imported when a pack is opened
+
 
 def bundled() -> dict[str, Path]:
     """The scores in scores/library, by name."""
@@ -17,16 +19,40 @@ def bundled() -> dict[str, Path]:
     return {path.stem: path for path in sorted(library.glob("*.yaml"))}
 
 
-class ScorePath(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
-    """The path of a score, or the name of one that ships, such as `duet`; a file of that name comes
-    first.
+def is_pack(path: str) -> bool:
+    """Whether a file is a pack, by its name."""
+    return path.lower().endswith(PACK)
+
+
+class PackedPath(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
+    """The path of a file. A pack stands for its score, which is unpacked while the command runs,
+    but where the command `opens` packs itself.
     """
 
     name = "score"
 
+    def __init__(self, *, opens: bool = True) -> None:
+        """`opens` says whether a pack is opened here."""
+        self.opens = opens
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The path as text: the command checks it when it opens it."""
+        """The path as text: the command checks it when it opens it. Raises PackError, OSError."""
         text = str(value)
+        if not (self.opens and is_pack(text)) or ctx is None or ctx.resilient_parsing:
+            return text
+        from ergon.api.packs import opened_pack
+
+        return str(ctx.with_resource(opened_pack(text)))
+
+
+class ScorePath(PackedPath):
+    """The path of a score or a pack, or the name of a score that ships, such as `duet`; a file of
+    that name comes first.
+    """
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The path as text: the command checks it when it opens it. Raises PackError, OSError."""
+        text = super().convert(value, param, ctx)
         if not text.replace("-", "").isalnum() or Path(text).exists():
             return text
         from ergon.notation.text.spelling import nearest

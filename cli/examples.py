@@ -80,6 +80,11 @@ EXAMPLES: Mapping[str, tuple[Example, ...]] = {
         ("ergon view piece.motion --movie piece.webm", "a film"),
     ),
     "share": (("ergon share piece.yaml -o piece.html", "one file to send to somebody"),),
+    "pack": (
+        ("ergon pack piece.yaml", "one file, piece.ergonpack, to send to somebody"),
+        ("ergon render piece.ergonpack", "its sound, anywhere"),
+    ),
+    "unpack": (("ergon unpack piece.ergonpack", "its files, in the folder piece"),),
     "layout check": (("ergon layout check dome24", "how well it places sound"),),
     "layout export": (("ergon layout export dome24 --form iem -o dome.json", ""),),
     "layout import": (("ergon layout import dome.json -o dome.yaml", ""),),

@@ -11,6 +11,7 @@ import click
 from ergon.common.regular import read_bounded
 
 from . import options
+from .bundled import is_pack
 from .console import Console, plural
 from .outcome import Findings, Refused
 
@@ -44,6 +45,8 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.notation.text.format import formatted
     from ergon.notation.text.syntax import MAX_BYTES
 
+    if is_pack(path):
+        raise Refused(f"{path}: a pack is not changed; `ergon unpack {path}` writes its files")
     is_stdin = path == "-"
     most = MAX_BYTES + 1
     data = sys.stdin.buffer.read(most) if is_stdin else read_bounded(Path(path), MAX_BYTES)

@@ -1,4 +1,4 @@
-"""`ergon info`: what a render, a take, a MIDI file, a motion file or a score contains."""
+"""`ergon info`: what a render, a take, a MIDI file, a motion file, a pack or a score contains."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from ergon.api.options import ReadOptions
 from ergon.common.sound_files import SUFFIXES, foreign_file
 
 from . import options
+from .bundled import PackedPath, is_pack
 from .console import Console, plural
 from .outcome import Findings, Refused
+from .tables import table
 from .units import octets, seconds
 
 if TYPE_CHECKING:
@@ -23,17 +25,21 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.option(
-    "--score", "source", metavar="SCORE", help="Check that a render comes from this score."
+    "--score",
+    "source",
+    metavar="SCORE",
+    type=PackedPath(),
+    help="Check that a render comes from this score.",
 )
 @options.trust
 @options.speaking
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
-    """Say what a render, a take, a MIDI file, a motion file or a score contains.
+    """Say what a render, a take, a MIDI file, a motion file, a pack or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
     .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels and
     what they span. Of a MIDI file it says what is played and what is passed over. A .motion file is
-    what moved. Anything else is a score.
+    what moved. Of a pack it lists the files. Anything else is a score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
@@ -52,6 +58,8 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         from .midi_info import midi
 
         midi(console, path)
+    elif is_pack(file):
+        _pack(console, path)
     elif suffix == ".motion":
         from .motion_info import motion
 
@@ -60,6 +68,23 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         raise Refused(f"{file}: {foreign}")
     else:
         _score(console, file, trust)
+
+
+def _pack(console: Console, path: Path) -> None:
+    from hashlib import sha256
+
+    from ergon.exchange.pack import read_pack
+
+    pack = read_pack(path)
+    files = [(name, len(own), sha256(own).hexdigest()) for name, own in sorted(pack.files.items())]
+    if console.json:
+        listed = [{"file": name, "bytes": size, "sha256": hash} for name, size, hash in files]
+        fields = {"ergon": pack.version, "score": pack.score, "files": listed}
+        console.record("pack", file=str(path), **fields)
+        return
+    console.data(f"{path}: {plural(len(files), 'file')}, packed by ergon {pack.version}\n")
+    console.data(f"score: {pack.score}\n")
+    console.data(table([(name, octets(size), f"sha256 {hash}") for name, size, hash in files]))
 
 
 def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from . import options
-from .bundled import ScorePath
+from .bundled import ScorePath, is_pack
 from .console import Console
 from .outcome import Findings
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath())
+@click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath(opens=False))
 @options.hands
 @options.sound
 @click.option(
@@ -79,13 +79,18 @@ def repl(
 
     Without a score, an empty piece begins. The line `play` begins; `help` lists the lines that
     exist. A line takes effect at the next bar, and one with a mistake changes nothing: the music
-    goes on. F12 silences the sound and all forces.
+    goes on. F12 silences the sound and all forces. A pack is unpacked into a folder of its name.
     """
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
     from ergon.api.options import SessionOptions
 
     asked = SessionOptions(**given)
+    if score_path is not None and is_pack(score_path):
+        from ergon.api.packs import unpack
+
+        score_path = str(unpack(score_path))
+        console.say(f"unpacked; the score is {score_path}")
     if asked.socket is None:
         from ergon._core import stop_on_signals
 

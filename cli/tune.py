@@ -10,6 +10,7 @@ import click
 from ergon.api.errors import OptionError
 from ergon.api.tune import REACHED, Tuned, TuneOptions
 from ergon.api.tune import tune as find_tuning
+from ergon.common.shown_paths import is_from_pack
 
 from . import options
 from .console import Console, plural
@@ -57,6 +58,8 @@ def tune(
     """
     if write and output is not None:
         raise Refused("--write excludes -o; give one of the two")
+    if write and is_from_pack(score_path):
+        raise Refused("--write does not change a pack; -o writes the score, and `ergon unpack` all")
     check_stdout(output, is_json=console.json)
     try:
         found = find_tuning(

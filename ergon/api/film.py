@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.shown_paths import shown
 from ergon.exchange.safe import MARK
 
 from . import score as scores
@@ -114,7 +115,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "format": 2,
         "bound": None if duration is None else _core.motion_bound(),
         "title": piece.title,
-        "score": piece.place.file,
+        "score": shown(piece.place.file),
         "score_sha256": piece.digest(),
         "plan_sha256": stage.plan.hash if stage.plan else None,
         "seed": piece.seed,
@@ -132,7 +133,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "contacts": [{"name": name, "a": a, "b": b} for name, a, b in contacts],
         "speakers": list(_speakers(stage)),
         "sources": [
-            {"name": None, "file": place.file, "line": place.line} for place in stage.sources
+            {"name": None, "file": shown(place.file), "line": place.line} for place in stage.sources
         ],
         "marks": [
             {"name": name, "seconds": piece.tempo_map.seconds(beats)}

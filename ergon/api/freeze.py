@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
+from ergon.common.shown_paths import is_from_pack
 
 from . import score as scores
 from .errors import OptionError
@@ -117,7 +118,8 @@ def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> F
 def _folder(path: str) -> Path:
     if path == scores.STDIN:
         raise OptionError("output", "a score from stdin has no name for the folder; name one")
-    return Path(path).with_suffix(".frozen")
+    folder = Path(path).with_suffix(".frozen")
+    return Path(folder.name) if is_from_pack(path) else folder
 
 
 def _heard(piece: Piece) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
+from ergon.common.shown_paths import is_from_pack
 from ergon.exchange.sound import check_ending
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
 
@@ -318,7 +319,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
 def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
     """The WAV file to write: as asked, as the score says, or SCORE.wav in the current folder.
 
-    Nothing is written beside a score that ships.
+    Nothing is written beside a score that ships, and a score from a pack chooses no name.
     """
     from ergon.notation.text.files import is_shipped
 
@@ -326,7 +327,8 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
         return str(out)
     piece = scores.piece_of(loaded)
     is_stdin = str(score) == scores.STDIN
-    if piece.render.file is not None and not is_shipped(Path(score)):
+    is_own = not is_shipped(Path(score)) and not is_from_pack(score)
+    if piece.render.file is not None and is_own:
         # Paths are relative to the file that names them.
         folder = Path() if is_stdin else Path(score).parent
         return str(folder / piece.render.file)

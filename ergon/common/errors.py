@@ -8,7 +8,8 @@
     ├ EditError            a change of a score's text that cannot be made
     ├ ModelError           a model of another program that cannot be read, or put into a score
     ├ NotRegularError, FileRefusedError, NotPlanError, NotFrozenError, NotRecordingError,
-    │ NotWaveError         a file that cannot be read or may not be written
+    │ NotWaveError,
+    │ PackError            a file that cannot be read or may not be written
     ├ ClusterError,
     │ NotBundledError      other processes cannot compute what is asked of them
     └ ScoreError, OptionError, DeviceError, … of `ergon.api.errors`, which `import ergon` offers

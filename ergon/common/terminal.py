@@ -6,6 +6,8 @@ import json
 import re
 from typing import Any
 
+from .shown_paths import shown, shown_in_json
+
 # Characters that steer a terminal, turn the direction of writing, take no room, or have no UTF-8:
 # C0 but for tab and line ends, DEL, C1, bidi controls, zero-width space and its kind, line and
 # paragraph separators, surrogates, tags. The joiners U+200C and U+200D are letters of some scripts.
@@ -17,7 +19,7 @@ _STEERING = re.compile(
 
 def clean(text: str) -> str:
     """The text with a `?` for each character that steers a terminal or cannot be encoded."""
-    return _STEERING.sub("?", text)
+    return _STEERING.sub("?", shown(text))
 
 
 def printable(text: str) -> str:
@@ -29,5 +31,5 @@ def printable(text: str) -> str:
 
 def json_text(value: Any) -> str:
     """One line of JSON with control characters escaped."""
-    text = json.dumps(value, ensure_ascii=False)
+    text = shown_in_json(json.dumps(value, ensure_ascii=False))
     return _STEERING.sub(lambda found: json.dumps(found[0])[1:-1], text)

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ergon.common.shown_paths import shown
+
 
 class Time(NamedTuple):
     """An instant or a length: `tempo.seconds(start + beats) + seconds`."""
@@ -22,7 +24,7 @@ class Place:
 
     def __str__(self) -> str:
         """`file:line:column`, the form that editors jump to."""
-        return f"{self.file}:{self.line}:{self.column}"
+        return f"{shown(self.file)}:{self.line}:{self.column}"
 
 
 @dataclass(frozen=True, slots=True)

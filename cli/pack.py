@@ -1,0 +1,40 @@
+"""`ergon pack`: a score, and all files that it reads, as one file."""
+
+from __future__ import annotations
+
+import click
+
+from ergon.api.options import ReadOptions
+
+from . import options
+from .console import Console, plural
+from .outcome import check_stdout
+from .units import octets
+
+
+@click.command()
+@options.score
+@options.target("The pack to write; - is stdout. Default: SCORE.ergonpack here.")
+@options.force
+@options.trust
+@options.speaking
+def pack(console: Console, score_path: str, output: str | None, force: bool, trust: bool) -> None:
+    """Write a score, and all files that it reads, as one file.
+
+    It holds the score, what it uses, its takes, layouts and tunings, the instruments of the library
+    that it uses, and the version of ergon. Every command that reads a score reads it, on any
+    machine. The same files give the same bytes. `ergon info` lists what is in a pack.
+    """
+    from ergon.api.packs import write_pack
+
+    check_stdout(output, is_json=console.json)
+    done = write_pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
+    files = done.pack.files
+    if console.json:
+        fields = {"bytes": done.size, "score": done.pack.score, "files": sorted(files)}
+        console.record("packed", file=done.path, **fields)
+        return
+    for name, data in sorted(files.items()):
+        console.detail(f"{name}: {octets(len(data))}")
+    if done.path != "-":
+        console.say(f"{done.path}: {plural(len(files), 'file')}, {octets(done.size)}")

@@ -1,0 +1,162 @@
+"""Scores with all that they read in one file: made, opened, and unpacked."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.regular import read_bounded
+from ergon.common.report import Report
+from ergon.common.shown_paths import show_as
+from ergon.exchange.pack import (
+    BYTES_MAX,
+    SUFFIX,
+    Pack,
+    PackError,
+    pack_bytes,
+    read_pack,
+    write_files,
+)
+
+from . import score as scores
+from .errors import OptionError
+from .options import ReadOptions
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.load import Loaded
+
+
+@dataclass(frozen=True, slots=True)
+class PackedFile:
+    """A pack that was written, and its size in bytes."""
+
+    path: str
+    pack: Pack
+    size: int
+
+
+def write_pack(
+    score: str | Path,
+    out: str | Path | None = None,
+    options: ReadOptions | None = None,
+    *,
+    force: bool = False,
+    report: Report | None = None,
+) -> PackedFile:
+    """Write a score, and all files that it reads, into one file; "-" is stdout.
+
+    Files of the library that the score uses are packed too, so a later library does not change the
+    piece. The pack is read again before it is written. Raises ScoreError, PackError, OptionError
+    and FileRefusedError.
+    """
+    from ergon.exchange.safe import open_for_writing
+
+    if out is None and str(score) == scores.STDIN:
+        raise OptionError("output", "a score from stdin has no name for the pack; name one")
+    target = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
+    loaded = scores.read(score, options, report)
+    pack = _packed(str(score), loaded)
+    data = pack_bytes(pack)
+    _check_same(pack, loaded)
+    with open_for_writing(target, binary=True, force=force, inputs=loaded.inputs) as file:
+        file.write(data)
+    return PackedFile(target, pack, len(data))
+
+
+@contextmanager
+def opened_pack(path: str | Path) -> Iterator[Path]:
+    """The score of a pack, in a private folder for the time of the block.
+
+    Messages name its files `PACK:FILE`. Raises PackError and OSError.
+    """
+    with _unpacked(read_pack(Path(path)), str(path)) as score:
+        yield score
+
+
+def unpack(path: str | Path, folder: str | Path | None = None) -> Path:
+    """Write the files of a pack into a new folder, by default PACK here; the path of the score.
+
+    Raises PackError, OSError and FileRefusedError.
+    """
+    from ergon.exchange.new_folder import new_folder
+
+    pack = read_pack(Path(path))
+    target = Path(folder) if folder is not None else Path(Path(path).stem)
+    with new_folder(target) as part:
+        write_files(pack, part)
+        (part / _marker()).touch()
+    return target / pack.score
+
+
+def _packed(score: str, loaded: Loaded) -> Pack:
+    """The files of a score, in their places relative to each other; those that ship are beside the
+    score, where they take precedence.
+    """
+    from ergon._core import __version__
+    from ergon.notation.text.files import shipped
+
+    scores.piece_of(loaded)
+    place = _place(score)
+    found: dict[str, bytes] = {}
+    left = BYTES_MAX
+    for name in dict.fromkeys(map(str, loaded.inputs)):
+        ships = shipped(Path(name))
+        own = _place(name) if ships is None else os.path.join(os.path.dirname(place), ships)
+        is_stdin = name == scores.STDIN
+        data = loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), left)
+        if found.setdefault(own, data) != data:
+            raise PackError(
+                f"{own} and the file {ships} of the library would be one file in a pack; rename "
+                "your own"
+            )
+        left = max(0, left - len(data))
+    root = os.path.commonpath([os.path.dirname(path) for path in found])
+    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in found}
+    return Pack(names[place], __version__, {names[path]: found[path] for path in found})
+
+
+def _check_same(pack: Pack, loaded: Loaded) -> None:
+    """Raise PackError unless a pack holds all that makes its piece."""
+    from ergon.scores.reading.load import load
+
+    with _unpacked(pack) as score:
+        again = load(score)
+        inside = os.path.realpath(score)[: -len(pack.score)]
+        for path in again.inputs:
+            if not os.path.realpath(path).startswith(inside):
+                raise PackError(f"{path} would be read from outside the pack")
+        if again.piece is None:
+            problem = next(one for one in again.diagnostics if one.severity == "error")
+            where = problem.place.line
+            raise PackError(
+                f"{pack.score}:{where}: {problem.message}; in a pack files are named relative to "
+                "the file that names them"
+            )
+        if again.piece.digest() != scores.piece_of(loaded).digest():
+            raise PackError("the pack would be another piece: a file changed while it was packed")
+
+
+@contextmanager
+def _unpacked(pack: Pack, name: str | None = None) -> Iterator[Path]:
+    """The score of a pack in a private folder; messages name its files as those of `name`."""
+    with tempfile.TemporaryDirectory(prefix="ergon-pack-") as made:
+        folder = Path(os.path.realpath(made))
+        if name is not None:
+            show_as(folder, name)
+        (folder / _marker()).touch()  # all below is one project
+        yield write_files(pack, folder)
+
+
+def _marker() -> str:
+    from ergon.notation.text.bounds import MARKER
+
+    return MARKER
+
+
+def _place(name: str) -> str:
+    return os.path.abspath("stdin.yaml" if name == scores.STDIN else name)

@@ -1,0 +1,253 @@
+"""Packs: a score and all files that it reads, as one file.
+
+    piece.ergonpack     a ZIP file without compression
+      ergonpack.json      format, version of ergon, the score; size and SHA-256 of each file
+      files/…             the files, in their places relative to each other
+
+The same files give the same bytes: names are sorted, times are fixed, and nothing is compressed,
+because compressors differ between machines. A pack may come from anybody. It is read whole and
+within bounds, and every name and hash is checked before the first file is written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import stat
+import struct
+import unicodedata
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ergon.common.errors import ErgonError
+from ergon.common.regular import read_bounded
+from ergon.common.structured import MalformedTextError, parse_json
+from ergon.common.terminal import printable
+
+SUFFIX = ".ergonpack"
+FORMAT = 1
+BYTES_MAX = 256_000_000  # of the pack: hours of takes
+FILES_MAX = 1024
+_NAME_MAX = 200  # bytes of a name with its folders
+_MANIFEST = "ergonpack.json"
+_FILES = "files/"
+_MANIFEST_BYTES_MAX = 1 << 20
+_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest that ZIP has
+_END = struct.Struct("<4s4H2LH")  # end of central directory record (APPNOTE 6.3.10, 4.3.16)
+_END_MARK, _LARGE_MARK, _LARGE_BYTES = b"PK\5\6", b"PK\6\7", 20
+_RECORD_BYTES_MAX = 46 + len(_FILES) + _NAME_MAX + 64  # of a file in the central directory
+# Windows refuses these characters, or takes them for parts of a path; it keeps the names of devices
+# for itself, with any ending.
+_ODD = re.compile(r'[\\:*?"<>|]')
+_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_HASH = re.compile(r"[0-9a-f]{64}")
+
+
+class PackError(ErgonError):
+    """A pack that cannot be read, or files that cannot be packed; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """The files by name, which of them is the score, and the version of ergon that packed them."""
+
+    score: str
+    version: str
+    files: Mapping[str, bytes]
+
+
+def pack_bytes(pack: Pack) -> bytes:
+    """The bytes of a pack. Raises PackError if it has more than a pack may have."""
+    _check_names(pack.files)
+    manifest = {
+        "format": FORMAT,
+        "ergon": pack.version,
+        "score": pack.score,
+        "files": {
+            name: {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+            for name, data in sorted(pack.files.items())
+        },
+    }
+    text = json.dumps(manifest, indent=1, ensure_ascii=False).encode()
+    entries = [(_MANIFEST, text)]
+    entries += [(_FILES + name, data) for name, data in sorted(pack.files.items())]
+    if sum(len(data) for _, data in entries) + _RECORD_BYTES_MAX * 2 * len(entries) > BYTES_MAX:
+        raise PackError(
+            f"the score and its files have more than {BYTES_MAX // 1_000_000} MB, the most that a "
+            "pack may have; cut its takes (`ergon take trim`)"
+        )
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in entries:
+            entry = zipfile.ZipInfo(name, _TIME)
+            entry.create_system = 3  # Unix, on every machine
+            entry.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(entry, data)
+    return whole.getvalue()
+
+
+def read_pack(path: Path) -> Pack:
+    """A pack, with every name and hash checked. Raises PackError and OSError."""
+    data = read_bounded(path, BYTES_MAX)
+    try:
+        return _parsed(data)
+    except PackError as error:
+        raise PackError(f"{path}: {error}") from None
+    except (MalformedTextError, zipfile.BadZipFile) as error:
+        raise PackError(f"{path}: the pack is damaged: {printable(str(error))}") from None
+    except (ValueError, IndexError, KeyError, EOFError, OSError, RuntimeError, struct.error):
+        # What `zipfile` raises of offsets, versions and encodings that no pack has.
+        raise PackError(f"{path}: the pack is damaged: its list of files makes no sense") from None
+
+
+def write_files(pack: Pack, folder: Path) -> Path:
+    """Write the files of a pack into a new and empty folder; the path of the score in it."""
+    for name, data in pack.files.items():
+        path = folder.joinpath(*PurePosixPath(name).parts)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as file:
+            file.write(data)
+    return folder / pack.score
+
+
+def _parsed(data: bytes) -> Pack:
+    _check_end(data)
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        entries = archive.infolist()
+        for entry in entries:
+            _check_entry(entry)
+        if sum(entry.file_size for entry in entries) > len(data):
+            raise PackError("the pack is damaged: its files have more bytes than the pack")
+        content = {}
+        for entry in entries:
+            if entry.filename in content:
+                raise PackError(f"the pack has two files {_quoted(entry.filename)}")
+            content[entry.filename] = archive.read(entry)
+    manifest = content.pop(_MANIFEST, None)
+    if manifest is None:
+        raise PackError(f"the pack has no {_MANIFEST}, so `ergon pack` did not make it")
+    if len(manifest) > _MANIFEST_BYTES_MAX:
+        raise PackError(f"{_MANIFEST} has more than {_MANIFEST_BYTES_MAX >> 20} MB")
+    files = {}
+    for name, own in content.items():
+        if not name.startswith(_FILES):
+            raise PackError(f"{_quoted(name)} is no file of a pack, which are in {_FILES}")
+        files[name.removeprefix(_FILES)] = own
+    _check_names(files)
+    return _with_manifest(parse_json(manifest), files)
+
+
+def _check_end(data: bytes) -> None:
+    """Check the last record of the pack, so that no long list of files is read."""
+    if len(data) > BYTES_MAX:
+        raise PackError(f"a pack has {BYTES_MAX // 1_000_000} MB at most, and this has more")
+    if data[:4] != b"PK\3\4":
+        raise PackError("the file is not a pack; `ergon pack SCORE` makes one")
+    mark, *_, count, size, _, comment = (
+        _END.unpack(data[-_END.size :]) if len(data) >= _END.size else (b"", 0, 0, 0, 0)
+    )
+    before = len(data) - _END.size - _LARGE_BYTES
+    if mark != _END_MARK or comment:
+        raise PackError("the pack is cut short, or something was added to its end")
+    if data[max(before, 0) :][:4] == _LARGE_MARK or count > FILES_MAX + 1:
+        raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
+    if size > count * _RECORD_BYTES_MAX:
+        raise PackError("the pack is damaged: its list of files is too long for their number")
+
+
+def _check_entry(entry: zipfile.ZipInfo) -> None:
+    name = _quoted(entry.orig_filename)
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if entry.is_dir() or kind not in (0, stat.S_IFREG):
+        raise PackError(f"{name} is a link or a folder; a pack has only files")
+    if entry.flag_bits & 1:
+        raise PackError(f"{name} is encrypted; a pack has only plain files")
+    if entry.compress_type != zipfile.ZIP_STORED or entry.compress_size != entry.file_size:
+        raise PackError(f"{name} is compressed; a pack has only plain files")
+    if entry.orig_filename != entry.filename:
+        raise PackError(f"{name} has a character that the name of a file may not have")
+
+
+def _check_names(names: Iterable[str]) -> None:
+    """Raise PackError unless all names are plain, and different on every system."""
+    names = list(names)
+    if len(names) > FILES_MAX:
+        raise PackError(f"a pack has {FILES_MAX:,} files at most, and these are {len(names):,}")
+    files: dict[str, str] = {}
+    for name in names:
+        _check_name(name)
+        key = _key(name)
+        if key in files:
+            both = f"{_quoted(files[key])} and {_quoted(name)}"
+            raise PackError(f"{both} are one file on some systems; rename one")
+        files[key] = name
+    for name in names:
+        for folder in map(_key, map(str, PurePosixPath(name).parents)):
+            if folder in files:
+                raise PackError(f"{_quoted(files[folder])} is a file and a folder")
+
+
+def _key(name: str) -> str:
+    """What names have in common that are the same file on some system."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
+def _check_name(name: str) -> None:
+    text = _quoted(name)
+    parts = name.split("/")
+    if name.startswith("/") or ".." in parts or re.match(r"[A-Za-z]:", name):
+        raise PackError(f"{text} leads out of the pack; all files lie in one folder")
+    try:
+        is_long = len(name.encode()) > _NAME_MAX
+    except UnicodeEncodeError:
+        raise PackError(f"{text} is not a name in UTF-8; rename the file") from None
+    if is_long:
+        raise PackError(f"{text}: a name in a pack has {_NAME_MAX} bytes at most")
+    if not name.isprintable() or _ODD.search(name):
+        raise PackError(f"{text} has a character that not every system allows in a name")
+    for part in parts:
+        if not part or part.startswith((".", " ")) or part.endswith((".", " ")):
+            raise PackError(
+                f"{text}: files and folders in a pack begin and end with neither a dot nor a space"
+            )
+        if _DEVICE.fullmatch(part):
+            raise PackError(f"{text}: some systems have a device of this name; rename it")
+
+
+def _with_manifest(manifest: Any, files: Mapping[str, bytes]) -> Pack:
+    """The pack that the manifest describes. Raises PackError if its files are others."""
+    if not isinstance(manifest, dict):
+        raise PackError(f"{_MANIFEST} is not a table")
+    if manifest.get("format") != FORMAT:
+        raise PackError(
+            f"the pack has format {printable(str(manifest.get('format')))[:40]}, and this ergon "
+            f"reads format {FORMAT}; a newer ergon may read it"
+        )
+    version, score, listed = (manifest.get(key) for key in ("ergon", "score", "files"))
+    if not isinstance(version, str) or not isinstance(listed, dict):
+        raise PackError(f"{_MANIFEST} lacks the version of ergon or the list of files")
+    if missing := sorted(listed.keys() ^ files.keys()):
+        kind = "is missing" if missing[0] in listed else f"is not in {_MANIFEST}"
+        raise PackError(f"the pack is damaged: the file {_quoted(missing[0])} {kind}")
+    if not isinstance(score, str) or score not in files:
+        raise PackError(f"{_MANIFEST} does not say which of its files is the score")
+    for name, data in files.items():
+        entry = listed[name] if isinstance(listed[name], dict) else {}
+        digest = entry.get("sha256")
+        if not isinstance(digest, str) or not _HASH.fullmatch(digest):
+            raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted(name)}")
+        if digest != hashlib.sha256(data).hexdigest() or entry.get("bytes") != len(data):
+            raise PackError(
+                f"the pack is damaged: {_quoted(name)} is not the file that was packed "
+                "(its SHA-256 differs)"
+            )
+    return Pack(score, version, files)
+
+
+def _quoted(name: str) -> str:
+    return f"'{printable(name[:_NAME_MAX])}'"
