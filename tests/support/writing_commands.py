@@ -67,6 +67,7 @@ WRITERS = (
     _writer("export s.yaml --to faust -o out", "out/s.dsp"),
     _writer("export s.yaml --to mdl -o out", "out/s.mdl"),
     _writer("export s.yaml bell --to csound -o out", "out/bell.csd"),
+    _writer("pack s.yaml -o s.ergonpack", "s.ergonpack"),
     _writer("take export in.take -o t.csv", "t.csv"),
     _writer("take export in.take -o t.npz", "t.npz"),
     _writer("take export in.take -o t.wav", "t.wav"),
