@@ -76,7 +76,9 @@ def _pack(console: Console, path: Path) -> None:
     from ergon.exchange.pack import read_pack
 
     pack = read_pack(path)
-    files = [(name, len(own), sha256(own).hexdigest()) for name, own in sorted(pack.files.items())]
+    files = [
+        (name, len(data), sha256(data).hexdigest()) for name, data in sorted(pack.files.items())
+    ]
     if console.json:
         listed = [{"file": name, "bytes": size, "sha256": hash} for name, size, hash in files]
         fields = {"ergon": pack.version, "score": pack.score, "files": listed}

@@ -102,22 +102,22 @@ def _packed(score: str, loaded: Loaded) -> Pack:
 
     scores.piece_of(loaded)
     place = _place(score)
-    found: dict[str, bytes] = {}
+    packed: dict[str, bytes] = {}
     left = BYTES_MAX
     for name in dict.fromkeys(map(str, loaded.inputs)):
         ships = shipped(Path(name))
-        own = _place(name) if ships is None else os.path.join(os.path.dirname(place), ships)
+        target = _place(name) if ships is None else os.path.join(os.path.dirname(place), ships)
         is_stdin = name == scores.STDIN
         data = loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), left)
-        if found.setdefault(own, data) != data:
+        if packed.setdefault(target, data) != data:
             raise PackError(
-                f"{own} and the file {ships} of the library would be one file in a pack; rename "
+                f"{target} and the file {ships} of the library would be one file in a pack; rename "
                 "your own"
             )
         left = max(0, left - len(data))
-    root = os.path.commonpath([os.path.dirname(path) for path in found])
-    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in found}
-    return Pack(names[place], __version__, {names[path]: found[path] for path in found})
+    root = os.path.commonpath([os.path.dirname(path) for path in packed])
+    names = {path: Path(os.path.relpath(path, root)).as_posix() for path in packed}
+    return Pack(names[place], __version__, {names[path]: packed[path] for path in packed})
 
 
 def _check_same(pack: Pack, loaded: Loaded) -> None:
@@ -131,7 +131,7 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
             if not os.path.realpath(path).startswith(inside):
                 raise PackError(f"{path} would be read from outside the pack")
         if again.piece is None:
-            problem = next(one for one in again.diagnostics if one.severity == "error")
+            problem = next(mistake for mistake in again.diagnostics if mistake.severity == "error")
             where = problem.place.line
             raise PackError(
                 f"{pack.score}:{where}: {problem.message}; in a pack files are named relative to "
@@ -144,8 +144,8 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
 @contextmanager
 def _unpacked(pack: Pack, name: str | None = None) -> Iterator[Path]:
     """The score of a pack in a private folder; messages name its files as those of `name`."""
-    with tempfile.TemporaryDirectory(prefix="ergon-pack-") as made:
-        folder = Path(os.path.realpath(made))
+    with tempfile.TemporaryDirectory(prefix="ergon-pack-") as temporary:
+        folder = Path(os.path.realpath(temporary))
         if name is not None:
             show_as(folder, name)
         (folder / _marker()).touch()  # all below is one project

@@ -327,8 +327,8 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
         return str(out)
     piece = scores.piece_of(loaded)
     is_stdin = str(score) == scores.STDIN
-    is_own = not is_shipped(Path(score)) and not is_from_pack(score)
-    if piece.render.file is not None and is_own:
+    names_its_file = not is_shipped(Path(score)) and not is_from_pack(score)
+    if piece.render.file is not None and names_its_file:
         # Paths are relative to the file that names them.
         folder = Path() if is_stdin else Path(score).parent
         return str(folder / piece.render.file)

@@ -81,14 +81,14 @@ def pack_bytes(pack: Pack) -> bytes:
             f"the score and its files have more than {BYTES_MAX // 1_000_000} MB, the most that a "
             "pack may have; cut its takes (`ergon take trim`)"
         )
-    whole = io.BytesIO()
-    with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for name, data in entries:
             entry = zipfile.ZipInfo(name, _TIME)
             entry.create_system = 3  # Unix, on every machine
             entry.external_attr = (stat.S_IFREG | 0o644) << 16
             archive.writestr(entry, data)
-    return whole.getvalue()
+    return stream.getvalue()
 
 
 def read_pack(path: Path) -> Pack:
@@ -134,10 +134,10 @@ def _parsed(data: bytes) -> Pack:
     if len(manifest) > _MANIFEST_BYTES_MAX:
         raise PackError(f"{_MANIFEST} has more than {_MANIFEST_BYTES_MAX >> 20} MB")
     files = {}
-    for name, own in content.items():
+    for name, octets in content.items():
         if not name.startswith(_FILES):
             raise PackError(f"{_quoted(name)} is no file of a pack, which are in {_FILES}")
-        files[name.removeprefix(_FILES)] = own
+        files[name.removeprefix(_FILES)] = octets
     _check_names(files)
     return _with_manifest(parse_json(manifest), files)
 

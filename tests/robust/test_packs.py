@@ -82,14 +82,14 @@ def test_render_of_a_pack_in_another_folder(
     packed(capsys)
     score = "one/pieces/piece.yaml"
     assert app.run(["render", score, "-o", "own.wav"]) == 0, capsys.readouterr().err
-    own = Path("own.wav").read_bytes()
+    original = Path("own.wav").read_bytes()
     elsewhere = Path("else where")
     elsewhere.mkdir()
     Path("piece.ergonpack").rename(elsewhere / "piece.ergonpack")
     Path("one").rename("gone")
     monkeypatch.chdir(elsewhere)
     assert app.run(["render", "piece.ergonpack", "--motion"]) == 0, capsys.readouterr().err
-    assert Path("piece.wav").read_bytes() == own
+    assert Path("piece.wav").read_bytes() == original
     motion = Path("piece.motion").read_bytes()
     assert app.run(["render", "piece.ergonpack", "--motion", "-f"]) == 0, capsys.readouterr().err
     assert Path("piece.motion").read_bytes() == motion
@@ -117,7 +117,7 @@ def test_content_of_a_pack(capsys: pytest.CaptureFixture[str]):
     assert app.run(["info", "piece.ergonpack", "--json"]) == 0
     record = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert record["score"] == "pieces/piece.yaml"
-    assert [one["file"] for one in record["files"]] == [
+    assert [row["file"] for row in record["files"]] == [
         "common/gestures.yaml",
         "pieces/instruments/bells.yaml",
         "pieces/layouts/pair.yaml",
@@ -165,12 +165,12 @@ def test_every_command_reads_a_pack(
     packed(capsys)
     first, *more = arguments
     assert app.run([first, "one/pieces/piece.yaml", *more, *(["-f"] if "-o" in more else [])]) == 0
-    own = capsys.readouterr().out
+    original = capsys.readouterr().out
     assert app.run([first, "piece.ergonpack", *more, *(["-f"] if "-o" in more else [])]) == 0
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     if first != "plan":  # which says how long it took
-        assert said.out.replace("piece.ergonpack:", "one/") == own
-    assert str(temporary) not in said.out + said.err
+        assert output.out.replace("piece.ergonpack:", "one/") == original
+    assert str(temporary) not in output.out + output.err
     assert os.listdir(temporary) == []
 
 
@@ -259,8 +259,8 @@ def crafted(
         for name, data in files.items()
     }
     table = {"format": 1, "ergon": "1", "score": "score.yaml", "files": listed}
-    whole = io.BytesIO()
-    with zipfile.ZipFile(whole, "w", compression) as archive:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", compression) as archive:
         if manifest is not None:
             archive.writestr("ergonpack.json", json.dumps(manifest(table)))
         for name, data in files.items():
@@ -268,7 +268,7 @@ def crafted(
             entry.external_attr = mode << 16
             entry.compress_type = compression
             archive.writestr(entry, data)
-    return whole.getvalue()
+    return stream.getvalue()
 
 
 PLAIN = {"score.yaml": b"ergon: 1\n"}
@@ -378,11 +378,11 @@ def test_hostile_pack_is_refused(
     Path("evil.ergonpack").write_bytes(make())
     before = tree(tmp_path)
     assert app.run([command, "evil.ergonpack"]) == 2
-    said = capsys.readouterr()
-    assert sentence in said.err
-    assert said.err.startswith("error: evil.ergonpack: ")
-    assert "\x1b[2J" not in said.err
-    assert said.out == ""
+    output = capsys.readouterr()
+    assert sentence in output.err
+    assert output.err.startswith("error: evil.ergonpack: ")
+    assert "\x1b[2J" not in output.err
+    assert output.out == ""
     assert tree(tmp_path) == before
     assert os.listdir(temporary) == []
     assert os.listdir() == ["evil.ergonpack"]
