@@ -72,7 +72,8 @@ def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
     assert "nowhere.take: No such file" in capsys.readouterr().err
     assert app.run(["take", "info", "hand.gms"]) == 2
     assert (
-        "a take is a .take, .csv, .tsv, .npz, .c3d, .bvh, .trc or .sdif file" in capsys.readouterr().err
+        "a take is a .take, .csv, .tsv, .npz, .c3d, .bvh, .trc or .sdif file"
+        in capsys.readouterr().err
     )
 
 
