@@ -124,6 +124,9 @@ def test_example_is_parsed(line: str, tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     program, *words = shlex.split(line)
     assert program == "ergon"
+    if "piece.ergonpack" in words:  # a pack is opened where it is named
+        Path("piece.yaml").write_text(SCORE)
+        assert app.run(["pack", "piece.yaml"]) == 0
     command: click.Command = app.group
     context = click.Context(command, info_name="ergon")
     while isinstance(command, LazyGroup) and words:
