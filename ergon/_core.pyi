@@ -1820,7 +1820,7 @@ class ViewServer:
         sound: Path | str | None = None,
         at: str = "127.0.0.1:0",
         key: str,
-        leads: Sequence[Lead] = (),
+        leads: Sequence[Lead] = ...,
     ) -> Self:
         """Listen at HOST:PORT; port 0 is any free one. The `key`, 32 hexadecimal digits, is part of
         every address: other users of this machine can reach the port too.
