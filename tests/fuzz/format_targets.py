@@ -137,7 +137,7 @@ def _layout(form: Form) -> Target:
         return next(corrupted(whole.encode(), 1, chance.randrange(1 << 30)))
 
     def read(data: bytes, _: Path) -> Iterator[str]:
-        yield as_yaml(form.read(data), "a room", 3.0)
+        yield as_yaml(form.read(data).speakers, "a room", 3.0)
 
     return Target(f"layout{form.ending}", case, read, (LayoutFileError,), 150, 30_000)
 

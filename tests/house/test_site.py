@@ -30,7 +30,7 @@ QUESTIONS = [
     ("vibraphone", "instruments/bars"),
     ("undo", "repl"),
     ("overwritten", "files"),
-    ("share html", "view"),
+    ("send piece one file", "view"),
     ("extras pygls", "install"),
 ]
 

@@ -31,7 +31,7 @@ gestures: {{knock: 0mm@0 smooth 8mm@1/8 0mm@1/2}}
 players: {{ada: {{key: v}}, remi: {{hand: live, key: k{tick}}}}}
 {duet}
 parts: {{ada: [{part}]}}
-mix: {{master: {{gain: 0dB}}, route: [{{from: bell, to: 1, highpass: 20Hz}}]}}
+mix: {{master: {{gain: 0dB, reference: SI}}, route: [{{from: bell, to: 1, highpass: 20Hz}}]}}
 render: {{tail: {tail}}}
 """
 
