@@ -150,7 +150,7 @@ fn text(page: &mut WebSocket<TcpStream>) -> String {
 }
 
 #[test]
-fn a_page_that_holds_a_key_moves_it_and_leaves_it_when_it_is_closed() {
+fn page_moves_a_key_until_it_closes() {
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
     let mut page = join(&server);
@@ -179,7 +179,7 @@ fn a_page_that_holds_a_key_moves_it_and_leaves_it_when_it_is_closed() {
 }
 
 #[test]
-fn another_page_moves_nothing_and_is_told() {
+fn page_is_refused_a_key_of_another_page() {
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
     let (mut first, mut second) = (join(&server), join(&server));
@@ -199,7 +199,7 @@ fn another_page_moves_nothing_and_is_told() {
 }
 
 #[test]
-fn what_is_not_finite_moves_nothing() {
+fn page_positions_that_are_not_finite() {
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
     let mut page = join(&server);
@@ -215,7 +215,7 @@ fn what_is_not_finite_moves_nothing() {
 }
 
 #[test]
-fn who_sends_without_end_or_what_is_not_in_the_protocol_is_disconnected() {
+fn page_with_floods_or_nonsense_is_disconnected() {
     let dropped = |server: &Server| server.tally().dropped.load(Ordering::Relaxed);
     let key = Arc::new(Noted::default());
     let server = served(std::slice::from_ref(&key));
@@ -243,7 +243,7 @@ fn who_sends_without_end_or_what_is_not_in_the_protocol_is_disconnected() {
 }
 
 #[test]
-fn only_its_own_page_gets_in() {
+fn page_with_wrong_origin_or_token_is_refused() {
     let server = served(&[Arc::new(Noted::default())]);
     let origin = format!("http://127.0.0.1:{}", server.at().port());
     let status = |path: &str, origin: &str| answer(&server, path, &upgrade(origin)).0;
@@ -262,7 +262,7 @@ fn only_its_own_page_gets_in() {
 }
 
 #[test]
-fn a_page_asks_which_keys_there_are() {
+fn page_lists_keys() {
     let server = served(&[Arc::new(Noted::default())]);
     let (_, mut stream) = answer(&server, &format!("/{KEY}/hands"), "");
     let mut body = String::new();

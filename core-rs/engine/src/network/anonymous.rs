@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn names_and_other_parts_do_not_count() {
+    fn content_without_names_and_other_parts() {
         let alone = text(&[], "bell", 440.0);
         assert_eq!(text(&[], "gong", 440.0), alone);
         assert_eq!(text(&["a", "b", "c"], "bell", 440.0), alone);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_keep_their_order() {
+    fn content_with_parts_in_order() {
         let (network, _) = bell(&["a", "b", "c"], "bell", 440.0);
         let order = PartOrder::of([&network]);
         assert_eq!([0, 2, 3].map(|part| order.rank(part)), [0, 1, 2]);

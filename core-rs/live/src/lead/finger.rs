@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn springs_share_a_static_force_in_series() {
+    fn finger_and_pulp_in_series() {
         let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
         (0..5_000).for_each(|_| motion.advance(1.0, pull(0.0)));
         // 1 N on the key: the finger's spring gives way by 1/400 m, its pulp by 1/2000 m.
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_landing_finger_does_not_jerk_the_key() {
+    fn finger_lands_without_a_jerk() {
         let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
         let mut last = motion.key();
         for _ in 0..2_000 {
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn no_pull_passes_the_ends_of_the_key() {
+    fn finger_at_the_ends_of_the_key() {
         let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
         for tick in 0..3_000 {
             motion.advance(-20.0, (tick % 700 < 500).then_some(pull(0.05)).flatten());
@@ -261,7 +261,7 @@ mod tests {
 
     /// A step twice as long has four times the error: the computation is of second order.
     #[test]
-    fn half_the_step_has_a_quarter_of_the_error() {
+    fn finger_error_by_step() {
         let path = |steps: u32| {
             let mut motion = FingerMotion::new(Finger::default(), KEY, 1e-3);
             motion.steps = steps;

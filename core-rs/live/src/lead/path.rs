@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_line_is_read_exactly_however_unevenly_it_is_sampled() {
+    fn path_of_a_straight_line_sampled_unevenly() {
         let stamps = [0.0, 1e-3, 9e-3, 9.5e-3, 20e-3, 24e-3, 39e-3];
         let path: Vec<_> = stamps.iter().map(|&t| (t, 0.5 * t)).collect();
         let times: Vec<_> = (0..38).map(|ms| 1e-3 * f64::from(ms)).collect();
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pointer_that_stood_still_moves_one_delay_before_its_next_position() {
+    fn path_of_a_pointer_after_rest() {
         let path = [(0.0, 0.0), (2.0, 0.01)];
         let x = read(&path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
         for (read, wanted) in x.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lifted_finger_is_off_the_key_until_it_lands_again() {
+    fn finger_lifts_and_lands() {
         let rows = [(0.0, Some(1.0)), (0.1, None), (0.2, Some(2.0))];
         let mut rows = rows.into_iter().map(|(time, firmness)| Placed {
             time,
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_waited_goes_on_without_a_jump() {
+    fn path_continues_after_a_wait() {
         let path = [(0.0, 0.0), (0.015, 0.0), (0.03, 0.01), (0.045, 0.01)];
         let mut came = 2;
         let mut reader = PathReader::new(0.02);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_too_late_is_counted() {
+    fn path_counts_late_positions() {
         let mut waiting = vec![(0.0, 0.0)];
         let mut reader = PathReader::new(0.02);
         let next = |waiting: &mut Vec<(f64, f64)>| {

@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_come_out_as_they_went_in_within_the_travel() {
+    fn stream_positions_within_travel() {
         let lead = lead("osc:/in-and-out", true);
         for (time, x) in [(0.0, 0.01), (0.1, 9.0), (0.05, -9.0)] {
             lead.feed(placed(time, x)).unwrap();
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_and_floods_are_refused_and_counted() {
+    fn stream_refuses_nonsense_and_floods() {
         let lead = lead("osc:/flood", false);
         for bad in [placed(f64::NAN, 0.0), placed(0.0, f64::INFINITY)] {
             assert_eq!(lead.feed(bad), Err(Refusal::NotFinite));
@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_stamp_is_replaced_by_the_time_of_arrival() {
+    fn stream_replaces_wrong_stamps() {
         let lead = lead("osc:/stamps", false);
         for time in [-1e9, 1e9] {
             lead.feed(placed(time, 0.0)).unwrap();
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_is_led_once_at_a_time() {
+    fn leads_with_equal_names() {
         let first = lead("osc:/name", true);
         let again = LeadOptions {
             ..first.options().clone()
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_holds_a_key_that_no_other_page_holds() {
+    fn page_holds_a_free_key() {
         let lead = lead("page:held", false);
         lead.leave();
         assert!(lead.hold() && !lead.hold());

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_and_lifts_are_read() {
+    fn message_of_positions_and_lifts() {
         let rows = [(1.5, 0.25, 0.5), (1.75, -0.5, 1.0)];
         let moved = parse(&message(3, 0, &rows)).unwrap();
         assert_eq!(moved.key, 3);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn other_bytes_are_no_positions() {
+    fn message_of_random_bytes() {
         let sound = message(0, 0, &[(0.0, 0.0, 0.0)]);
         for bytes in [
             &[][..],
