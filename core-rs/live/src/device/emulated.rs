@@ -12,6 +12,31 @@ const RATE: f64 = 44_100.0 / 44.0;
 /// Greatest force [N].
 const FORCE_MAX: f64 = 20.0;
 
+/// What keys without a wire are capable of: exact positions and forces, at `rate` ticks a second [Hz], of a key of a mass
+/// [kg] and a damping [N·s/m].
+pub(super) fn exact_spec(
+    (dof, rate): (usize, f64),
+    pos_range: [f64; 2],
+    (mass, damping): (f64, f64),
+) -> Spec {
+    Spec {
+        dof,
+        unit: Unit::Metre,
+        pos_lsb: 0.0,
+        pos_range,
+        force_max_continuous: FORCE_MAX,
+        force_max_peak: FORCE_MAX,
+        force_lsb: 0.0,
+        rate_nominal: Some(rate),
+        loop_delay_s: Some(0.0),
+        inertia: Some(mass),
+        damping: Some(damping),
+        touch_gated: false,
+        can_lockstep: true,
+        can_wide: true,
+    }
+}
+
 /// Keys that advance by one step for every force sent.
 pub struct Emulated {
     keys: Keys,
@@ -37,22 +62,11 @@ impl Emulated {
 
     /// Keys with the hands that are on them.
     pub fn new(keys: Keys, key: Key) -> Self {
-        let spec = Spec {
-            dof: keys.n(),
-            unit: Unit::Metre,
-            pos_lsb: 0.0,
-            pos_range: key.range,
-            force_max_continuous: FORCE_MAX,
-            force_max_peak: FORCE_MAX,
-            force_lsb: 0.0,
-            rate_nominal: Some(keys.rate().hertz()),
-            loop_delay_s: Some(0.0),
-            inertia: Some(key.mass),
-            damping: Some(key.damping),
-            touch_gated: false,
-            can_lockstep: true,
-            can_wide: true,
-        };
+        let spec = exact_spec(
+            (keys.n(), keys.rate().hertz()),
+            key.range,
+            (key.mass, key.damping),
+        );
         Self {
             keys,
             spec,

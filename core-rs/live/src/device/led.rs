@@ -4,7 +4,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Unit, Url};
+use super::emulated::exact_spec;
+use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Url};
 use crate::device::MAX_AXES;
 use crate::emulate::Key;
 use crate::lead::finger::{FingerMotion, HeldKey, Pull};
@@ -12,8 +13,6 @@ use crate::lead::path::PathReader;
 use crate::lead::{self, Lead};
 use crate::safety::SafeForce;
 
-/// Greatest force [N].
-const FORCE_MAX: f64 = 20.0;
 /// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance that
 /// is corrected in a tick.
 const CLOCK_OFF: f64 = 0.02;
@@ -59,22 +58,7 @@ impl Led {
         Self {
             path: PathReader::new(options.delay),
             motion: FingerMotion::new(options.finger, key, period),
-            spec: Spec {
-                dof: 1,
-                unit: Unit::Metre,
-                pos_lsb: 0.0,
-                pos_range: key.range,
-                force_max_continuous: FORCE_MAX,
-                force_max_peak: FORCE_MAX,
-                force_lsb: 0.0,
-                rate_nominal: Some(1.0 / period),
-                loop_delay_s: Some(0.0),
-                inertia: Some(key.mass),
-                damping: Some(key.damping),
-                touch_gated: false,
-                can_lockstep: true,
-                can_wide: true,
-            },
+            spec: exact_spec((1, 1.0 / period), key.range, (key.mass, key.damping)),
             stats: Stats::default(),
             period,
             time: if options.lockstep { 0.0 } else { lead.now() },
