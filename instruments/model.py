@@ -143,14 +143,22 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
-    """What lets a note ring until its end: `at` is struck by −`impulse` [N·s] where a note begins,
-    and by the impulse where it ends, as a damper is lifted and let down.
+class Hold:
+    """What lasts as long as a note: `at` is struck where a note begins, by the impulse [N·s] that
+    the strength of the note is in `reach`, and by the opposite where it ends.
+
+    If it `is_lifted`, as a damper, the beginning is the opposite and the end the impulse.
     """
 
     at: tuple[Name, ...]
-    impulse: float
+    reach: Reach
     targets: tuple[Target, ...] = ()
+    is_lifted: bool = False
+
+    def impulse(self, strength: float) -> float:
+        """The impulse [N·s] of the beginning of a note; that of its end is the opposite."""
+        impulse = self.reach.impulse(strength)
+        return -impulse if self.is_lifted else impulse
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +166,8 @@ class Act:
     """A way in which an instrument is played; `at` are names as they are written inside it.
 
     `reach` [N·s] is the impulse of its softest and of its hardest stroke. `modules` are there once
-    a line plays it. `targets` is what is struck, once the names are looked up. `release` says what
-    the end of a note does.
+    a line plays it. `targets` is what is struck, once the names are looked up. `holds` last as long
+    as a note; so does what is struck, if it `is_drawn`.
     """
 
     name: str
@@ -168,7 +176,8 @@ class Act:
     place: Place
     modules: tuple[Module, ...] = ()
     targets: tuple[Target, ...] = ()
-    release: Release | None = None
+    holds: tuple[Hold, ...] = ()
+    is_drawn: bool = False
 
 
 @dataclass(frozen=True, slots=True)

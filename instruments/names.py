@@ -116,10 +116,10 @@ class PartNames:
 
     def resolved_act(self, owner: Part, act: Act) -> Act:
         """An act with what it strikes; reports what is wrong with its names."""
-        release = act.release
-        if release is not None:
-            release = replace(release, targets=tuple(self._inside(owner, act, release.at)))
-        return replace(act, targets=tuple(self.act_targets(owner, act)), release=release)
+        holds = tuple(
+            replace(hold, targets=tuple(self._inside(owner, act, hold.at))) for hold in act.holds
+        )
+        return replace(act, targets=tuple(self.act_targets(owner, act)), holds=holds)
 
     def _inside(self, owner: Part, act: Act, names: Iterable[Name]) -> list[Target]:
         """The MATs of names that are written inside an instrument, for one of its acts."""
@@ -154,13 +154,19 @@ class PartNames:
         does not say how it is played.
         """
         acts = self.parts[target.part].acts
-        striking = (a for a in acts.values() if any(_head(n) == target.module for n in a.at))
-        act = next(striking, None) or next(iter(acts.values()), None)
+        striking = [a for a in acts.values() if any(_head(n) == target.module for n in a.at)]
+        named = (a for a in striking if a.name == target.text.rpartition(".")[2])
+        act = next(named, None) or next(iter([*striking, *acts.values()]), None)
         return None if act is None else act.reach
 
-    def has_release(self, target: Target) -> bool:
+    def has_end(self, target: Target) -> bool:
         """Whether the end of a note does something where a target is struck."""
-        return any(act.release is not None for act in self.parts[target.part].acts.values())
+        return any(act.holds or act.is_drawn for act in self.parts[target.part].acts.values())
+
+    def is_drawn(self, target: Target) -> bool:
+        """Whether what a target strikes lasts as long as a note."""
+        acts = self.parts[target.part].acts.values()
+        return any(act.is_drawn for act in acts if target.module in map(_head, act.at))
 
     def sure_reach(self, target: Target, who: str) -> Reach | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument

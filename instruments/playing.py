@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ergon.instruments.model import Act, Module, Release
+from ergon.instruments.drawing import FIELDS, WORDS, DrawnActs, Pressing
+from ergon.instruments.model import Act, Hold, Module
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, ListOf, NamesOf, Reference
+from ergon.notation.tables.shapes import MISSING, ListOf, Name, NamesOf, Reference
 from ergon.notation.tables.strengths import Reach
 
 _ANY_REACH = 1e-3, 1e-2  # N·s
@@ -33,7 +34,8 @@ def play_table(module: Record) -> NamesOf:
     """The table of `play:`, in which modules are written as `module` says."""
     fields = (
         Field("at", _AT, "what is struck", shown="its only module"),
-        Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke", None, True),
+        Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
+        *FIELDS,
         Field("with", NamesOf(module, "module"), "modules that are there once a line plays it"),
         Field("release", RELEASE, "what the end of a note does", shown="nothing"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
@@ -51,23 +53,57 @@ def acts(
     """
     result = []
     written: dict[str, Any] = values["play"] or {}
+    drawn = DrawnActs(written)
     for name, body in written.items():
-        if body is MISSING or body["impulse"] is None:
+        if body is MISSING or (body.written("impulse") and body["impulse"] is None):
             continue
-        soft, hard = body["impulse"]
-        if not 0.0 < soft < hard:
-            message = f"{body.context.of('impulse')}: the softest and the hardest stroke are "
-            body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
-            soft, hard = _ANY_REACH  # strikes by this act are not refused once more
-        brought = modules_of(body["with"] or {})
-        reach = Reach(soft, hard, body["turns"])
-        act = Act(name, body["at"] or (), reach, body.place, brought, release=_release(body))
-        result.append(act)
+        pressing = drawn.pressing(body)
+        struck = _struck(body, pressing)
+        if struck is None:
+            continue
+        places, reach = struck
+        brought = drawn.modules(body, modules_of)
+        holds = tuple(
+            Hold((Name(mass, body.place),), each) for mass, each in pressing if (mass,) != places
+        )
+        result.append(
+            Act(
+                name,
+                places,
+                reach,
+                body.place,
+                brought,
+                holds=(*_release(body), *holds),
+                is_drawn=bool(pressing) and pressing[0].mass in places,
+            )
+        )
     return tuple(result)
 
 
-def _release(body: Values) -> Release | None:
+def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], Reach] | None:
+    """What an act strikes, by which impulses; None if that is not known, which is reported."""
+    if body["impulse"] is None:
+        if body["at"]:
+            body.error("E103", f"{body.context.of('')} has no 'impulse': 3mNs..40mNs, say", "at")
+            return None
+        if pressing:
+            mass, reach = pressing[0]
+            return (Name(mass, body.place),), reach
+        if not any(body.written(word) for word in WORDS):
+            message = f"{body.context.of('')} has no 'impulse': the softest and the hardest stroke"
+            body.error("E103", f"{message}, such as 3mNs..40mNs; a bow has `draw` and `press`")
+        return None
+    soft, hard = body["impulse"]
+    if not 0.0 < soft < hard:
+        message = f"{body.context.of('impulse')}: the softest and the hardest stroke are "
+        body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
+        soft, hard = _ANY_REACH  # strikes by this act are not refused once more
+    return body["at"] or (), Reach(soft, hard, body["turns"])
+
+
+def _release(body: Values) -> tuple[Hold, ...]:
     written = body["release"]
     if written is None or not all(name in written.given for name in ("at", "impulse")):
-        return None
-    return Release(written["at"], written["impulse"])
+        return ()
+    impulse = written["impulse"]
+    return (Hold(written["at"], Reach(impulse, impulse), is_lifted=True),)

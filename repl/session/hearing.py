@@ -10,7 +10,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
-from ergon.repl.session.struck_places import Place, dampers, place_number, strokes
+from ergon.repl.session.struck_places import Place, place_number, strokes
 
 if TYPE_CHECKING:
     from ergon.repl.session.acts import Acts
@@ -24,13 +24,14 @@ _DAMPER_UP = 1.0  # [s] from a stroke to the end of its note
 
 class _Awaited(NamedTuple):
     """Strokes that wait for a line by its number, or for a frame; `after` come when their note
-    ends.
+    ends, unless there were more than `n_panics` panics by then.
     """
 
     strokes: Sequence[tuple[Place, float]]
     after: Sequence[tuple[Place, float]] = ()
     number: int | None = None
     frame: int = 0
+    n_panics: int | None = None
 
 
 class Hearing:
@@ -64,12 +65,13 @@ class Hearing:
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
                 prefix = f"{where} "  # with a line that it needs
         struck = [*strokes(playing, command)]
-        down = [*dampers(playing, command)]
-        up = [(place, -impulse) for place, impulse in down]
+        begin = [(stroke.place, stroke.impulse) for stroke in struck]
+        end = [(stroke.place, -stroke.impulse) for stroke in struck if stroke.lasts]
         with schedule.lock:
-            self._awaited.append(_Awaited([*up, *struck], down, number))
+            self._awaited.append(_Awaited(begin, end, number))
             self.strike_due()
-        impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for _, impulse in struck))
+        shown = [s.impulse for s in struck if not s.lasts] or [s.impulse for s in struck]
+        impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for impulse in shown))
         return f"{prefix}{command.words['stroke'].text}: {impulses}"
 
     def strike_due(self) -> None:
@@ -80,11 +82,14 @@ class Hearing:
             is_ready = stroke.number is None or self._schedule.line(stroke.number) is None
             if not is_ready or stroke.frame > now:
                 self._awaited.append(stroke)
+            elif stroke.n_panics not in (None, self._stops.n_panics):
+                continue  # a panic has put at its start what this stroke would bring back
             elif not self._stops.panicked:
                 for place, impulse in stroke.strokes:
                     self._strike(place, impulse)
                 if stroke.after:
-                    self._awaited.append(_Awaited(stroke.after, frame=now + n_up))
+                    end, n_panics = now + n_up, self._stops.n_panics
+                    self._awaited.append(_Awaited(stroke.after, frame=end, n_panics=n_panics))
 
     def _strike(self, place: Place, impulse: float) -> None:
         part, module, member = place

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.live.midi_messages import (
     Control,
     Note,
     NoteEnd,
     Played,
+    Pressure,
     Program,
     SongPosition,
     Transport,
@@ -26,7 +27,7 @@ from ergon.repl.session.struck_places import (
     Place,
     maps_of,
     place_number,
-    released_places,
+    pressed_places,
     struck_places,
 )
 from ergon.repl.session.version import NotTakenError
@@ -40,6 +41,17 @@ if TYPE_CHECKING:
 
 
 _SUSTAIN, _PEDAL_DOWN = 64, 64  # the controller of the pedal, and its least value when down
+
+
+class _Sounding(NamedTuple):
+    """A note whose end does something: what it strikes, and by how much its key has pressed
+    places [N·s]. A panic ends it: `n_panics` were before it.
+    """
+
+    n_panics: int
+    channel: int
+    ends: Sequence[tuple[Place, float]]
+    pressed: dict[Place, float]
 
 
 class MidiInput:
@@ -56,7 +68,7 @@ class MidiInput:
         """Act on what plays (`acts`), and on values of lines; `say` adds a message."""
         self._schedule, self._acts = schedule, acts
         self._fast_values, self._stops = fast_values, stops
-        self._sounding: set[int] = set()  # notes whose end does something
+        self._sounding: dict[int, _Sounding] = {}  # notes whose end does something
         self._on_pedal: set[int] = set()  # those whose key is up
         self._is_pedal_down = False
         self._n_lines = 0  # typed by notes
@@ -84,7 +96,7 @@ class MidiInput:
         elif isinstance(message, Note):
             if self._learn(message):
                 return True
-            self._begin(message)
+            self._begin(message, channel)
             self._type(message)
             head = self._schedule.head
             for name, line in self._zones.begun(channel, message.number, head.maps, head.piece):
@@ -136,6 +148,8 @@ class MidiInput:
         is_mapped, values = self._zones.moves(channel, message, head.maps, head.piece)
         for name, line in values:
             self._fast_values.set_soon(name, line)
+        if isinstance(message, Pressure) and not is_mapped:
+            return self._press(message, channel)
         return is_mapped or is_pedal
 
     def _type(self, note: Note) -> None:
@@ -146,18 +160,36 @@ class MidiInput:
                 f"note {note.number}, line {self._n_lines}", partial(_line, line)
             )
 
-    def _begin(self, note: Note) -> None:
+    def _begin(self, note: Note, channel: int) -> None:
         """Strike what a note is mapped to in the running version; do nothing during a panic."""
         if self._stops.panicked:
             return
         version = self._schedule.running.version
         if note.number in self._sounding:
             self._let_down(note.number)
-        for place, impulse in released_places(version, note.number):
-            self._sounding.add(note.number)
-            self._strike(place, -impulse)
-        for place, impulse in struck_places(version, note.number, note.velocity):
-            self._strike(place, impulse)
+        strokes = [*struck_places(version, note.number, note.velocity)]
+        ends = [(stroke.place, -stroke.impulse) for stroke in strokes if stroke.lasts]
+        if ends:
+            self._sounding[note.number] = _Sounding(self._stops.n_panics, channel, ends, {})
+        for stroke in strokes:
+            self._strike(stroke.place, stroke.impulse)
+
+    def _press(self, message: Pressure, channel: int) -> bool:
+        """Press on the notes that sound, those of one key or of one channel; whether there is
+        anything to press on.
+        """
+        is_pressed = False
+        for number, note in self._sounding.items():
+            if note.n_panics != self._stops.n_panics:
+                continue
+            if message.number not in (None, number) or note.channel != channel:
+                continue
+            version = self._schedule.running.version
+            for place, impulse in pressed_places(version, number, message.value):
+                is_pressed = True
+                self._strike(place, impulse - note.pressed.get(place, 0.0))
+                note.pressed[place] = impulse
+        return is_pressed
 
     def _end(self, number: int) -> None:
         """End a note, or hold it while the pedal is down."""
@@ -173,9 +205,11 @@ class MidiInput:
             self._let_down(number)
 
     def _let_down(self, number: int) -> None:
-        self._sounding.discard(number)
+        note = self._sounding.pop(number)
         self._on_pedal.discard(number)
-        for place, impulse in released_places(self._schedule.running.version, number):
+        if note.n_panics != self._stops.n_panics:
+            return
+        for place, impulse in (*note.ends, *((p, -i) for p, i in note.pressed.items())):
             self._strike(place, impulse)
 
     def _strike(self, place: Place, impulse: float) -> None:

@@ -63,6 +63,11 @@ class Stops:
         return self.panicked or self.has_let_go
 
     @property
+    def n_panics(self) -> int:
+        """How many panics there were; each puts all masses at their start."""
+        return self._panics
+
+    @property
     def may_release(self) -> bool:
         """Whether no stop was entered after the line that is being done."""
         releases, count = getattr(self._line, "state", (True, self._count))

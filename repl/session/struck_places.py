@@ -6,13 +6,14 @@ import contextlib
 import itertools
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import Reach
+from ergon.notation.tables.strengths import Level, Reach
+from ergon.notation.tables.strengths import velocity as velocity_level
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.velocities import Curve
 from ergon.notation.text.errors import Collector, TextError
@@ -27,8 +28,22 @@ if TYPE_CHECKING:
 
 _MAX_STRUCK = 128  # as many as there are notes
 
+_PRESS = "press"  # the act that pressure on a key plays
+
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
 Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
+
+
+class Stroke(NamedTuple):
+    """What the beginning of a note strikes, and by which impulse [N·s].
+
+    If it `lasts`, the end of the note strikes it by the opposite impulse.
+    """
+
+    place: Place
+    impulse: float
+    lasts: bool = False
+
 
 # The engine's numbers of struck places: each place keeps its number as long as this process runs,
 # so that a strike finds it in every version.
@@ -53,28 +68,42 @@ def strike_points(version: Version) -> StrikePoints:
         with contextlib.suppress(NotTakenError):
             if isinstance(mapped, MapNotes):
                 for note in range(mapped.low, mapped.high + 1):
-                    places.update(
-                        dict.fromkeys(place for place, _ in _sounding(version, mapped, note))
-                    )
-                    places.update(dict.fromkeys(p for p, _ in _released(version, mapped, note)))
+                    places.update((place, None) for place, _ in _sounding(version, mapped, note))
+                    acts = _played_acts(version.piece, mapped, note)
+                    acts += _pressing_acts(version.piece, mapped, note)
+                    places.update((p, None) for p in _act_places(version, acts, mapped.target))
             elif isinstance(mapped, Hear):
-                places.update(dict.fromkeys(place for place, _ in struck_once(version, mapped)))
-                places.update(dict.fromkeys(place for place, _ in dampers(version, mapped)))
+                places.update((place, None) for place, _ in struck_once(version, mapped))
+                acts = _acts_of(version.piece, mapped)
+                places.update((p, None) for p in _act_places(version, acts, mapped.target))
     return [
         (part, module, member, place_number((part, module, member)))
         for part, module, member in places
     ]
 
 
+def _act_places(version: Version, acts: list[Act], path: str) -> Iterator[Place]:
+    """All places that acts strike."""
+    for act in acts:
+        for targets in (act.targets, *(hold.targets for hold in act.holds)):
+            for target in targets:
+                for place in _members(target, path):
+                    yield _as_sounding(version, place)
+
+
 # --- what `hear` strikes -------------------------------------------------------------------------
 
 
-def strokes(version: Version, hear: Hear) -> Iterator[tuple[Place, float]]:
-    """The places that `hear` strikes, each with its impulse [N·s]. Raises NotTakenError."""
-    for place, reach in struck_once(version, hear):
-        if hear.level.is_strength and reach is None:
-            raise NotTakenError(f"{hear.target} does not say how it is played; write an impulse")
-        yield place, hear.level.impulse(reach, max)
+def strokes(version: Version, hear: Hear) -> Iterator[Stroke]:
+    """What `hear` strikes. Raises NotTakenError."""
+    for act in _acts_of(version.piece, hear):
+        yield from _act_strokes(version, act, hear.level, hear.target)
+    if not _is_act(version.piece, hear.target):
+        for place, _ in struck_once(version, hear):
+            if hear.level.is_strength:
+                message = f"{hear.target} does not say how it is played; write an impulse"
+                raise NotTakenError(message)
+            yield Stroke(place, hear.level.impulse(None, max))
 
 
 def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
@@ -88,14 +117,6 @@ def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
             raise NotTakenError(f"{hear.target} is a module, and has no notes")
         for place in _members(_check_target(version.piece, hear.target), hear.target):
             yield _as_sounding(version, place), None
-
-
-def dampers(version: Version, hear: Hear) -> Iterator[tuple[Place, float]]:
-    """The places that the end of the stroke strikes, each with its impulse [N·s]; its beginning
-    strikes them by the opposite. Raises NotTakenError.
-    """
-    for act in _acts_of(version.piece, hear):
-        yield from _damped(version, act, hear.target)
 
 
 def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
@@ -169,33 +190,53 @@ def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
             yield new
 
 
-def struck_places(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, float]]:
-    """The places that a note strikes, each with its impulse [N·s]."""
+def struck_places(version: Version, note: int, velocity: int) -> Iterator[Stroke]:
+    """What a note strikes."""
     for notes in maps_of(version, note):
         curve = Curve(notes.curve)
         with contextlib.suppress(NotTakenError):
-            for place, reach in _sounding(version, notes, note):
-                if notes.impulse is None:
-                    yield place, curve.level(velocity).impulse(reach, max)
-                else:
-                    weak, strong = notes.impulse
-                    yield place, weak + (strong - weak) * float(curve.share(velocity, 1))
+            if notes.impulse is None:
+                for act in _played_acts(version.piece, notes, note):
+                    yield from _act_strokes(version, act, curve.level(velocity), notes.target)
+                continue
+            for place, _ in _sounding(version, notes, note):
+                weak, strong = notes.impulse
+                impulse = weak + (strong - weak) * float(curve.share(velocity, 1))
+                yield Stroke(place, impulse)
 
 
-def released_places(version: Version, note: int) -> Iterator[tuple[Place, float]]:
-    """The places that the end of a note strikes, each with its impulse [N·s]; its beginning strikes
-    them by the opposite.
+def pressed_places(version: Version, note: int, value: int) -> Iterator[tuple[Place, float]]:
+    """The places that press on the note of a key, each with the impulse [N·s] that presses as
+    strongly as the key is pressed, 0 to 127.
     """
     for notes in maps_of(version, note):
         with contextlib.suppress(NotTakenError):
-            yield from _released(version, notes, note)
+            for act in _pressing_acts(version.piece, notes, note):
+                impulse = velocity_level(value).impulse(act.reach, max) if value else 0.0
+                for place in _act_places(version, [act], notes.target):
+                    yield place, impulse
 
 
-def _released(version: Version, notes: MapNotes, note: int) -> Iterator[tuple[Place, float]]:
-    if notes.impulse is not None or _types_lines(version.piece, notes):
-        return
-    for act in _acts(version.piece, notes.target, note):
-        yield from _damped(version, act, notes.target)
+def _played_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
+    """The acts by which a note plays an instrument. Raises NotTakenError."""
+    if notes.impulse is not None or _types_lines(piece, notes):
+        return []
+    return _acts(piece, notes.target, note)
+
+
+def _pressing_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
+    """The acts by which the pressure on the key of a note plays its instrument, if it has one.
+    Raises NotTakenError.
+    """
+    name = notes.target.partition(".")[0]
+    part = name
+    if notes.impulse is not None or _types_lines(piece, notes):
+        return []
+    if name in piece.families:
+        part = _member_of(piece, name, note) or ""
+    instrument = piece.instruments.get(part)
+    acts = () if instrument is None else instrument.acts
+    return [_act(piece, f"{name}.{_PRESS}", part) for act in acts if act.name == _PRESS]
 
 
 def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
@@ -212,13 +253,19 @@ def _as_sounding(version: Version, place: Place) -> Place:
     return version.sounds_as.of(part), module, member
 
 
-def _damped(version: Version, act: Act, path: str) -> Iterator[tuple[Place, float]]:
-    """What the end of a note of an act strikes, as the engine knows it. Raises NotTakenError."""
-    if act.release is None:
-        return
-    for target in act.release.targets:
+def _act_strokes(version: Version, act: Act, level: Level, path: str) -> Iterator[Stroke]:
+    """What a note of an act strikes at a level, as the engine knows it: first what lasts as long
+    as the note. Raises NotTakenError.
+    """
+    impulse = level.impulse(act.reach, max)
+    for hold in act.holds:
+        lasting = hold.impulse(act.reach.strength(impulse))
+        for target in hold.targets:
+            for place in _members(target, path):
+                yield Stroke(_as_sounding(version, place), lasting, lasts=True)
+    for target in act.targets:
         for place in _members(target, path):
-            yield _as_sounding(version, place), act.release.impulse
+            yield Stroke(_as_sounding(version, place), impulse, act.is_drawn)
 
 
 def _acts(piece: Piece, target: str, note: int) -> list[Act]:

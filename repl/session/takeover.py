@@ -50,6 +50,7 @@ class Takeovers:
             after.start,
             ends_gestures=any(one.result().ends_gestures for one in lines),
             stops=not after.clock.is_running,
+            resets=any(one.resets for one in lines),
         )
         stage.placed = place_samples(after.frozen, stage.listening, after.clock, stage.rate)
         return replace(after, stage=stage, serial=on.serial + 1)

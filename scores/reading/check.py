@@ -364,6 +364,10 @@ class Checker:
             if reach is None:
                 return None
             reaches[target.part] = reach
+        if strikes.rate is not None and any(map(self.part_names.is_drawn, strikes.to)):
+            message = f"{values.context.of('rate')}: a bow is drawn for as long as a note; write "
+            values.error("E111", message + "`every`, with `chance` if need be", "rate")
+            return None
         if strikes.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
             message = f"{values.context.of('rate')}: strikes by chance have one impulse; write an "
             values.error("E111", message + "entry for each instrument and each strength", "rate")

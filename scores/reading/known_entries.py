@@ -124,7 +124,10 @@ def _state(where: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any
     if holder is None or part not in names.parts:
         return None
     modules = names.parts[part].modules
-    acts = [(act.name, act.at, act.reach) for act in names.parts[part].acts.values()]
+    acts = [
+        (act.name, act.at, act.reach, act.holds, act.is_drawn)
+        for act in names.parts[part].acts.values()
+    ]
     ca_rate = getattr(holder, "ca_rate", None)
     if name:
         module = modules.get(name)

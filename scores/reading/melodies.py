@@ -245,7 +245,7 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
         targets = voices.targets(row, who)
-        if any(voices.part_names.has_release(target) for target in targets):
+        if any(voices.part_names.has_end(target) for target in targets):
             hit = replace(hit, lasting=row.lasting)
         if not level.is_strength:
             found.append(replace(hit, to=targets))

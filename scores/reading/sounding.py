@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from ergon.instruments.model import Act, Instrument, Module, Output, Release, Target
+from ergon.instruments.model import Act, Hold, Instrument, Module, Output, Target
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.piece import Coupling, Hit, Key, Mix, Piece, Player, Route, Strikes
 from ergon.scores.reading.rhythms import Rhythm, renamed
@@ -14,7 +14,7 @@ from ergon.scores.reading.rhythms import Rhythm, renamed
 # Types of which a field may hold a target or the name of a part.
 _HOLDING = (
     *(Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes),
-    *(Rhythm, Act, Release),
+    *(Rhythm, Act, Hold),
 )
 _NAMED = {Target: ("part", "text"), Route: ("part",), Player: ("key",)}
 _NAMED |= {Key: ("name",), Instrument: ("name",)}

@@ -14,6 +14,7 @@ from ergon.notation.text.errors import Collector
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.staging.automating import Automated, automation_points, takeover_points
+from ergon.scores.staging.drawn_notes import DrawnNotes
 from ergon.scores.staging.parameter_curves import GRID
 from ergon.scores.staging.parameter_values import Led, Points, Where
 from ergon.scores.staging.planning import Watched, plan_again
@@ -24,11 +25,14 @@ _Paths = Mapping[Where, Points]
 
 
 @without_gc
-def cut_stage(stage: Stage, frame: int, *, ends_gestures: bool, stops: bool) -> Stage:
+def cut_stage(
+    stage: Stage, frame: int, *, ends_gestures: bool, stops: bool, resets: bool = False
+) -> Stage:
     """The stage that takes over from `stage` at `frame`, and begins nothing from there on.
 
-    Gestures in flight go on to their end, or end too if it `ends_gestures`. If it `stops`, the
-    piece stands on the beat of the frame: automation and couplings stay as they are there.
+    Gestures in flight go on to their end, or end too if it `ends_gestures`. Notes that draw or
+    press end, unless it `resets` all masses. If it `stops`, the piece stands on the beat of the
+    frame: automation and couplings stay as they are there.
     Glides of typed values and drives go on in any case; frozen parts end. Raises EngineError and
     StoppedError.
     """
@@ -36,6 +40,8 @@ def cut_stage(stage: Stage, frame: int, *, ends_gestures: bool, stops: bool) -> 
     instant = frame / stage.rate
     kept = [] if ends_gestures else _in_flight(stage, instant)
     timeline = stage.timeline.cut(frame, kept, stops=stops)
+    mat_of, rate = stage.built.assembly.mats.get, stage.rate
+    DrawnNotes(timeline, () if resets else stage.drawn, instant, rate).end_others(mat_of, 0)
     piece = _standing(stage.piece, instant) if stops else stage.piece
     paths, paths_until = _paths_from(stage, piece, instant, stops=stops)
     _put_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
@@ -52,6 +58,7 @@ def cut_stage(stage: Stage, frame: int, *, ends_gestures: bool, stops: bool) -> 
             stage.network, timeline, plan=plan, start=frame, on_fault="mute"
         ),
         n_frames=0,
+        drawn=(),
         gestures=[stage.gestures[index] for index in kept],
         diagnostics=[],
         plan=plan,

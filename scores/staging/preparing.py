@@ -22,6 +22,7 @@ from ergon.scores.staging.automating import (
     takeover_points,
 )
 from ergon.scores.staging.built_network import COUPLING_ENDED, BuiltNetwork, acting, build_network
+from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.known_automation import KnownAutomation
@@ -50,6 +51,7 @@ class EarlierStage(Protocol):
     paths: Mapping[Where, Points]
     paths_until: float
     memory: StageMemory
+    drawn: Sequence[DrawnNote]
 
 
 class Span(NamedTuple):
@@ -73,6 +75,7 @@ class PreparedPiece:
     paths_until: float
     fades_from: int | None
     memory: StageMemory
+    drawn: Sequence[DrawnNote]
 
     @property
     def network(self) -> _core.Network:
@@ -116,14 +119,15 @@ def prepare(
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        plays_until = _play(piece, assembly, hands, couplings, real, played, memory)
+        begin = -math.inf if like is None else start / piece.rate
+        drawn = DrawnNotes(timeline, like.drawn if like else (), begin, piece.rate)
+        plays_until = _play(piece, assembly, hands, couplings, real, played, memory, drawn)
         end = max(plays_until, _length(piece, live))
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_rooms(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
-        begin = -math.inf if like is None else start / piece.rate
         (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)
         if like is not None:
             of_before = like.paths, paths, piece, begin, like.paths_until
@@ -141,7 +145,7 @@ def prepare(
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
     of_paths = paths, paths_until
     of_piece = built, timeline, n_frames, hands, collector, live
-    return PreparedPiece(*of_piece, *of_paths, fades_from, memory)
+    return PreparedPiece(*of_piece, *of_paths, fades_from, memory, drawn.notes)
 
 
 def _automate(
@@ -183,6 +187,7 @@ def _play(
     real: Real,
     spans: Sequence[Span],
     memory: StageMemory,
+    drawn: DrawnNotes,
 ) -> float:
     """Put all virtual events on the timeline; returns when the last one ends [s]."""
     timeline = hands.timeline
@@ -207,8 +212,9 @@ def _play(
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
             mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_same_place, strikes.place))
-            striking = Striking(played, timeline, strikes, mats, source, within, assembly)
+            striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
             ends.append(striking.play(hands.collector))
+    drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
     for link, (at, until) in zip(couplings, acting(piece), strict=True):
         if until == COUPLING_ENDED:
             at, until = NEVER, None

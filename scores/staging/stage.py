@@ -13,6 +13,7 @@ from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.without_gc import without_gc
 from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.built_network import BuiltNetwork
+from ergon.scores.staging.drawn_notes import DrawnNote
 from ergon.scores.staging.hands import ErgonPlaces, StagedGesture
 from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand
@@ -59,6 +60,7 @@ class Stage:
     memory: StageMemory = field(default_factory=StageMemory)
     placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
+    drawn: Sequence[DrawnNote] = ()  # notes that draw or press until they end
     # What an earlier simulation reported, where this one was not run because its sound is known.
     reports: Reports | None = None
 
@@ -309,6 +311,7 @@ def stage(
         ready.fades_from,
         ready.memory,
         timeline=ready.timeline,
+        drawn=ready.drawn,
     )
 
 

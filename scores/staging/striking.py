@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.model import Target
+from ergon.instruments.model import Hold, Target
 from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
-from ergon.notation.tables.strengths import Level, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Reach
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.search import first_from
@@ -20,16 +21,33 @@ from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.rhythms import LONGEST_CYCLES
 from ergon.scores.reading.sweep_fields import Passing
+from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes, Place
 from ergon.scores.staging.sweep_members import visits
 
 ALL_TIME = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # of work, for a strike
+_ALONE = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
+
+# When a note begins and ends [s]; None where nothing says when it ends.
+Span = tuple[float, float | None]
 
 
 def _beat(tempo: TempoMap, instant: float) -> float:
     """The beat of an instant [s], which may be infinite."""
     return tempo.beats(instant) if math.isfinite(instant) else instant
+
+
+class _Holds(NamedTuple):
+    """What lasts as long as the note of a MAT: other MATs, and the MAT itself if it `is_drawn`."""
+
+    mats: Sequence[tuple[int, Hold]]
+    reach: Reach
+    is_drawn: bool
+
+    def strength(self, impulse: float) -> float:
+        """The strength of a note that strikes with an impulse [N·s]."""
+        return self.reach.strength(impulse)
 
 
 @dataclass(frozen=True)
@@ -43,6 +61,7 @@ class Striking:
     source: int
     within: tuple[float, float] = ALL_TIME  # interval of instants [s]
     assembly: Assembly | None = None  # for targets of melodies, sweeps, paths and strengths
+    drawn: DrawnNotes | None = None  # where drawn notes are played, with an assembly
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -119,10 +138,8 @@ class Striking:
             end = seconds(place + 1) if place + 1 < len(places) else None
             for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
-                    self._hold(mat, instant, end)
-                    if place >= first:
-                        self._strike(mat, instant, member, number, len(places))
-        return tempo.seconds(places[-1]) if places else 0.0
+                    self._strike(mat, (instant, end), member, number, len(places))
+        return self._last_end(tempo.seconds(places[-1])) if places else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
         """The MATs that a name of the pattern strikes: all, unless it is a note of an
@@ -147,14 +164,12 @@ class Striking:
                 instant = max(0.0, instant + chance.uniform(-reach, reach))
             end = max(end, instant)
             mats = [mat for target in hit.to for mat in self._members(target)]
-            for mat in mats:
-                lasting = hit.lasting
-                stop = None if lasting is None else tempo.seconds(tempo.after(beat, lasting))
-                self._hold(mat, instant, stop)
-            if not self._is_inside(instant):
-                continue
+            lasting = hit.lasting
+            stop = None if lasting is None else tempo.seconds(tempo.after(beat, lasting))
+            if stop is not None and any(map(self._is_drawn, mats)):
+                end = max(end, stop)
             for member, mat in enumerate(mats):
-                self._impel(mat, instant, hit.level, hit.reach, member, number)
+                self._impel(mat, (instant, stop), hit.level, hit.reach, member, number)
         return end
 
     def _passed(self, passing: Passing) -> float:
@@ -176,7 +191,7 @@ class Striking:
                     continue
                 if draws.happens(passing.chance, number, member):
                     count = len(way) * len(rounds)
-                    self._strike(self.mats[member], instant, member, number, count)
+                    self._strike(self.mats[member], (instant, None), member, number, count)
         return end
 
     def _members(self, target: Target) -> Sequence[int]:
@@ -192,33 +207,30 @@ class Striking:
         instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
         for occurrence, instant in enumerate(instants):
             is_last = occurrence + 1 == len(instants)
-            for mat in self.mats:
-                self._hold(mat, instant, None if is_last else instants[occurrence + 1])
-            if not self._is_inside(instant):
-                continue
+            span = instant, None if is_last else instants[occurrence + 1]
             for member, mat in enumerate(self.mats):
-                self._strike(mat, instant, member, occurrence, len(instants))
-        return instants[-1] if instants else 0.0
+                self._strike(mat, span, member, occurrence, len(instants))
+        return self._last_end(instants[-1]) if instants else 0.0
 
-    def _strike(self, mat: int, instant: float, member: int, number: int, count: int) -> None:
+    def _last_end(self, instant: float) -> float:
+        """When strikes end whose last begins at an instant, both in s."""
+        is_drawn = any(holds.is_drawn for holds in self._held_mats.values())
+        return instant + _ALONE if is_drawn else instant
+
+    def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
         """Strike a MAT as hard as the strikes say for one number of so many."""
         strikes, gain = self.strikes, self._gain
-        if strikes.levels is None and gain > 0.0:
-            speed = None if strikes.speed is None else strikes.speed * gain
-            self.timeline.strike(mat, instant, mass=strikes.mass, speed=speed, source=self.source)
-        if strikes.levels is None:
+        if strikes.levels is not None:
+            level = strikes.levels.step(number, count)
+            self._impel(mat, span, level, self._reaches.get(mat), member, number)
             return
-        level = strikes.levels.step(number, count)
-        self._impel(mat, instant, level, self._reaches.get(mat), member, number)
+        self._hold(mat, span, MEZZO_FORTE.low)
+        if gain > 0.0 and self._is_inside(span[0]):
+            speed = None if strikes.speed is None else strikes.speed * gain
+            self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
 
     def _impel(
-        self,
-        mat: int,
-        instant: float,
-        level: Level,
-        reach: Reach | None,
-        member: int,
-        number: int,
+        self, mat: int, span: Span, level: Level, reach: Reach | None, member: int, number: int
     ) -> None:
         """Strike a MAT at a level; from a range by chance."""
 
@@ -227,37 +239,80 @@ class Striking:
             chance = _core.Chance(self.piece.seed, "strikes", name, member, number)
             return chance.uniform(low, high)
 
-        if self._gain > 0.0:
-            impulse = self._gain * level.impulse(reach, draw)
-            if reach is not None and reach.turns and number % 2:
-                impulse = -impulse
+        holds = self._held_mats.get(mat)
+        if holds is None and not self._is_inside(span[0]):
+            return  # most notes of a version that plays from its middle
+        impulse = level.impulse(reach, draw)
+        if reach is not None and reach.turns and number % 2:
+            impulse = -impulse
+        if holds is not None:
+            self._hold(mat, span, holds.strength(impulse))
+        if self._is_drawn(mat):
+            self._draw(mat, span, self._gain * impulse)
+        elif self._gain > 0.0:
+            self._push(mat, span[0], self._gain * impulse)
+
+    def _draw(self, mat: int, span: Span, impulse: float) -> None:
+        """Strike a MAT, and by the opposite impulse where the note ends."""
+        begin, end = span[0], span[0] + _ALONE if span[1] is None else span[1]
+        assert self.drawn is not None
+        note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
+        self.drawn.play(note, mat, self.source, self.within)
+
+    def _push(self, mat: int, instant: float, impulse: float) -> None:
+        if self._is_inside(instant):
             self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
 
-    def _hold(self, mat: int, begin: float, end: float | None) -> None:
-        """Let a note ring from its beginning to its end, where its instrument has a release."""
-        for damper, impulse in self._releases.get(mat, ()):
-            for instant, signed in ((begin, -impulse), (end, impulse)):
-                if instant is not None and self._is_inside(instant):
-                    self.timeline.strike(damper, instant, impulse=signed, source=self.source)
+    def _hold(self, mat: int, span: Span, strength: float) -> None:
+        """Let what lasts as long as a note begin and end with it."""
+        holds = self._held_mats.get(mat)
+        for held, hold in () if holds is None else holds.mats:
+            impulse = hold.impulse(strength)
+            if not hold.is_lifted:
+                self._draw(held, span, impulse if self._gain > 0.0 else 0.0)
+            elif self.strikes.passing is None:  # what passes says of no end
+                self._push(held, span[0], impulse)
+                if span[1] is not None:
+                    self._push(held, span[1], -impulse)
+
+    def _is_drawn(self, mat: int) -> bool:
+        """Whether what strikes a MAT lasts as long as the note."""
+        return mat in self._held_mats and self._held_mats[mat].is_drawn
 
     @cached_property
-    def _releases(self) -> Mapping[int, Sequence[tuple[int, float]]]:
-        """What lets the note of each MAT ring: other MATs, and their impulses [N·s]."""
-        releases: dict[int, list[tuple[int, float]]] = {}
+    def _held_mats(self) -> Mapping[int, _Holds]:
+        """What lasts as long as the note of each MAT."""
+        holds: dict[int, _Holds] = {}
         for part in self.strikes.parts:
             instrument = self.piece.instruments.get(part)
             for act in () if instrument is None else instrument.acts:
-                if act.release is None:
-                    continue
-                dampers = [
-                    (mat, act.release.impulse)
-                    for target in act.release.targets
+                mats = [
+                    (mat, hold)
+                    for hold in act.holds
+                    for target in hold.targets
                     for mat in self._members(target)
                 ]
-                for target in act.targets if dampers else ():
+                for target in act.targets if mats or act.is_drawn else ():
                     for mat in self._members(target):
-                        releases.setdefault(mat, []).extend(dampers)
-        return releases
+                        before = holds.get(mat, _Holds((), act.reach, is_drawn=False))
+                        is_drawn = before.is_drawn or act.is_drawn
+                        holds[mat] = _Holds((*before.mats, *mats), act.reach, is_drawn=is_drawn)
+        return holds
+
+    @cached_property
+    def _places(self) -> Mapping[int, Place]:
+        """The place of each MAT that is drawn or pressed."""
+        acts = [
+            act
+            for part in self.strikes.parts
+            if part in self.piece.instruments
+            for act in self.piece.instruments[part].acts
+        ]
+        targets = [target for act in acts for target in act.targets]
+        targets += [target for act in acts for hold in act.holds for target in hold.targets]
+        return {
+            mat: (target.part, target.module) for target in targets for mat in self._members(target)
+        }
 
     @cached_property
     def _reaches(self) -> Mapping[int, Reach]:

@@ -38,6 +38,16 @@ class Reach(NamedTuple):
     hard: float
     turns: bool = False
 
+    def impulse(self, strength: float) -> float:
+        """The impulse [N·s] of a strength s: soft·(hard/soft)^s."""
+        return self.soft * _core.pow(self.hard / self.soft, strength)
+
+    def strength(self, impulse: float) -> float:
+        """The strength, from 0 to 1, whose impulse [N·s] is nearest to the size of one."""
+        size = min(self.hard, max(self.soft, abs(impulse)))
+        share = _core.ln(size / self.soft) / _core.ln(self.hard / self.soft)
+        return min(1.0, max(0.0, share))
+
 
 @dataclass(frozen=True, slots=True)
 class Level:
@@ -65,7 +75,7 @@ class Level:
         if not self.is_strength:
             return value
         assert reach is not None
-        return reach.soft * _core.pow(reach.hard / reach.soft, value) * self.factor
+        return reach.impulse(value) * self.factor
 
     @property
     def written(self) -> str:

@@ -1,0 +1,193 @@
+"""Speed and force of a bow that acts lead: constants of a link that follow masses.
+
+An act that draws or presses strikes a mass in thick oil, which goes as far as the impulse says and
+stays there: a millimetre for 0.1 N·s. A constant of the link follows the mass, from its written
+value on. The opposite impulse brings it back.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from ergon.instruments.following import Following
+from ergon.instruments.model import Module
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.shapes import MISSING, NAME, Name, Text, choice
+from ergon.notation.tables.strengths import Reach
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+_TRAVEL = 10e-3  # m, for each SI unit of the constant
+_OIL = 100.0  # N·s/m; with _TRAVEL an impulse of 1 N·s is one SI unit
+_MASSES = {"draw": 2.0, "press": 1.0}  # kg; with _OIL 20 ms and 10 ms until it stands
+
+
+class LinkRange(NamedTuple):
+    """A link, and what a constant of it is for the softest and for the hardest stroke."""
+
+    link: str
+    soft: float
+    hard: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Word:
+    """A field of acts that leads a constant of a link."""
+
+    constant: str
+    dimension: q.Dimension
+    example: str
+    doc: str
+
+    def parse(self, text: str) -> LinkRange:
+        """`hair 0.2N..2N`. Raises TextError."""
+        link, _, amounts = text.strip().partition(" ")
+        if not NAME.fullmatch(link) or not amounts.strip():
+            message = f"a link and a range are expected, such as {self.example}"
+            raise TextError(message, length=max(1, len(text)), code="E201")
+        example = self.example.partition(" ")[2]
+        try:
+            ends = q.span(amounts, lambda word: q.quantity(word, self.dimension), example)
+        except TextError as error:
+            error.offset += len(text) - len(text.lstrip()) + len(link) + 1
+            raise
+        if not 0.0 < ends[0] < ends[1]:
+            message = "the softest and the hardest stroke are expected, both above 0, "
+            raise TextError(f"{message}such as {example}", length=len(text), code="E202")
+        return LinkRange(link, *ends)
+
+
+WORDS = {
+    "draw": _Word("u", q.SPEED, "hair 0.04m/s..0.4m/s", "how fast a link rubs: its `u`"),
+    "press": _Word("F", q.PUSH, "hair 0.2N..2N", "how hard a link presses: its `F`"),
+}
+FIELDS = (
+    *(
+        Field(
+            name,
+            Text(
+                lru_cache(256)(word.parse), f"a link and a range, such as {word.example}", None, ()
+            ),
+            word.doc,
+            shown="nothing",
+        )
+        for name, word in WORDS.items()
+    ),
+    Field("until", choice("note"), "when drawing and pressing end", "note"),
+)
+
+
+class Pressing(NamedTuple):
+    """What an act that draws or presses strikes: the name of a mass, and its impulses."""
+
+    mass: str
+    reach: Reach
+
+
+class DrawnActs:
+    """The acts of an instrument that draw or press, by their written values."""
+
+    def __init__(self, written: Mapping[str, Any]) -> None:
+        """Take the acts by name; reports links that no act brings."""
+        self._written = {name: body for name, body in written.items() if body is not MISSING}
+        self._links: dict[str, str] = {}  # the act that brings each link
+        for name, body in self._written.items():
+            for link in body["with"] or ():
+                self._links.setdefault(link, name)
+        self._highest: dict[tuple[str, str], float] = defaultdict(float)
+        self._turning: set[tuple[str, str]] = set()
+        for body in self._written.values():
+            for word, led in _led(body):
+                if self._is_known(body, word, led):
+                    self._highest[led.link, word] += led.hard
+                    if word == "draw" and body["turns"]:
+                        self._turning.add((led.link, word))
+
+    def pressing(self, body: Values) -> list[Pressing]:
+        """What an act strikes to draw and to press."""
+        return [
+            Pressing(
+                _mass_name(led.link, word),
+                Reach(led.soft, led.hard, (led.link, word) in self._turning),
+            )
+            for word, led in _led(body)
+            if (led.link, word) in self._highest
+        ]
+
+    def modules(
+        self, body: Values, modules_of: Callable[[Mapping[str, Any]], tuple[Module, ...]]
+    ) -> tuple[Module, ...]:
+        """The modules that an act brings, with the masses that lead constants of its links."""
+        written: dict[str, Any] = dict(body["with"] or {})
+        for _, led in _led(body):
+            if led.link in self._links:
+                written = {**(self._written[self._links[led.link]]["with"] or {}), **written}
+        modules = []
+        for module in modules_of(written):
+            words = [word for word in WORDS if (module.name, word) in self._highest]
+            modules += [part for word in words for part in _mass(module, word)]
+            modules.append(self._following(module, words) if words else module)
+        return tuple(modules)
+
+    def _is_known(self, body: Values, word: str, led: LinkRange) -> bool:
+        """Whether a link is one that an act brings, and has no such constant; reports others."""
+        who, constant = body.context.of(word), WORDS[word].constant
+        brings = None if led.link not in self._links else self._written[self._links[led.link]]
+        if brings is None:
+            message = f"{who}: no act brings a link {quote(led.link)}; write it in `with`"
+            near = nearest(led.link, self._links)
+            body.error("E301", message, word, suggestion=near)
+            return False
+        link = brings["with"][led.link]
+        fields = link.given.get(link.kind, MISSING) if link is not MISSING else MISSING
+        if fields is MISSING:
+            return False  # reported already
+        if link.kind != "LNL":
+            message = f"{who}: {quote(led.link)} is a {link.kind}; only an LNL has {constant}"
+            body.error("E304", message, word)
+            return False
+        if constant in (fields["follows"] or ()):
+            message = f"{who}: {constant} of {quote(led.link)} follows a MAT; keep one of the two"
+            body.error("E111", message, word)
+            return False
+        return True
+
+    def _following(self, link: Module, words: Sequence[str]) -> Module:
+        """A link whose constants follow the masses that lead them, from their written values on."""
+        follows, places = dict(link.fields["follows"] or {}), dict(link.places)
+        constants = dict(link.fields["constants"])
+        for word in words:
+            constant, high = WORDS[word].constant, self._highest[link.name, word]
+            low = -high if (link.name, word) in self._turning else 0.0
+            rest = constants.pop(constant, 0.0)
+            mass = Name(_mass_name(link.name, word), link.place)
+            span = _TRAVEL * (high - low)
+            follows[constant] = Following(mass, rest + low, rest + high, -_TRAVEL * low, span)
+            places.setdefault("follows", link.place)
+        fields = {**link.fields, "follows": follows, "constants": constants}
+        return replace(link, fields=fields, places=places)
+
+
+def _led(body: Values) -> Iterator[tuple[str, LinkRange]]:
+    for word in WORDS:
+        if body[word] is not None:
+            yield word, body[word]
+
+
+def _mass_name(link: str, word: str) -> str:
+    return f"{link}-{word}"
+
+
+def _mass(link: Module, word: str) -> Iterator[Module]:
+    """A mass that a constant follows, in its oil."""
+    name, place = _mass_name(link.name, word), link.place
+    still = {"X0": 0.0, "V0": 0.0, "follows": ()}
+    yield Module(name, "MAS", {"M": _MASSES[word], **still}, place)
+    yield Module(f"{name}-ground", "SOL", {"X0": 0.0}, place)
+    between = Name(f"{name}-ground", place), Name(name, place)
+    yield Module(f"{name}-oil", "FRO", {"between": between, "Z": _OIL}, place)

@@ -1,0 +1,76 @@
+"""Notes that draw or press for as long as they last, also where another version takes over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf
+
+from ergon import _core
+
+Place = tuple[str, str]  # part and module of a MAT
+
+_SOON = 0.01  # [s] more than from the instant of a takeover to what plays from there on
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnNote:
+    """A note of strikes `who`: a MAT is where an impulse [N·s] takes it from `begin` to `end` [s]."""
+
+    who: str
+    place: Place
+    begin: float
+    end: float
+    impulse: float
+
+    @property
+    def key(self) -> tuple[str, Place, int]:
+        """What is the same for a note in two versions: its instant to the microsecond."""
+        return self.who, self.place, round(1e6 * self.begin)
+
+
+class DrawnNotes:
+    """The drawn notes of a timeline. Each ends by the opposite of what it began with.
+
+    Of the notes of the stage before, those that this one has too go on, with another impulse if
+    that has changed; all others end where this one takes over.
+    """
+
+    def __init__(
+        self,
+        timeline: _core.Timeline,
+        before: Sequence[DrawnNote] = (),
+        since: float = -inf,
+        rate: float = inf,
+    ) -> None:
+        """Take the notes of the stage before, and the instant [s] from which on this one plays."""
+        self._timeline, self._since = timeline, since + 1.0 / rate
+        self._before = {note.key: note for note in before if note.begin < since < note.end}
+        self.notes: list[DrawnNote] = []
+
+    def play(self, note: DrawnNote, mat: int, source: int, within: tuple[float, float]) -> None:
+        """Play a note that begins within an interval of instants [s]; or one that the stage before
+        has begun, if this interval follows it.
+        """
+        begins, follows = within[0] <= note.begin < within[1], within[0] > self._since - _SOON
+        before = self._before.pop(note.key, None) if follows and not begins else None
+        if begins:
+            self._push(mat, note.begin, note.impulse, source)
+        elif before is None:
+            return
+        else:
+            self._push(mat, self._since, note.impulse - before.impulse, source)
+        self._push(mat, note.end, -note.impulse, source)
+        self.notes.append(note)
+
+    def end_others(self, mat_of: Callable[[Place], int | None], source: int) -> None:
+        """End the notes that do not go on."""
+        for note in self._before.values():
+            mat = mat_of(note.place)
+            if mat is not None:
+                self._push(mat, self._since, -note.impulse, source)
+        self._before.clear()
+
+    def _push(self, mat: int, instant: float, impulse: float, source: int) -> None:
+        if impulse:
+            self._timeline.strike(mat, instant, impulse=impulse, source=source)
