@@ -6,12 +6,15 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Automate, StopLfo, When, Word
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.midi import source_words
+from ergon.repl.language.scope import MIDI_SUFFIXES, Scope, files_in
+from ergon.scores.gesture.midi_source import SOURCES, parse_source
 from ergon.scores.pattern.order import WAYS
 from ergon.scores.pattern.values import ReadAmount, parse_values
 from ergon.scores.pattern.words import parse_strikes
@@ -125,6 +128,61 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
     return offers
 
 
+def _read_source(text: str, *_: object) -> str:
+    parse_source(text)
+    return " ".join(text.split())
+
+
+def _source_offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+    if context.before[-1:] == ("cc",):
+        yield v.Completion("1/33", "a controller, or two")
+        return
+    for word, effect in SOURCES.items():
+        yield v.Completion(word.partition(" ")[0], effect)
+
+
+def _read_ends(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
+    parse_range(text, _reader(scope, given))
+    return text
+
+
+def _midi_files(context: v.CompletionContext) -> Iterator[v.Completion]:
+    for path in files_in(context.scope.folder, MIDI_SUFFIXES):
+        yield v.Completion(path.name, "a MIDI file")
+
+
+def follow_file(
+    target: str,
+    file: str,
+    source: str,
+    ends: str,
+    *,
+    channel: int | None = None,
+    start: str | None = None,
+    until: str | None = None,
+    when: When,
+    words: Mapping[str, Word],
+) -> Automate:
+    """`set bell.m.K from tune.mid by cc 1 range 1..5`."""
+    others = {"channel": channel, "start": start, "until": until}
+    written = {name: words[name].text for name, value in others.items() if value is not None}
+    fields = {"from": file, "by": source, "range": ends, **written}
+    return Automate(target, "set", fields, when=when, words=words)
+
+
+MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE.read, _midi_files)
+FILE_SOURCE = v.Value(
+    "what moves in the file, such as cc 1",
+    _read_source,
+    _source_offers,
+    count=source_words,
+    heads=("cc", "bend", "pressure"),
+)
+FILE_RANGE = v.Value(
+    "two values or factors, such as 1..5", _read_ends, lambda _: [v.Completion("0.8..1.2", "ends")]
+)
+CHANNEL = v.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
+FILE_START = v.quantity_value(k.RATIO, "32", (), "quarter notes of the file that are left out")
 AUTOMATED_TARGET = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.completions)
 AUTOMATION_VALUES = v.Value("values and the length of a step", _read_set, _offers(_SET_OPTIONS))
 LFO = v.Value("a range and a period", _read_lfo, _offers(_LFO_OPTIONS, "0.8..1.2"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ergon.repl.language import values as v
+from ergon.repl.language.automating import MIDI_FILE
 from ergon.repl.language.blocks import NEW_BLOCK
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.library import FAMILY
@@ -81,7 +82,7 @@ def _slot_text(slot: Slot, value: object) -> str | None:
         return slot.lead if value is True or text == slot.lead else None
     if slot.value is NEW_BLOCK:
         return f"{text}:"
-    if slot.value in (v.FILE, FAMILY) and " " in text:
+    if slot.value in (v.FILE, MIDI_FILE, FAMILY) and " " in text:
         text = f'"{text}"'
     return slot.lead + text if slot.lead.endswith("=") else f"{slot.lead} {text}".lstrip()
 

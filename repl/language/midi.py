@@ -46,7 +46,7 @@ def is_source(text: str) -> bool:
         return False
 
 
-def _source_words(words: Sequence[str]) -> int:
+def source_words(words: Sequence[str]) -> int:
     """How many of these words say what moves."""
     if words[:1] == ["cc"]:
         return 2
@@ -71,7 +71,7 @@ SOURCE = Value(
     "what moves (cc 21, bend, pressure or learn)",
     _read_source,
     _source_offers,
-    count=_source_words,
+    count=source_words,
     heads=("cc", "bend", "pressure", c.LEARN),
 )
 

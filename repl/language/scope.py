@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Gesture, Piece
 
 SUFFIXES = (".yaml", ".yml")  # of scores
+MIDI_SUFFIXES = (".mid", ".midi")
 _FILES_MAX = 10_000  # of a folder that is listed
 _INITIAL_FIELDS = ("X0", "V0")  # they set how a mass starts: no effect once it moves
 
@@ -62,11 +63,16 @@ def playable(scope: Scope) -> Mapping[str, str]:
 
 def scores_in(folder: Path | None) -> list[Path]:
     """The score files in a folder, by name; none if it cannot be read."""
+    return files_in(folder, SUFFIXES)
+
+
+def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
+    """The files in a folder whose names end so, by name; none if it cannot be read."""
     if folder is None:
         return []
     try:
         found = itertools.islice(folder.iterdir(), _FILES_MAX)
-        return sorted(path for path in found if path.suffix in SUFFIXES)
+        return sorted(path for path in found if path.suffix in suffixes)
     except OSError:
         return []
 

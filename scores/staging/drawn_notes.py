@@ -15,7 +15,7 @@ _SOON = 0.01  # [s] more than from the instant of a takeover to what plays from 
 
 @dataclass(frozen=True, slots=True)
 class DrawnNote:
-    """A note of strikes `who`: a MAT is where an impulse [N·s] takes it from `begin` to `end` [s]."""
+    """A note of strikes `who`: an impulse [N·s] moves a MAT, from `begin` to `end` [s]."""
 
     who: str
     place: Place

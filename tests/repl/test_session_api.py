@@ -118,6 +118,9 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "bell notes A3 C4 E4 euclid 5 8": lambda s: s.notes("bell", "A3 C4 E4 euclid 5 8"),
     "rain do every 4 rev, ply 2": lambda s: s.do("rain", "every 4 rev, ply 2"),
     'd1 = "bell*2 ~ bell" 2mNs': lambda s: s.define("d1", '"bell*2 ~ bell" 2mNs'),
+    "set bell.m.K from tune.mid by cc 1/33 range 0.5..2": lambda s: s.set(
+        "bell.m.K", from_="tune.mid", by="cc 1/33", range="0.5..2"
+    ),
     "set bell.m.f A3 C4 E4 every 1": lambda s: s.set("bell.m.f", "A3 C4 E4 every 1"),
     "lfo bell.m.K 0.8..1.2 period 4bar": lambda s: s.lfo("bell.m.K", "0.8..1.2 period 4bar"),
     "lfo bell.m.K off": lambda s: s.lfo("bell.m.K", "off"),
