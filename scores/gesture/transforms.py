@@ -397,3 +397,4 @@ _ROUND_WORDS = (
 ARGUMENTS = {word: len(verb.arguments) for word, verb in _VERBS.items()}
 ARITY = {word: count for word, count in ARGUMENTS.items() if word not in _RHYTHM_WORDS}
 EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}
+MEANINGS = {word: f"a transformation, such as {example}" for word, example in EXAMPLES.items()}

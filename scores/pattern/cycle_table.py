@@ -190,3 +190,4 @@ TABLE: Mapping[str, Form] = {
     "scale": Form("stronger by a factor", "scale 0.5", _scale, ((read.FACTOR,),)),
     **PHRASING,
 }
+MEANINGS = {word: f"{form.line}, such as {form.example}" for word, form in TABLE.items()}

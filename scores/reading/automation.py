@@ -18,7 +18,7 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place, Time
 from ergon.scores.gesture.midi_course import Course
-from ergon.scores.gesture.midi_source import parse_source
+from ergon.scores.gesture.midi_source import SOURCES, parse_source
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
@@ -119,7 +119,11 @@ AUTOMATION = Record(
         Field("channel", k.integer(1, 16, "1"), "of that file", shown="all together"),
         Field(
             "by",
-            Text(parse_source, "what moves in MIDI, such as cc 1, cc 1/33, bend or pressure"),
+            Text(
+                parse_source,
+                "what moves in MIDI, such as cc 1, cc 1/33, bend or pressure",
+                meanings=SOURCES,
+            ),
             "what it follows of the file: a controller, two of them (14 bits), the pitch wheel, "
             "the pressure of a channel or of a key (pressure C4)",
         ),

@@ -32,7 +32,7 @@ from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 from ergon.scores.reading.piece import Play
-from ergon.scores.reading.playing_options import OF_ENTRY, PLAY_DO, playing_options
+from ergon.scores.reading.playing_options import HAND_WORDS, OF_ENTRY, PLAY_DO, playing_options
 
 MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
@@ -182,6 +182,10 @@ class Part(Shape):
     def words(self) -> str:
         """In words."""
         return "a list of entries, or a table below '|' with rows such as A  knock every 1"
+
+    def vocabulary(self) -> dict[str, str]:
+        """The words of transformations in rows."""
+        return HAND_WORDS
 
     def chosen(self, node: Node) -> Shape:
         """The list of entries, unless a table is written."""

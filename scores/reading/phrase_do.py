@@ -9,7 +9,7 @@ from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Either, ListOf, Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
+from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_do
 from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
@@ -57,9 +57,21 @@ def _of_entry(text: str) -> Transform:
 _EXAMPLE = "such as stretch 2, reverse"
 # The `do` of a phrase.
 DO = Either(
-    scalar=Text(_of_entries, f"transformations, {_EXAMPLE}", types=("string",), has_values=True),
+    scalar=Text(
+        _of_entries,
+        f"transformations, {_EXAMPLE}",
+        types=("string",),
+        has_values=True,
+        meanings=MEANINGS,
+    ),
     sequence=ListOf(
-        Text(_of_entry, "a transformation, such as reverse", types=("string",), has_values=True)
+        Text(
+            _of_entry,
+            "a transformation, such as reverse",
+            types=("string",),
+            has_values=True,
+            meanings=MEANINGS,
+        )
     ),
 )
 

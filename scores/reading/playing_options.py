@@ -9,19 +9,29 @@ from typing import Any
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
-from ergon.scores.gesture.transforms import parse_chain, parse_do
+from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_do
 from ergon.scores.pattern import turn_chain
 from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
 
+HAND_WORDS = MEANINGS | {
+    word: f"{form.line}, such as {form.example}" for word, form in turn_chain.FORMS.items()
+}
 DO = Either(
     scalar=Text(
         parse_chain,
         "transformations, such as scale 0.5, mirror",
         types=("string",),
         has_values=True,
+        meanings=MEANINGS,
     ),
     sequence=ListOf(
-        Text(parse_do, "a transformation, such as scale 0.5", types=("string",), has_values=True)
+        Text(
+            parse_do,
+            "a transformation, such as scale 0.5",
+            types=("string",),
+            has_values=True,
+            meanings=MEANINGS,
+        )
     ),
 )
 # The `do` of what a player plays.
@@ -31,6 +41,7 @@ PLAY_DO = Either(
         "transformations, such as rev, every 4 mirror",
         types=("string",),
         has_values=True,
+        meanings=HAND_WORDS,
     ),
     sequence=ListOf(
         Text(
@@ -38,6 +49,7 @@ PLAY_DO = Either(
             "a transformation, such as every 4 rev",
             types=("string",),
             has_values=True,
+            meanings=HAND_WORDS,
         )
     ),
 )

@@ -15,7 +15,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import tuning
 from ergon.notation.tables.shapes import Text
-from ergon.notation.tables.strengths import LEVEL, MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.strengths import LEVEL, MEANINGS, MEZZO_FORTE, Level, Levels, Reach
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_transforms import apply, parse_transforms
@@ -278,4 +278,4 @@ def check_text(text: str) -> str:
     return text
 
 
-RHYTHM = Text(check_text, "a rhythm, such as kick ~ snare ~", types=("string",))
+RHYTHM = Text(check_text, "a rhythm, such as kick ~ snare ~", types=("string",), meanings=MEANINGS)

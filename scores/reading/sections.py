@@ -36,6 +36,8 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import CURVES
+from ergon.scores.gesture.transforms import MEANINGS as OF_GESTURES
+from ergon.scores.pattern.cycle_table import MEANINGS as OF_RHYTHMS
 from ergon.scores.reading import mixing, phrase_do
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
@@ -194,6 +196,10 @@ class StrikesDo(Shape):
     def words(self) -> str:
         """In words."""
         return "transformations, such as scale 0.5, or every 4 rev"
+
+    def vocabulary(self) -> dict[str, str]:
+        """Words of rhythms, and those of gestures that are for the entries of a phrase."""
+        return {**OF_GESTURES, **OF_RHYTHMS}
 
 
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)

@@ -12,6 +12,9 @@ from sockets import serving
 
 from ergon.instruments.module_kinds import KINDS
 from ergon.scores.gesture.points import CURVES
+from ergon.scores.gesture.transforms import MEANINGS as GESTURE_WORDS
+from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_WORDS
+from ergon.scores.pattern.turn_chain import FORMS
 
 EDITORS = Path(__file__).parents[2] / "editors"
 PIECE = "tempo 72\n\nada plays knock\nleo plays lean  # ü\n\nadda\nfail\n"
@@ -273,3 +276,74 @@ def test_every_word_of_the_program_is_coloured(name: int, line: str, words: tupl
     pattern = re.compile(grammar["patterns"][name]["match"])
     missing = [word for word in words if word not in pattern.findall(line.format(word))]
     assert not missing
+
+
+def transformations() -> list[str]:
+    return sorted({*GESTURE_WORDS, *RHYTHM_WORDS, *FORMS})
+
+
+def test_every_transformation_is_coloured_behind_do():
+    grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
+    (rule,) = (rule for rule in grammar["patterns"] if "begin" in rule)
+    begin, end = re.compile(rule["begin"]), re.compile(rule["end"])
+    (inner,) = (re.compile(each["match"]) for each in rule["patterns"])
+    for line in ("do: [{}, fast 2]", "ada do every 4 ({}, fast 2)", 'x: {{do: "{} 2, fast"}}'):
+        for word in transformations():
+            text = line.format(word)
+            started = begin.search(text)
+            assert started is not None
+            stop = end.search(text, started.end()).start()
+            assert word in inner.findall(text, started.end(), stop), text
+    assert begin.search("every: 4") is None
+
+
+@pytest.mark.parametrize(
+    ("line", "strengths"),
+    [
+        ("impulse: f p mf -> fff", ["f", "p", "mf", "fff"]),
+        ('"kick:f! ~ snare:pp..mf"', ["f!", "pp", "mf"]),
+        ("m: {f: A3, p: 1}", []),
+        ("{to: kick, impulse: v64}", ["v64"]),
+    ],
+)
+def test_strengths_are_coloured(line: str, strengths: list[str]):
+    grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
+    (rule,) = (rule for rule in grammar["patterns"] if rule["comment"] == "strengths")
+    assert [match.group() for match in re.finditer(rule["match"], line)] == strengths
+
+
+VIM_NAMES = r"""
+set nocompatible
+syntax on
+edit s.yaml
+set filetype=yaml
+let s:names = {}
+for s:line in range(1, line('$'))
+  for s:column in range(1, col([s:line, '$']) - 1)
+    let s:group = synIDattr(synID(s:line, s:column, 1), 'name')
+    let s:names[s:group] = get(s:names, s:group, '') . getline(s:line)[s:column - 1]
+  endfor
+endfor
+call writefile([json_encode(s:names)], 'names.json')
+qall!
+"""
+
+
+@needs("vim")
+def test_vim_colours_words_of_scores(tmp_path: Path):
+    words = transformations()
+    rows = "".join(f"  s{i}: {{do: 'every 4 ({word}, fast 2)'}}\n" for i, word in enumerate(words))
+    text = "ergon: 1\nx: {CEL: {M: 400g}}  # rev f\ng: 0mm@0 smooth 6mm@1\n"
+    text += "s: {impulse: f p mf, every: 1}\nstrikes:\n"
+    (tmp_path / "s.yaml").write_text(text + rows, encoding="utf-8")
+    (tmp_path / "test.vim").write_text(VIM_NAMES, encoding="utf-8")
+    folder = EDITORS / "vim"
+    paths = f"set runtimepath^={folder} runtimepath+={folder}/after"
+    command = ["vim", "-Nu", "NONE", "-i", "NONE", "-n", "-es", "--cmd", paths, "-S", "test.vim"]
+    run(command, tmp_path)
+    names = json.loads((tmp_path / "names.json").read_text())
+    assert names["ergonTransformation"] == "".join(f"every{word}fast" for word in words)
+    assert names["ergonStrength"] == "fpmf"
+    assert names["ergonCurve"] == "smooth"
+    assert names["ergonKind"] == "CEL"
+    assert names["ergonUnit"] == "gmmmm"

@@ -9,11 +9,14 @@ from pathlib import Path
 from random_scores import LAWS
 
 from ergon import _core
+from ergon.instruments import drawing
+from ergon.notation.tables import strengths
 from ergon.notation.tables.expressions import evaluate, looks_like
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
-from ergon.scores.pattern import words
+from ergon.scores.pattern import cycle_table, cycle_transforms, turn_chain, words
+from ergon.scores.reading.rhythms import check_text
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup
 
@@ -109,6 +112,96 @@ def _plays(chance: random.Random) -> str:
     return damaged(chance.choice(PLAYS), chance, known)
 
 
+CHAINS = (
+    "every 4 (rev, scale 0.5), degrade 0.3",
+    "whenmod 4 3 (chunk 4 mirror, sometimes 0.3 rev), iter 4, palindrome",
+    "off 1/8 transpose 12st, ply 2, swing 1/6 4, mask t ~ t t, struct t(3,8)",
+    "superimpose (fast 3/2, legato 0.3), tremolo 12Hz, roll 8 0.1, arp up 1/16, strum -20ms",
+)
+_CHAIN_WORDS = (
+    *(*cycle_table.TABLE, *turn_chain.FORMS, *words.ARITY),
+    *("(", ")", ",", "1/8", "0.3", "12st", "t", "~", "12Hz", "3/2", "updown", "4th", "do"),
+)
+
+
+def _chain(chance: random.Random, depth: int = 3) -> str:
+    """Transformations that mostly have a meaning."""
+    if depth < 3 and chance.random() < 0.3:
+        return soup(chance, _CHAIN_WORDS, between=chance.choice((" ", ", ")))
+    parts = []
+    for _ in range(chance.randrange(1, 4)):
+        known = {**cycle_table.TABLE, **turn_chain.FORMS}
+        name = chance.choice(list(known))
+        example = known[name].example
+        if depth and chance.random() < 0.4:
+            example = f"every {chance.randrange(6)} ({_chain(chance, depth - 1)})"
+        parts.append(example)
+    text = ", ".join(parts)
+    return damaged(text, chance, _CHAIN_WORDS) if chance.random() < 0.3 else text
+
+
+def _read_chain(text: str, _: Path) -> None:
+    refused: list[TextError] = []
+    for read in (turn_chain.parse_chain, cycle_transforms.parse_transforms):
+        try:
+            read(text)
+        except TextError as error:
+            refused.append(error)
+    assert all(0 <= error.offset <= len(text) and error.length >= 0 for error in refused)
+    if len(refused) == 2:
+        raise refused[0]
+
+
+RHYTHMS = (
+    "kick:f ~ [snare:p snare]*2 hat(7,16)?0.3",
+    "<c4 | e4 | g4> c4.maj:mf@3 _ . a b!2 ! {a b, c}%4",
+    "[kick, hat*8]/2 <a <b c>> x:v64",
+)
+_RHYTHM_WORDS = (
+    *("kick", "~", "[", "]", "<", ">", "{", "}%4", "|", ",", ".", "!", "_", "*2", "/3", "@2", "?"),
+    *("(3,8)", ":f", ":v127", "c4.maj", ":", "(", ")", "?0.5", "*1.5", "c#5'"),
+)
+
+
+def _rhythm(chance: random.Random) -> str:
+    if chance.random() < 0.5:
+        return soup(chance, _RHYTHM_WORDS, between=chance.choice((" ", "")))
+    return damaged(chance.choice(RHYTHMS), chance, _RHYTHM_WORDS)
+
+
+def _read_rhythm(text: str, _: Path) -> None:
+    check_text(text)
+
+
+LEVELS = ("f p mf p", "p -> f", "1mNs..4mNs", "f! v64 -6dB 2 mNs", "pp..mf 0.4 2/3")
+
+
+def _levels(chance: random.Random) -> str:
+    known = (*strengths.DYNAMICS, "->", "..", "!", "v64", "mNs", "dB", "x0.5", "-", "/")
+    if chance.random() < 0.5:
+        return soup(chance, known, between=chance.choice((" ", "")))
+    return damaged(chance.choice(LEVELS), chance, known)
+
+
+def _read_levels(text: str, _: Path) -> None:
+    strengths.levels(text)
+
+
+BOWS = ("hair 0.2N..2N", "hair 0.04m/s..0.4m/s", "lips 20mN .. 1N")
+
+
+def _bow(chance: random.Random) -> tuple[str, str]:
+    known = ("hair", "..", "N", "m/s", "mN", " ", "0", "-")
+    if chance.random() < 0.3:
+        return chance.choice(list(drawing.WORDS)), soup(chance, known, between="")
+    return chance.choice(list(drawing.WORDS)), damaged(chance.choice(BOWS), chance, known)
+
+
+def _read_bow(case: tuple[str, str], _: Path) -> None:
+    word, text = case
+    drawing.WORDS[word].parse(text)
+
+
 LAW_TEXTS = tuple(law.partition(",")[0] for law in LAWS.values())
 _LAW_WORDS = (
     "d v k q w + - * / ** ( ) , < >= == . if [ ] ^ max min abs sqrt sign exp tanh where clip"
@@ -158,5 +251,9 @@ TARGETS = (
     Target("notation", _notation, _read_notation, (TextError,), 2000),
     Target("expressions", _expression, _read_expression, (TextError,), 3000, limit=0.5),
     Target("plays", _plays, lambda text, _: words.parse(text) and None, (TextError,), 2000),
+    Target("transformations", _chain, _read_chain, (TextError,), 1000, limit=1.0),
+    Target("rhythms", _rhythm, _read_rhythm, (TextError,), 1000, limit=1.0),
+    Target("levels", _levels, _read_levels, (TextError,), 1000),
+    Target("bows", _bow, _read_bow, (TextError,), 500),
     Target("laws", _law, _read_law, (_core.EngineError,), 1000),
 )

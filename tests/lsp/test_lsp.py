@@ -338,3 +338,61 @@ def test_yaml_that_is_no_score_is_left_alone(session):
         assert "unknown section 'services'" in wrong.message
 
     session("services:\n  web: {image: x}\n", act)
+
+
+PLAYED = """\
+ergon: 1
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bar:
+    modules: {m: {CEL: {M: 2g, f: A4, t60: 2s}}, w: {SOL: {}}}
+    play:
+      bow:
+        draw: hair 0.1m/s..1m/s
+        with: {hair: {LNL: {between: [w, m], damping: bow}}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}
+players: {ada: {key: k}}
+parts:
+  ada:
+    - {at: 0, play: knock, every: 1, times: 8, do: "every 4 rev, degrade 0.3"}
+strikes:
+  s: {rhythm: "bar:mf ~", at: 0, times: 2, do: "off 1/8 scale 0.5"}
+  r: {to: bar, at: 0, impulse: ff}
+"""
+
+
+def test_words_of_playing_are_completed_and_explained(session):
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        hands = await editor.completed('do: "every 4 re')
+        assert {"rev", "degrade", "mirror", "whenmod", "stretch"} <= set(hands)
+        assert "off" not in hands
+        rhythms = await editor.completed('do: "off 1/8 sc')
+        assert {"off", "ply", "legato", "arp", "transpose", "every"} <= set(rhythms)
+        assert "stronger by a factor" in rhythms["scale"].detail
+        assert {"mf", "bar"} <= set(await editor.completed('rhythm: "ba'))
+        assert "fff" in await editor.completed("impulse: f")
+        assert {"press", "until", "turns", "release"} <= set(await editor.completed("        dr"))
+        assert "first of every so many rounds" in await editor.hovered('do: "eve')
+        assert "without" in await editor.hovered("rev, degr")
+        assert "together with a changed copy" in await editor.hovered('do: "of')
+        assert "strength 4/7" in await editor.hovered("bar:m")
+        assert "strength 6/7" in await editor.hovered("impulse: f")
+        assert "how fast a link rubs" in await editor.hovered("        dr")
+
+    session(PLAYED, act)
+
+
+def test_table_of_part_has_words_of_hands(session):
+    rows = PLAYED.replace(
+        '\n    - {at: 0, play: knock, every: 1, times: 8, do: "every 4 rev, degrade 0.3"}',
+        " |\n    0  knock every 1 times 8 do every 4 rev, degrade 0.3",
+    )
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        assert {"rev", "degrade", "often"} <= set(await editor.completed("times 8 do every 4 r"))
+        assert "such as rev" in await editor.hovered("do every 4 re")
+
+    session(rows, act)

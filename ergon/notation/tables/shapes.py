@@ -120,6 +120,12 @@ class Shape(ABC):
         """The names of fields, if it is a table of them."""
         return ()
 
+    def vocabulary(self) -> Mapping[str, str]:
+        """The words that its texts may have, each with what it means; empty if they are not
+        listed.
+        """
+        return {}
+
 
 @dataclass(frozen=True)
 class Text(Shape):
@@ -134,6 +140,11 @@ class Text(Shape):
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
     has_values: bool = False  # names of `let:` may stand for words of it
     is_position: bool = False  # both, unless a mark has the same name
+    meanings: Mapping[str, str] = field(default_factory=dict, compare=False)  # of its words
+
+    def vocabulary(self) -> Mapping[str, str]:
+        """The words that its texts may have, each with what it means."""
+        return self.meanings
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""

@@ -227,7 +227,7 @@ def levels(text: str) -> Levels:
             raise
     if not arrows:
         return Levels(tuple(steps))
-    is_pair = len(words) == 3 and words[1][0] == "->"
+    is_pair = len(words) == 3 and len(steps) == 2 and words[1][0] == "->"
     is_alike = is_pair and steps[0].is_strength == steps[1].is_strength
     is_plain = all(step.low == step.high and step.factor == 1.0 for step in steps)
     if not (is_alike and is_plain):
@@ -242,15 +242,21 @@ _WORDS = re.compile(r"->|[^\s]+(?:\s+(?:[munµμ]?Ns|dB)(?=\s|\.\.|$))?(?:\.\.\S
 _WORD = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
 _AMOUNT = rf"({_WORD}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
 _ONE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
+MEANINGS = {
+    word: f"strength {number}/{_STEPS} of the instrument's range"
+    for number, word in enumerate(DYNAMICS)
+}
 LEVELS = Text(
     lru_cache(4096)(levels),
     "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf, or a pattern of them: f p mf p",
     rf"^{_ONE}( +(-> +)?{_ONE})*$",
     is_value=True,
+    meanings=MEANINGS,
 )
 LEVEL = Text(
     lru_cache(4096)(level),
     "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf or p..f",
     rf"^{_ONE}$",
     is_value=True,
+    meanings=MEANINGS,
 )

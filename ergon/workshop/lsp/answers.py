@@ -14,6 +14,7 @@ from ergon.notation.tables.shapes import Reference, Shape, Text
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.part import SHAPES, Part
+from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sections import CURVE, GestureShape, Raw
 
 from . import cursor as cursors
@@ -74,6 +75,7 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
         for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
             yield Completion(number + unit, "unit", shape.words())
     elif isinstance(shape, Text):
+        yield from _word_completions(shape)
         for choice in shape.choices:
             yield Completion(str(choice), "value", shape.words())
         if shape is k.BOOLEAN:
@@ -82,6 +84,8 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
             yield from (
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
+        if shape is RHYTHM:
+            yield from _name_completions(known.definitions_in("instruments"))
         if shape in (k.WHEN, k.MARK):
             yield from _name_completions(known.definitions_in("marks"))
     elif isinstance(shape, Reference):
@@ -90,10 +94,18 @@ def _value_completions(shape: Shape | None, known: Catalogue, number: str) -> It
         yield from _name_completions(known.definitions_in("marks", *_PLAYED))
         for word, option in SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
+        yield from _word_completions(shape)
     elif isinstance(shape, (GestureShape, Raw)):
         yield from (Completion(str(word), "value", "a curve") for word in CURVE.choices)
+    elif shape is not None and shape.vocabulary():
+        yield from _word_completions(shape)
     elif shape is not None and (item := shape.inner(0)) is not None and item is not shape:
         yield from _value_completions(item, known, number)
+
+
+def _word_completions(shape: Shape) -> Iterator[Completion]:
+    for word, meaning in shape.vocabulary().items():
+        yield Completion(word, "value", meaning)
 
 
 def _name_completions(definitions: Iterable[Definition]) -> Iterator[Completion]:
@@ -138,6 +150,8 @@ def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -
             return _hertz_text(frequency_of(cursor.node.text))
         except TextError:
             return None
+    elif meaning := _meaning(index, cursor, file.text):
+        return meaning
     found = definition(index, file, known)
     heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
     if found is None or heights is not None:
@@ -145,6 +159,13 @@ def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -
     line = file.line(found.place.line).strip() if found.place.file == file.file else ""
     source = f"\n```yaml\n{line}\n```" if line else f" of {found.place.file}"
     return f"{found.noun} **{found.name}**{source}"
+
+
+def _meaning(index: int, cursor: Cursor, text: str) -> str | None:
+    """What the word under a character means in texts of this shape; None if they have none."""
+    words = {} if cursor.shape is None else cursor.shape.vocabulary()
+    word = cursors.word_at(text, index)
+    return f"**{word}**: {words[word]}" if word in words else None
 
 
 def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
