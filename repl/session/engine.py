@@ -230,6 +230,7 @@ class SteppedEngine:
         self._mixer = stage.mixer(highpass=highpass, reference=reference)
         self._changes: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
+        self._acts: list[tuple[int, Callable[[_core.Simulation], bool]]] = []
         self._tickets = 0
 
     def force_bounds(
@@ -262,18 +263,28 @@ class SteppedEngine:
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of the running stage by an impulse [N·s], at the next frame."""
-        return self._act_now(lambda playing: playing.strike(point, impulse))
+        return self._act_soon(lambda playing: playing.strike(point, impulse))
 
     def set_input(self, number: int, value: float) -> int:
         """Set an input that is told its values, full scale 1, from the next frame on."""
-        return self._act_now(lambda playing: playing.tell(number, value))
+        return self._act_soon(lambda playing: playing.tell(number, value))
 
-    def _act_now(self, act: Callable[[_core.Simulation], bool]) -> int:
-        self._do_due_changes()  # a change of this frame comes before it
+    def _act_soon(self, act: Callable[[_core.Simulation], bool]) -> int:
         self._tickets += 1
-        is_missed = not act(self._simulation)
-        self._events.append(EngineEvent(self.frame, act_ticket=self._tickets, is_late=is_missed))
+        self._acts.append((self._tickets, act))
         return self._tickets
+
+    def do_acts(self) -> None:
+        """Strike, and set inputs, as asked since the last frame.
+
+        Changes of this frame come before them, also those that are asked for later: a stage that
+        takes over knows nothing of strikes that wait.
+        """
+        self._do_due_changes()
+        acts, self._acts = self._acts, []
+        for ticket, act in acts:
+            is_missed = not act(self._simulation)
+            self._events.append(EngineEvent(self.frame, act_ticket=ticket, is_late=is_missed))
 
     def record_sound(self, path: Path) -> None:
         """Refuse: here sound is rendered, not played. Raises NotTakenError."""
@@ -303,7 +314,7 @@ class SteppedEngine:
         mixed = np.zeros((n_frames, self.n_channels))
         done = 0
         while done < n_frames:
-            self._do_due_changes()
+            self.do_acts()
             stop = min([self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])])
             if self._hands:
                 stop = min(stop, self._hold_hands())

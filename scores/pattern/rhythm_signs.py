@@ -91,6 +91,9 @@ class Scanner:
         if sign == ")":
             message = "')' has no '(' before it; steps are grouped by [ … ], ( ) is for kick(3,8)"
             return self.mistake(message, self.place)
+        if sign == ":":
+            message = "':' and how strongly stand behind the word of a step, before what changes "
+            return self.mistake(message + "it: hat:p(7,16), kick:f*4", self.place)
         message = f"{quote(sign)} does not begin a step; words begin with a letter or a digit, "
         message += "and the signs are ~ [ ] < > { } * / ! @ ? | , . _"
         return self.mistake(message, self.place, suggestion="~" if sign == "-" else None)

@@ -244,15 +244,17 @@ def retargeted(rhythm: Rhythm, target: Callable[[Target], Target]) -> Rhythm:
 
 
 def words_of(text: str) -> list[str]:
-    """The names in a text that may be a rhythm, without notes."""
-    return [word for word in WORD.findall(text) if note_of(word) is None]
+    """The names in a text that may be a rhythm, without levels, and without notes."""
+    names = (word.partition(":")[0] for word in WORD.findall(text))
+    return [name for name in names if note_of(name) is None]
 
 
 def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
     """A rhythm in whose text each name of a part is changed."""
 
     def changed(word: str) -> str:
-        return word if note_of(word) else name(word)
+        head, colon, level = word.partition(":")
+        return word if note_of(head) else f"{name(head)}{colon}{level}"
 
     text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
     voices = {changed(key): voice for key, voice in rhythm.voices.items()}

@@ -292,3 +292,22 @@ def test_completion_of_families_and_modules(session: Stepped):
     session.ok(KICK)
     assert suggested(session, "d1 strikes kick.h") == ["kick.hammer"]
     assert {"kick.f", "kick.skin.", "kick.hammer."} <= set(suggested(session, "set kick."))
+
+
+def test_words_with_levels_bring_their_instruments(session: Stepped):
+    session.ok("use skins")
+    session.ok('d1 = "~ snare:mf ~ [snare:f snare:p]"')
+    session.ok('d2 = "timpani:p(11,16), <tabla:v64 kick:ff>"')
+    assert {"snare", "timpani", "tabla", "kick"} <= instruments(session)
+
+
+def test_rename_reaches_words_with_levels(session: Stepped):
+    session.ok("use skins")
+    session.ok('d1 = "kick:f ~ kick snare:p"')
+    session.ok("rename kick boom")
+    assert "boom:f ~ boom snare:p" in text(session)
+    session.ok("play")
+    session.run(1.0)
+    session.close()
+    assert np.array_equal(session.again(), session.sound)
+    assert np.abs(session.sound).max() > 0.0
