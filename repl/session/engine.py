@@ -230,7 +230,7 @@ class SteppedEngine:
         self._mixer = stage.mixer(highpass=highpass, reference=reference)
         self._changes: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
-        self._acts: list[tuple[int, Callable[[_core.Simulation], bool]]] = []
+        self._acts: list[Callable[[_core.Simulation], bool]] = []  # of this frame
         self._tickets = 0
 
     def force_bounds(
@@ -263,28 +263,19 @@ class SteppedEngine:
 
     def strike(self, point: int, impulse: float) -> int:
         """Strike a point of the running stage by an impulse [N·s], at the next frame."""
-        return self._act_soon(lambda playing: playing.strike(point, impulse))
+        return self._act_now(lambda playing: playing.strike(point, impulse))
 
     def set_input(self, number: int, value: float) -> int:
         """Set an input that is told its values, full scale 1, from the next frame on."""
-        return self._act_soon(lambda playing: playing.tell(number, value))
+        return self._act_now(lambda playing: playing.tell(number, value))
 
-    def _act_soon(self, act: Callable[[_core.Simulation], bool]) -> int:
+    def _act_now(self, act: Callable[[_core.Simulation], bool]) -> int:
+        self._do_due_changes()  # a change of this frame comes before it
         self._tickets += 1
-        self._acts.append((self._tickets, act))
+        is_missed = not act(self._simulation)
+        self._acts.append(act)
+        self._events.append(EngineEvent(self.frame, act_ticket=self._tickets, is_late=is_missed))
         return self._tickets
-
-    def do_acts(self) -> None:
-        """Strike, and set inputs, as asked since the last frame.
-
-        Changes of this frame come before them, also those that are asked for later: a stage that
-        takes over knows nothing of strikes that wait.
-        """
-        self._do_due_changes()
-        acts, self._acts = self._acts, []
-        for ticket, act in acts:
-            is_missed = not act(self._simulation)
-            self._events.append(EngineEvent(self.frame, act_ticket=ticket, is_late=is_missed))
 
     def record_sound(self, path: Path) -> None:
         """Refuse: here sound is rendered, not played. Raises NotTakenError."""
@@ -314,7 +305,8 @@ class SteppedEngine:
         mixed = np.zeros((n_frames, self.n_channels))
         done = 0
         while done < n_frames:
-            self.do_acts()
+            self._do_due_changes()
+            self._acts = []
             stop = min([self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])])
             if self._hands:
                 stop = min(stop, self._hold_hands())
@@ -360,6 +352,8 @@ class SteppedEngine:
             self._mixer = mixer
         self._simulation = new
         new.damp(change.damp)
+        for act in self._acts:  # it knows nothing of strikes that wait for their frame
+            act(new)
 
     def silences(self) -> Sequence[tuple[int, bool]]:
         """None: nothing is silenced here."""

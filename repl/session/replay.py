@@ -210,7 +210,6 @@ class ReplayedSession:
         else:
             self._engine.strike(place_number(act.target), act.amount)
             lacks = "at this strike has no such mass"
-        self._engine.do_acts()
         events = self._schedule.take_events()
         if any(one.act_ticket is not None and one.is_late for one in events):
             JournalEvent(self._file, act.line, "", {}).refuse(

@@ -406,12 +406,13 @@ class NoteTargets:
             if note is None:
                 known = [part.rpartition(".")[2] for part in instrument.parts.values()]
                 message = f"{who}: {quote(to)} has no note {quote(word)}"
+                ends = f"; its notes are {known[0]} to {known[-1]}" if known else ""
                 if word == before:
                     self.part_names.collector.error(
-                        "E301", message, word.place, word=word, names=known
+                        "E301", message + ends, word.place, word=word, names=known
                     )
                 else:
-                    message += f", to which {quote(before)} is moved"
+                    message += f", to which {quote(before)} is moved{ends}"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
             found.append(Name(".".join(filter(None, (note, rest))), word.place))

@@ -204,9 +204,11 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
     made = piece(text.replace("D3.min", "choose D3 F3"))
     assert {t.part for t in made.strikes[0].to} == {"string.D3", "string.F3"}
     (said,) = check(CELLS + text).diagnostics
-    assert (said.code, said.message) == ("E301", "strikes 's': 'string.hammer' has no note 'A3'")
+    known = "; its notes are D3 to F3"
+    assert said.code == "E301"
+    assert said.message == f"strikes 's': 'string.hammer' has no note 'A3'{known}"
     (said,) = check(CELLS + text.replace("D3.min", "D3 221Hz")).diagnostics
-    assert said.message == "strikes 's': 'string.hammer' has no note '221Hz'"
+    assert said.message == f"strikes 's': 'string.hammer' has no note '221Hz'{known}"
 
 
 # --- what is refused ----------------------------------------------------------------------------
@@ -241,15 +243,21 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
         ),
         (
             "strikes: {s: {to: string, entries: '0  E3  1mNs'}}",
-            ("E301", "strikes 's': 'string' has no note 'E3'"),
+            ("E301", "strikes 's': 'string' has no note 'E3'; its notes are D3 to F3"),
         ),
         (
             f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 24st}}}}",
-            ("E301", "strikes 's': 'cell' has no note 'E5', to which 'E3' is moved"),
+            (
+                "E301",
+                "strikes 's': 'cell' has no note 'E5', to which 'E3' is moved; its notes are C3 to C5",
+            ),
         ),
         (
             f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 50cents}}}}",
-            ("E301", "strikes 's': 'cell' has no note 'C3+50cents', to which 'C3' is moved"),
+            (
+                "E301",
+                "strikes 's': 'cell' has no note 'C3+50cents', to which 'C3' is moved; its notes are C3 to C5",
+            ),
         ),
         (
             "phrases: {p: '0  lone 1mNs'}\nstrikes: {s: {play: p, at: 0, transpose: 1st}}",
