@@ -154,6 +154,8 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
         voice = next(iter(scope.strikes), "d1")
         what = " ".join(word.text for word in words)
         raise TextError(f"{message}: {voice} do {what}", offset=place, length=len(first))
+    if first in scope.acts or first in scope.instruments:
+        return TextError(_instrument_lines(first, scope), offset=place, length=len(first))
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
     near = verbs.MEANT.get(first) or nearest(first, known)
     is_meant = first in verbs.MEANT
@@ -162,6 +164,14 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
     message = f"unknown verb {quote(first)}"
     message = message if near else f"{message}; `help` lists them all"
     return TextError(message, offset=place, length=len(first), suggestion=near)
+
+
+def _instrument_lines(name: str, scope: Scope) -> str:
+    """The lines that play an instrument, where its name stands for a verb."""
+    message = f"{quote(name)} is an instrument, not a verb; "
+    if any(part.startswith(f"{name}.") for part in scope.instruments):
+        return message + f'write {name} = "c4 e4*2", or {name} notes C4 E4 every 1'
+    return message + f'write {name} = "{name}*4", or hear {name} f for one stroke'
 
 
 def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:

@@ -311,3 +311,11 @@ def test_rename_reaches_words_with_levels(session: Stepped):
     session.close()
     assert np.array_equal(session.again(), session.sound)
     assert np.abs(session.sound).max() > 0.0
+
+
+def test_name_of_instrument_without_verb_is_answered_with_lines(session: Stepped):
+    session.ok("use skins")
+    answer = session.type("kick f").text
+    assert """write kick = "kick*4", or hear kick f""" in answer
+    session.ok('kick = "kick*4"')
+    session.ok("hear kick f")

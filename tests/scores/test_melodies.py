@@ -249,14 +249,16 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
             f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 24st}}}}",
             (
                 "E301",
-                "strikes 's': 'cell' has no note 'E5', to which 'E3' is moved; its notes are C3 to C5",
+                "strikes 's': 'cell' has no note 'E5', to which 'E3' is moved; "
+                "its notes are C3 to C5",
             ),
         ),
         (
             f"{CALL}strikes: {{s: {{play: call, at: 0, transpose: 50cents}}}}",
             (
                 "E301",
-                "strikes 's': 'cell' has no note 'C3+50cents', to which 'C3' is moved; its notes are C3 to C5",
+                "strikes 's': 'cell' has no note 'C3+50cents', to which 'C3' is moved; "
+                "its notes are C3 to C5",
             ),
         ),
         (
