@@ -19,6 +19,17 @@ def test_vertices_at_one_place_are_one_point():
     assert sorted(mesh.edges) == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]
 
 
+@pytest.mark.parametrize(("offset", "n_points"), [(2e-7, 4), (-5e-7, 4), (2e-5, 8)])
+def test_places_that_differ_by_rounding_are_one_point(offset: float, n_points: int):
+    """Two nodes with one mesh: a seam of rounding makes no second body."""
+    root = made()
+    root["nodes"].append({"mesh": 0, "translation": [offset, offset, offset]})
+    root["nodes"][0]["children"] = [1, 2]
+    mesh = gltf_file.read(json.dumps(root))
+    assert len(mesh.points) == n_points
+    assert len(mesh.edges) == 5 * n_points // 4
+
+
 def test_nodes_turn_stretch_and_move():
     half = 0.5**0.5
     # A quarter of a turn around what is up takes x to -z, twice as long, ten away.
