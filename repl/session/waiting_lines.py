@@ -202,6 +202,7 @@ class WaitingLines:
         for one in sorted(self.lines, key=lambda one: one.number):
             # What restores a version comes after every line that was typed before it.
             is_later = one.number > (min(follow) if one.sets_all else first)
+            is_later |= any(self._begins_after(one, line) for line in late)
             if is_later and one.rule.is_fenced and one.frame < start:
                 follow.add(one.number)
                 first = min(first, one.number)
@@ -227,8 +228,9 @@ class WaitingLines:
         return lines, lost, moved
 
     def fence(self, new: WaitingLine) -> WaitingLine | None:
-        """The last earlier line that a new one must not overtake: one that has slipped; and one
-        that acts as soon as possible or on the grid, unless the new one asks for less time.
+        """The last earlier line that a new one must not overtake: one that has slipped; one that
+        acts as soon as possible or on the grid, unless the new one asks for less time; and one for
+        the beat on which the new one starts the piece.
         """
         if not new.rule.is_fenced:
             return None
@@ -240,8 +242,19 @@ class WaitingLines:
             and (
                 one.n_slips or (not new.is_named and not one.is_named and one.is_now >= new.is_now)
             )
+            or new.frame < one.frame < math.inf
+            and self._begins_after(new, one)
         ]
         return max(waits, key=lambda one: one.frame, default=None)
+
+    def _begins_after(self, new: WaitingLine, earlier: WaitingLine) -> bool:
+        """Whether a line starts the piece on a beat for which an earlier one must be there."""
+        return (
+            new.sets_running is True
+            and new.number > earlier.number
+            and not self.clock.is_running
+            and earlier.beat <= new.beat + SAME
+        )
 
     def _state_after(self, lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
         if not lines:

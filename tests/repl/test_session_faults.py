@@ -128,6 +128,25 @@ def test_slip_moves_the_lines_typed_later(at: Delayed) -> None:
     check_render(at)
 
 
+@pytest.mark.parametrize("change", ["tempo 90 at 1|1", "set bell.m.t60 0.4s at 1|1"])
+@pytest.mark.parametrize("takes", [0.05, 0.4])
+def test_play_waits_for_a_line_on_its_first_beat(at: Delayed, change: str, takes: float) -> None:
+    """The piece began without the line, which then waited for the second bar."""
+    at.ok("leo plays knock every 1")
+    at.run(0.2)
+    at.delay = lambda: takes
+    assert at.ok(change).text.startswith("ok 1|1")
+    for _ in range(2):  # late, so that it is given more time than `play`
+        at.advance(int(2.0 * at.rate) // EVERY * EVERY)
+        at.session.attend()
+    at.ok("play")
+    at.delay = lambda: 0.0
+    at.run(9.0)
+    assert [row["number"] for row in events(at, "commit")] == [1, 2, 3]
+    assert not [one for one in at.session.messages() if "next bar" in one]
+    check_render(at)
+
+
 def test_fence_with_a_defined_instrument(at: Delayed) -> None:
     at.ok("play")
     at.run(0.2)
