@@ -98,7 +98,8 @@ def export(
     """Write a piece, or its parts, for other programs.
 
     daw: tempo.mid holds tempo, meters and markers; marks.csv the marks in bars and seconds; mix.wav
-    and stems/ the sound. All begin at the beginning of the piece: drag them to zero.
+    and stems/ the sound. All begin at the beginning of the piece: drag them to zero. A tempo map
+    that MIDI cannot represent is left out with a warning.
 
     modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
     each.
@@ -178,10 +179,11 @@ def _for_workstation(
         (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
         for name, beats in score.marks_of(piece)
     ]
-    files = {
-        tempo_path: _tempo_file(piece, end),
-        marks_path: markers_csv(marks).encode(),
-    }
+    files = {marks_path: markers_csv(marks).encode()}
+    try:
+        files = {tempo_path: _tempo_file(piece, end), **files}
+    except ValueError as error:
+        console.warn(f"{error}; {tempo_path} is left out, and the other files are written")
     done = None
     # What is small is on the disk before the sound, and gets its names after it: all or nothing.
     with file_group(force=force, inputs=loaded.inputs) as small:
@@ -198,7 +200,7 @@ def _for_workstation(
 
 def _tempo_file(piece: Piece, end: float) -> bytes:
     """The tempo map as MIDI, up to `end` [s], or up to the last change of tempo within an hour
-    after that.
+    after that. Raises ValueError where MIDI has no such tempo or meter.
     """
     from ergon.exchange.midi import Marker, tempo_file
 
@@ -207,10 +209,7 @@ def _tempo_file(piece: Piece, end: float) -> bytes:
     written = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
     length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
     markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
-    try:
-        return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title)
-    except ValueError as error:
-        raise Refused(str(error)) from None
+    return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title)
 
 
 def _meters(piece: Piece) -> list[Meter]:

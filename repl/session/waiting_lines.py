@@ -237,13 +237,15 @@ class WaitingLines:
         waits = [
             one
             for one in self.lines
-            if (one.rule.is_fenced or (new.sets_all and not one.rule.is_quick))
-            and one.frame > new.frame
-            and (
-                one.n_slips or (not new.is_named and not one.is_named and one.is_now >= new.is_now)
+            if (
+                (one.rule.is_fenced or (new.sets_all and not one.rule.is_quick))
+                and one.frame > new.frame
+                and (
+                    one.n_slips
+                    or (not new.is_named and not one.is_named and one.is_now >= new.is_now)
+                )
             )
-            or new.frame < one.frame < math.inf
-            and self._begins_after(new, one)
+            or (new.frame < one.frame < math.inf and self._begins_after(new, one))
         ]
         return max(waits, key=lambda one: one.frame, default=None)
 

@@ -263,6 +263,21 @@ def test_export(capsys: Capture) -> None:
     assert app.run(["export", "-q", "bell.yaml", "-o", "daw", "--no-stems"]) == 0
 
 
+def test_export_without_a_tempo_map_that_midi_cannot_represent(capsys: Capture) -> None:
+    Path("slow.yaml").write_text("""\
+ergon: 1
+tempo: {at: 0, bpm: 2}
+instruments: {cell: {CEL: {M: 1g, f: A4, t60: 0.2s}, out: {SOX: cell}}}
+strikes: {s: {to: cell, at: 0, impulse: 1mNs}}
+render: {tail: 1s}
+""")
+    assert app.run(["export", "slow.yaml", "-o", "slow"]) == 0
+    assert {path.name for path in Path("slow").iterdir()} == {"marks.csv", "mix.wav", "stems"}
+    said = " ".join(capsys.readouterr().err.split())
+    assert "a quarter note lasts 30 s there" in said
+    assert "tempo.mid is left out" in said
+
+
 def test_info_of_a_render_and_its_score(capsys: Capture) -> None:
     assert app.run(["render", "-q", "bell.yaml"]) == 0
     assert app.run(["info", "bell.wav"]) == 0

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ergon.notation.tables.expressions import Amount, evaluate
+from ergon.notation.tables.expressions import Amount
 from ergon.notation.text.errors import TextError, quote
 from ergon.workshop.models.errors import ModelError
+from ergon.workshop.models.mims import functions
 from ergon.workshop.models.mims.grammar import Dialect, Family
 
 
@@ -72,9 +73,9 @@ class Model:
 
 
 def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
-    """The value of an expression of parameters. Raises ModelError."""
+    """The value of an expression of parameters and functions. Raises ModelError."""
     try:
-        found = evaluate(text, params, expected="a parameter")
+        found = functions.value(text, params, "a parameter")
     except TextError as error:
         raise ModelError(f"{what}: {error.message}", line, error.suggestion) from None
     if found.unit:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims import places
+from ergon.workshop.models.mims.functions import is_plain
 from ergon.workshop.models.mims.kicks import Begin
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.model import Model, Statement
@@ -49,6 +50,9 @@ class Writing:
         for signal in signals_in(self.model, expression):
             message = REFUSED["signal"].format(name=quote(signal), value=name)
             raise ModelError(message, one.line)
+        if not is_plain(expression, self.model.params):
+            what = f"{name} of {quote(one.name)}"
+            return repr(self.model.number(expression, what, one.line))
         return self.params.written(expression)
 
     def value(self, one: Statement, name: str, default: float = 0.0) -> float:

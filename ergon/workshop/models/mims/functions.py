@@ -1,0 +1,124 @@
+"""Functions of numbers in values of a model, which are those of expressions of gen~."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Container, Mapping
+from fractions import Fraction
+
+from ergon import _core
+from ergon.notation.tables.expressions import MAX_DEPTH, Amount, evaluate
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+_CALL = re.compile(r"(?<![\w.])([A-Za-z]\w*)\s*\(")
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_CONSTANTS = {"pi": math.pi, "twopi": 2.0 * math.pi, "halfpi": 0.5 * math.pi, "e": math.e}
+
+
+def _clip(x: float, low: float, high: float) -> float:
+    return min(max(x, low), high)
+
+
+# Each with its number of arguments.
+_FUNCTIONS: Mapping[str, tuple[int, Callable[..., float]]] = {
+    "abs": (1, abs),
+    "sqrt": (1, math.sqrt),
+    "exp": (1, _core.exp),
+    "exp2": (1, lambda x: _core.pow(2.0, x)),
+    "ln": (1, math.log),
+    "log": (1, math.log),
+    "log2": (1, math.log2),
+    "log10": (1, math.log10),
+    "sin": (1, _core.sin),
+    "cos": (1, _core.cos),
+    "tan": (1, math.tan),
+    "asin": (1, math.asin),
+    "acos": (1, math.acos),
+    "atan": (1, math.atan),
+    "sinh": (1, math.sinh),
+    "cosh": (1, math.cosh),
+    "tanh": (1, math.tanh),
+    "floor": (1, math.floor),
+    "ceil": (1, math.ceil),
+    "trunc": (1, math.trunc),
+    "fract": (1, lambda x: x - math.trunc(x)),
+    "sign": (1, lambda x: (x > 0.0) - (x < 0.0)),
+    "neg": (1, lambda x: -x),
+    "mtof": (1, lambda x: 440.0 * _core.pow(2.0, (x - 69.0) / 12.0)),
+    "ftom": (1, lambda x: 69.0 + 12.0 * math.log2(x / 440.0)),
+    "dbtoa": (1, lambda x: _core.pow(10.0, x / 20.0)),
+    "atodb": (1, lambda x: 20.0 * math.log10(x)),
+    "pow": (2, _core.pow),
+    "min": (2, min),
+    "minimum": (2, min),
+    "max": (2, max),
+    "maximum": (2, max),
+    "mod": (2, math.fmod),
+    "hypot": (2, math.hypot),
+    "atan2": (2, math.atan2),
+    "clip": (3, _clip),
+    "clamp": (3, _clip),
+    "mix": (3, lambda x, y, share: x + (y - x) * share),
+}
+
+
+def is_plain(text: str, params: Container[str]) -> bool:
+    """Whether a score can have an expression: it has no functions but `sqrt`, and no constants."""
+    constants = (word in _CONSTANTS and word not in params for word in _WORD.findall(text))
+    return all(word == "sqrt" for word in _CALL.findall(text)) and not any(constants)
+
+
+def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
+    """The value of an expression of numbers, names and functions. Raises TextError."""
+    constants = {name: Amount(Fraction(number), "") for name, number in _CONSTANTS.items()}
+    return _value(text, {**constants, **names}, expected, 0)
+
+
+def _value(text: str, names: Mapping[str, Amount], expected: str, depth: int) -> Amount:
+    if depth > MAX_DEPTH:
+        raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
+    known, rest, plain = dict(names), 0, ""
+    while (call := _CALL.search(text, rest)) is not None:
+        arguments, end = _arguments(text, call.end())
+        name = f"call_{depth}_{end}"
+        values = [_value(part, names, expected, depth + 1) for part in arguments]
+        known[name] = Amount(Fraction(_computed(call[1], values)), "")
+        plain += f"{text[rest : call.start()]} {name} "
+        rest = end
+    return evaluate(plain + text[rest:], known, expected=expected)
+
+
+def _arguments(text: str, start: int) -> tuple[list[str], int]:
+    """The arguments between parentheses, and where what follows them begins."""
+    arguments, depth, begin = [], 0, start
+    for place in range(start, len(text)):
+        sign = text[place]
+        if depth == 0 and sign in ",)":
+            arguments.append(text[begin:place])
+            begin = place + 1
+            if sign == ")":
+                return arguments, begin
+        depth += (sign == "(") - (sign == ")")
+    raise TextError(f"a parenthesis is never closed in {quote(text)}")
+
+
+def _computed(name: str, values: list[Amount]) -> float:
+    if name not in _FUNCTIONS:
+        message = f"{quote(name)} is not a function of gen~ that is read here"
+        raise TextError(message, suggestion=nearest(name, _FUNCTIONS))
+    count, function = _FUNCTIONS[name]
+    if len(values) != count:
+        message = f"{name} has {count} arguments, and here {len(values)}"
+        raise TextError(message if count > 1 else message.replace("arguments", "argument"))
+    if any(each.unit for each in values):
+        raise TextError(f"{name} takes plain numbers")
+    try:
+        result = float(function(*(float(each.number) for each in values)))
+    except (ArithmeticError, ValueError):
+        result = math.nan
+    if not math.isfinite(result):
+        shown = ", ".join(f"{float(each.number):g}" for each in values)
+        raise TextError(f"{name}({shown}) has no value")
+    return result
