@@ -11,7 +11,7 @@ from .console import Console
 from .tables import table
 
 if TYPE_CHECKING:
-    from ergon.space.directions import Point
+    from ergon.instruments.model import Layout
     from ergon.space.quality import Quality
 
 _HEAD = ("by", "|rE|", "least", "|rV|", "rE off", "most", "loudness")
@@ -45,7 +45,10 @@ def check(console: Console, name: str) -> None:
             symmetric=symmetric,
             surround=len(found) > 1,
             open_above=is_open,
-            holes=[{"between": [a + 1, b + 1], "angle_deg": angle} for a, b, angle in gaps],
+            holes=[
+                {"between": [layout.channels[a] + 1, layout.channels[b] + 1], "angle_deg": angle}
+                for a, b, angle in gaps
+            ],
         )
         return
     title = f", {layout.title}" if layout.title else ""
@@ -55,7 +58,7 @@ def check(console: Console, name: str) -> None:
     console.data(f"\n{sides}\n")
     for a, b, angle in gaps:
         console.data(
-            f"a hole of {angle:.0f}° between {_where(places, a)} and {_where(places, b)}\n"
+            f"a hole of {angle:.0f}° between {_where(layout, a)} and {_where(layout, b)}\n"
         )
     if len(found) == 1:
         console.data(
@@ -96,8 +99,8 @@ def _record(console: Console, one: Quality) -> None:
     )
 
 
-def _where(places: tuple[Point, ...], index: int) -> str:
+def _where(layout: Layout, index: int) -> str:
     from ergon.space.directions import angles
 
-    azimuth, elevation, _ = angles(places[index])
-    return f"{index + 1} (azimuth {azimuth:.0f}°, elevation {elevation:.0f}°)"
+    azimuth, elevation, _ = angles(layout.speakers[index])
+    return f"{layout.channels[index] + 1} (azimuth {azimuth:.0f}°, elevation {elevation:.0f}°)"

@@ -58,7 +58,8 @@ def export(console: Console, name: str, output: str | None, form: str | None, fo
     kind = form_of(path, form)
     layout = read_layout(name, console)
     speakers = [angles(place) for place in layout.speakers]
-    text = KNOWN[kind].write(speakers, layout.title or layout.path.stem)
+    outputs = [channel + 1 for channel in layout.channels]
+    text = KNOWN[kind].write(speakers, outputs, layout.title or layout.path.stem)
     write_text(output, text, force=force, inputs=(layout.path,))
     if console.json:
         console.record("wrote", file=output, form=kind, loudspeakers=len(speakers))

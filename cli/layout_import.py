@@ -34,7 +34,7 @@ def import_layout(
     """Make a layout of a file of another program.
 
     FILE is one of the IEM AllRADecoder (JSON), the EBU ADM renderer (YAML) or SpatGRIS (XML). Where
-    loudspeakers are is kept, and their order; gains, filters and imaginary ones are not. Direct
+    loudspeakers are is kept, and their outputs; gains, filters and imaginary ones are not. Direct
     outs and low-frequency effects are left out and named.
     """
     from ergon.common.regular import read_bounded
@@ -56,7 +56,8 @@ def import_layout(
     speakers = layout.speakers
     for note in layout.notes():
         console.warn(f"{file}: {note}")
-    write_text(target, as_yaml(speakers, path.stem, far), force=force, inputs=(path,))
+    text = as_yaml(speakers, path.stem, far, layout.outputs)
+    write_text(target, text, force=force, inputs=(path,))
     if console.json:
         console.record("wrote", file=target, form=kind, loudspeakers=len(speakers))
     elif target != "-":

@@ -91,24 +91,24 @@ def _write(
     from ergon.exchange.safe import open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
 
-    n_speakers, gap = len(layout.speakers), int(_GAP * rate)
+    n_speakers, n_channels, gap = len(layout.speakers), layout.n_channels, int(_GAP * rate)
     n_each = len(sound) + gap
-    format = WaveFormat(rate, n_speakers, 24)
+    format = WaveFormat(rate, n_channels, 24)
     title = f"noise, {layout.title or layout.path.stem}"
-    stamp = Stamp(title, chunks=chunks_of_layout(layout, n_speakers, title))
+    stamp = Stamp(title, chunks=chunks_of_layout(layout, n_channels, title))
     files.check_format(output, format)
     with open_for_writing(output, binary=True, force=force, inputs=(layout.path,)) as file:
         writer = files.writer(output, file, format, n_speakers * n_each, stamp)
-        for speaker in range(n_speakers):
-            frames = np.zeros((n_each, n_speakers))
-            frames[: len(sound), speaker] = sound
+        for channel in sorted(layout.channels):
+            frames = np.zeros((n_each, n_channels))
+            frames[: len(sound), channel] = sound
             writer.write(_core.pcm(frames, 1.0, 24))
         writer.close()
     length = n_speakers * n_each / rate
     if console.json:
-        console.record("wrote", file=output, channels=n_speakers, seconds=length)
+        console.record("wrote", file=output, channels=n_channels, seconds=length)
     else:
-        console.say(f"wrote {output}: {plural(n_speakers, 'channel')}, {as_seconds(length)}")
+        console.say(f"wrote {output}: {plural(n_channels, 'channel')}, {as_seconds(length)}")
 
 
 def _play(
@@ -119,12 +119,11 @@ def _play(
     from ergon import _core
     from ergon.space.directions import angles
 
-    n_speakers = len(layout.speakers)
-    for speaker, place in enumerate(layout.speakers):
+    for channel, place in sorted(zip(layout.channels, layout.speakers, strict=True)):
         azimuth, elevation, _ = angles(place)
-        console.say(f"{speaker + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
-        frames = np.zeros((len(sound) + int(_GAP * rate), n_speakers), np.float32)
-        frames[: len(sound), speaker] = sound
+        console.say(f"{channel + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
+        frames = np.zeros((len(sound) + int(_GAP * rate), layout.n_channels), np.float32)
+        frames[: len(sound), channel] = sound
         try:
             _core.play_frames(frames, rate, audio)
         except _core.EngineError as error:

@@ -43,12 +43,28 @@ class Layout:
 
     If `is_equidistant`, the bench is a plan with the zenith in the middle, and distances from it
     are angles; else the room is seen from above. A digest contains the file's content instead.
+    `outputs` are those of the loudspeakers, from 1, where other outputs lie between them.
     """
 
     path: Path
     speakers: tuple[tuple[float, float, float], ...]
     is_equidistant: bool = False
     title: str = ""
+    outputs: tuple[int, ...] = ()
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """The channel of each loudspeaker, from 0."""
+        return tuple(output - 1 for output in self.outputs) or tuple(range(len(self.speakers)))
+
+    @property
+    def n_channels(self) -> int:
+        """Number of channels up to the last one that has a loudspeaker."""
+        return max(self.channels) + 1
+
+    def others(self, n_channels: int) -> tuple[int, ...]:
+        """Those of a number of channels, from 0, that have no loudspeaker."""
+        return tuple(channel for channel in range(n_channels) if channel not in self.channels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,12 +181,12 @@ def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
 
     layout = stage.piece.mix.layout
     n = stage.n_channels
-    places = tuple(point(-360.0 * i / n, 0.0, 3.0) for i in range(n))
-    if layout is not None and len(layout.speakers) == n:
-        places = layout.speakers
+    places, channels = tuple(point(-360.0 * i / n, 0.0, 3.0) for i in range(n)), tuple(range(n))
+    if layout is not None and layout.n_channels == n:
+        places, channels = layout.speakers, layout.channels
     elif n == 2:
         places = (point(30.0, 0.0, 3.0), point(-30.0, 0.0, 3.0))
-    for channel, place in enumerate(places):
+    for channel, place in zip(channels, places, strict=True):
         az, el, r = angles(place)
         yield {
             "name": str(channel + 1),

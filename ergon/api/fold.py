@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from ergon import _core
     from ergon.exchange.wave_header import WaveFormat, WaveInfo
+    from ergon.instruments.model import Layout
     from ergon.scores.reading.piece import Piece
     from ergon.space.fold_filters import Field
     from ergon.space.head import Head
@@ -163,7 +164,6 @@ def fold_of(
     OSError.
     """
     from ergon import _core
-    from ergon.space.fold_filters import Field
 
     if options.to is None:
         if options.head is not None:
@@ -176,8 +176,8 @@ def fold_of(
         reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
         raise OptionError("to", reason, value=options.to)
     heard = options.to, options.head
-    filters, _ = _filters(Field(layout.speakers), heard, piece.rate, report or Report())
-    return _core.Fold(filters)
+    filters, _ = _filters(_in_order(layout), heard, piece.rate, report or Report())
+    return _core.Fold(_without(layout.others(piece.mix.channels), filters))
 
 
 def _folded(
@@ -225,8 +225,18 @@ def _order(word: str, option: str) -> int | None:
     return int(digits)
 
 
-def _named(word: str, option: str, report: Report) -> Field:
-    """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout."""
+def _in_order(layout: Layout) -> Field:
+    """The loudspeakers of a layout in the order of their channels."""
+    from ergon.space.fold_filters import Field
+
+    placed = sorted(zip(layout.channels, layout.speakers, strict=True))
+    return Field(tuple(place for _, place in placed))
+
+
+def _named(word: str, option: str, report: Report) -> tuple[Field, tuple[int, ...]]:
+    """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout; and the
+    channels, from 0, that lie between those of the field.
+    """
     from ergon.space.ambisonics import ORDER_MAX
     from ergon.space.fold_filters import Field
 
@@ -234,23 +244,24 @@ def _named(word: str, option: str, report: Report) -> Field:
 
     order = _order(word, option)
     if order is not None:
-        return Field(order=order)
+        return Field(order=order), ()
     try:
-        return Field(read_layout(word, report).speakers)
+        layout = read_layout(word, report)
+        return _in_order(layout), layout.others(layout.n_channels)
     except NoLayoutError as error:
         raise OptionError(
             option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"
         ) from None
 
 
-def _without(effects: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The filters of all channels, of which those for low-frequency effects are not heard."""
-    if not effects:
+def _without(others: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The filters of all channels, of which the others are not heard."""
+    if not others:
         return filters
     import numpy as np
 
-    every = np.zeros((len(filters) + len(effects), *filters.shape[1:]))
-    every[[i for i in range(len(every)) if i not in effects]] = filters
+    every = np.zeros((len(filters) + len(others), *filters.shape[1:]))
+    every[[i for i in range(len(every)) if i not in others]] = filters
     return every
 
 
@@ -258,16 +269,17 @@ def _source(
     path: Path, info: WaveInfo, options: FoldOptions, report: Report
 ) -> tuple[Field, tuple[int, ...]]:
     """What the channels of a file are: as `options` say, or else as the file says; and which of
-    them, from 0, are for low-frequency effects. Raises FoldError.
+    them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
     """
     from ergon.exchange import adm
     from ergon.exchange.xml_text import XmlError
     from ergon.space.directions import point
     from ergon.space.fold_filters import Field
 
-    effects: tuple[int, ...] = ()
+    kind = "for low-frequency effects"
     if options.from_ is not None:
-        found = _named(options.from_, "from", report)
+        found, effects = _named(options.from_, "from", report)
+        kind = "not among the loudspeakers of the layout"
     else:
         reason = "it does not say what its channels are"
         try:
@@ -282,8 +294,11 @@ def _source(
         named = f"{options.from_ or 'its description'} has {found.n_channels}"
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
     if effects:
-        numbers = " and ".join(str(channel + 1) for channel in effects)
-        report.warn(f"{path}: channel {numbers} is for low-frequency effects, and is left out")
+        *first, last = (str(channel + 1) for channel in effects)
+        said = f"channel {last} is {kind}, and is left out"
+        if first:
+            said = f"channels {', '.join(first)} and {last} are {kind}, and are left out"
+        report.warn(f"{path}: {said}")
     return found, effects
 
 
@@ -294,6 +309,8 @@ def _filters(
 
     `heard`: the name of the target, and the SOFA file of a head.
     """
+    import numpy as np
+
     from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError
 
@@ -305,9 +322,13 @@ def _filters(
     if to == "binaural":
         own = head.kemar() if sofa is None else _head(sofa, source)
         return fold_filters.to_ears(source, own, rate), None
-    target = _named(to, "to", report)
+    target, others = _named(to, "to", report)
     try:
-        return fold_filters.to_field(source, target), target
+        filters = fold_filters.to_field(source, target)
+        if others:
+            turned = _without(others, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
+            return np.ascontiguousarray(turned), None
+        return filters, target
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None
 

@@ -62,10 +62,8 @@ def chunks_of(field: Field, title: str) -> bytes:
 
 
 def chunks_of_layout(layout: Layout | None, n_channels: int, title: str) -> bytes:
-    """The same for a score's layout; empty without one, or if the file has another number of
-    channels.
-    """
-    if layout is None or len(layout.speakers) != n_channels:
+    """The same for a score's layout; empty without one, or if the file has other channels."""
+    if layout is None or layout.channels != tuple(range(n_channels)):
         return b""
     from ergon.space.fold_filters import Field
 

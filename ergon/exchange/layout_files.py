@@ -2,7 +2,7 @@
 
 IEM AllRADecoder (JSON), the EBU ADM renderer (YAML), SpatGRIS 3 (XML speaker setup). A layout
 here is a list of angles and distances; only what all formats share is kept: where each
-loudspeaker is, and their order.
+loudspeaker is, and its output.
 """
 
 from __future__ import annotations
@@ -44,12 +44,11 @@ class ReadLayout:
     left_out: list[str]
 
     def notes(self) -> list[str]:
-        """Sentences on what was left out and on outputs that get other numbers."""
+        """Sentences on what was left out, and on outputs with gaps between them."""
         if self.outputs == [*range(1, len(self.outputs) + 1)]:
             return self.left_out
         stated = ", ".join(map(str, self.outputs))
-        numbers = f"its loudspeakers are at the outputs {stated}; channels of a score follow one "
-        return [*self.left_out, f"{numbers}another, so here they are 1 to {len(self.outputs)}"]
+        return [*self.left_out, f"its loudspeakers keep their outputs: {stated}"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +57,14 @@ class Form:
 
     name: str
     ending: str
-    write: Callable[[Sequence[Angles], str], str]
+    write: Callable[[Sequence[Angles], Sequence[int], str], str]
     read: Callable[[bytes], ReadLayout]
 
 
 # --- IEM ----------------------------------------------------------------------------------------
 
 
-def _write_iem(speakers: Sequence[Angles], title: str) -> str:
+def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     """An IEM layout, with the silent imaginary loudspeakers that close the hull."""
     from ergon.space.panning import imaginary_speakers
 
@@ -78,7 +77,7 @@ def _write_iem(speakers: Sequence[Angles], title: str) -> str:
             "Channel": number,
             "Gain": 1.0,
         }
-        for number, (azimuth, elevation, distance) in enumerate(speakers, 1)
+        for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True)
     ]
     array = unit_vectors(point(azimuth, elevation, 1.0) for azimuth, elevation, _ in speakers)
     for place in imaginary_speakers(array).tolist():
@@ -124,11 +123,11 @@ def _read_iem(data: bytes) -> ReadLayout:
 # --- EBU ADM renderer ---------------------------------------------------------------------------
 
 
-def _write_ear(speakers: Sequence[Angles], title: str) -> str:
+def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
-    for number, (azimuth, elevation, distance) in enumerate(speakers):
+    for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
         position = f"{{az: {_short(azimuth)}, el: {_short(elevation)}, r: {_short(distance)}}}"
-        lines.append(f"  - {{channel: {number}, names: L{number + 1}, position: {position}}}\n")
+        lines.append(f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n")
     return "".join(lines)
 
 
@@ -182,14 +181,14 @@ def _names(row: dict[str, Any]) -> list[str]:
 _SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
 
 
-def _write_spatgris(speakers: Sequence[Angles], title: str) -> str:
+def _write_spatgris(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     """Cartesian: x to the right, y to the front; the farthest loudspeaker of a dome is 1 away."""
     farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
         f'<{_SPATGRIS} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
     ]
-    for number, (azimuth, elevation, distance) in enumerate(speakers, 1):
+    for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
         x, y, z = point(azimuth, elevation, distance / farthest)
         lines.append(
             f'  <SPEAKER_{number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
@@ -298,9 +297,14 @@ FORMS = {
 }
 
 
-def as_yaml(speakers: Sequence[Angles], title: str, radius: float | None = None) -> str:
+def as_yaml(
+    speakers: Sequence[Angles],
+    title: str,
+    radius: float | None = None,
+    outputs: Sequence[int] = (),
+) -> str:
     """A layout of ergon (YAML) for `layout:` of a score; the farthest loudspeaker is `radius` [m]
-    away.
+    away. `outputs` are written where they do not follow one another.
     """
     farthest = max(distance for *_, distance in speakers)
     scale = 1.0 if radius is None or not farthest else radius / farthest
@@ -314,4 +318,6 @@ def as_yaml(speakers: Sequence[Angles], title: str, radius: float | None = None)
             f"az: {_short(azimuth)}deg, el: {_short(elevation)}deg, r: {_short(distance * scale)}m"
         )
         lines.append(f"  - {{{place}}}\n")
+    if [*outputs] != [*range(1, len(outputs) + 1)]:
+        lines.append(f"outputs: [{', '.join(map(str, outputs))}]\n")
     return "".join(lines)

@@ -402,7 +402,22 @@ def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None
         return None
     speakers = tuple(_speaker(one) for one in values["speakers"] if one is not MISSING)
     is_equidistant = values["project"] == "equidistant"
-    return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "")
+    outputs = _outputs(values, len(values["speakers"]))
+    return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "", outputs)
+
+
+def _outputs(values: Values, n_speakers: int) -> tuple[int, ...]:
+    """The output of each loudspeaker; empty where they follow one another."""
+    outputs = tuple(output for output in values["outputs"] or () if output is not MISSING)
+    doubled = sorted({output for output in outputs if outputs.count(output) > 1})
+    if outputs and len(outputs) != n_speakers:
+        message = f"there are {len(outputs)} outputs for {n_speakers} loudspeakers"
+        values.error("E104", message, "outputs")
+        return ()
+    if doubled:
+        values.error("E111", f"two loudspeakers are at the output {doubled[0]}", "outputs")
+        return ()
+    return () if outputs == tuple(range(1, n_speakers + 1)) else outputs
 
 
 def _speaker(written: Values | tuple[float, ...]) -> tuple[float, float, float]:
@@ -426,8 +441,8 @@ def mix(values: Values | None, files: Files) -> Mix:
     routes = tuple(_without_sends(route, refused) for route in routes)
     heard = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest = max(map(max, heard), default=0)
-    speakers = len(room.speakers) if room else 0
-    channels = values["channels"] or max(highest, speakers)
+    outputs = room.n_channels if room else 0
+    channels = values["channels"] or max(highest, outputs)
     for route in routes:
         if route.to == "nearest":
             if room is None:
@@ -444,8 +459,10 @@ def mix(values: Values | None, files: Files) -> Mix:
         if last > channels:
             message = f"channel {last} does not exist; the mix has {channels}"
             values.context.error("E202", message, own.place)
-    if room is not None and values.written("channels") and speakers > channels:
-        message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
+    if room is not None and values.written("channels") and outputs > channels:
+        message = f"the layout has {outputs} loudspeakers, but the mix has {channels} channels"
+        if room.outputs:
+            message = f"the layout has output {outputs}, but the mix has {channels} channels"
         values.error("E202", message, "channels")
     master = values["master"]
     master_of_mix = None

@@ -678,7 +678,7 @@ _NOT_VALUES = {  # places and texts do not count
     Target: ("text",),
     Hit: ("what",),
     Instrument: ("pitch", "acts", "loudness"),  # what they say is in strikes and routes
-    Layout: ("is_equidistant", "title"),  # the file that is hashed by its path
+    Layout: ("is_equidistant", "title", "outputs"),  # the file that is hashed by its path
     Key: ("measured",),
     # Fields that follow from the others, or that do not change what is computed.
     Piece: (

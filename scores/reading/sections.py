@@ -581,6 +581,11 @@ LAYOUT = Record(
             "[x, y] or [x, y, z] of each, in metres, or {az, el, r}",
             required=True,
         ),
+        Field(
+            "outputs",
+            ListOf(_CHANNEL, 1, MAX_CHANNELS),
+            "the output of each; without them the loudspeakers are at the outputs 1, 2, 3 …",
+        ),
     ),
 )
 

@@ -297,12 +297,13 @@ def _nearest(
             else:
                 ranges.append((mat, 1, 1.0))
     for speaker in sorted(near):
-        name = ".".join(filter(None, (instrument.name, output.name, str(speaker + 1))))
+        channel = room.channels[speaker]
+        name = ".".join(filter(None, (instrument.name, output.name, str(channel + 1))))
         ranges = near[speaker] if instrument.name not in listening.silent else []
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
         tap = assembly.network.listen(name, **heard, order=output.order)
-        _ways(listening, piece, tap, (speaker,), route, output)
+        _ways(listening, piece, tap, (channel,), route, output)
 
 
 def targets_of(instrument: Instrument, output: Output) -> Sequence[Target]:

@@ -4,6 +4,8 @@ import json
 import subprocess
 from pathlib import Path
 
+import numpy as np
+import soundfile
 from commands import forked
 
 
@@ -117,3 +119,69 @@ def test_wrong_files_and_options_are_told(tmp_path: Path):
         assert (done.returncode, done.stdout) == (2, ""), words
         assert said in done.stderr
         assert sorted(tmp_path.iterdir()) == before, "nothing is written"
+
+
+GRIS = """\
+<SPEAKER_SETUP VERSION="3.1.0" SPAT_MODE="Dome">
+<SPEAKER_1 STATE="normal" DIRECT_OUT_ONLY="0"><POSITION X="-1" Y="1" Z="0"/></SPEAKER_1>
+<SPEAKER_2 STATE="normal" DIRECT_OUT_ONLY="0"><POSITION X="1" Y="1" Z="0"/></SPEAKER_2>
+<SPEAKER_3 STATE="normal" DIRECT_OUT_ONLY="1"><POSITION X="0" Y="1" Z="0"/></SPEAKER_3>
+<SPEAKER_4 STATE="normal" DIRECT_OUT_ONLY="0"><POSITION X="1" Y="-1" Z="0"/></SPEAKER_4>
+<SPEAKER_6 STATE="normal" DIRECT_OUT_ONLY="0"><POSITION X="-1" Y="-1" Z="0"/></SPEAKER_6>
+</SPEAKER_SETUP>
+"""
+
+
+def test_outputs_with_gaps_are_the_same_in_all_commands(tmp_path: Path):
+    (tmp_path / "room.xml").write_text(GRIS)
+    done = ergon("import", "room.xml", "--radius", "2m", "-o", "room.yaml", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "output 3 is a direct out" in done.stderr
+    assert "outputs: [1, 2, 4, 6]" in (tmp_path / "room.yaml").read_text()
+    for form, read in (("json", '"Channel": 6'), ("yaml", "channel: 5"), ("xml", "SPEAKER_6")):
+        done = ergon("export", "room.yaml", "-o", f"back.{form}", folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert read in (tmp_path / f"back.{form}").read_text()
+    done = ergon("noise", "room.yaml", "-o", "n.wav", "--seconds", "0.1", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    sound, _ = soundfile.read(tmp_path / "n.wav")
+    assert [bool(peak > 0.1) for peak in abs(sound).max(axis=0)] == [1, 1, 0, 1, 0, 1]
+    fold = ["fold", "n.wav", "--from", "room.yaml", "--to"]
+    done = forked([*fold, "room.yaml", "-o", "same.wav", "--bits", "float"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "channels 3 and 5 are not among the loudspeakers of the layout" in done.stderr
+    same, _ = soundfile.read(tmp_path / "same.wav")
+    assert np.array_equal(same, sound)
+    done = forked([*fold, "stereo", "-o", "two.wav", "--bits", "float"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    two, rate = soundfile.read(tmp_path / "two.wav")
+    left, right = np.abs(two[: int(0.1 * rate)]).max(axis=0)
+    assert left > 2.0 * right
+
+
+def test_a_score_reaches_outputs_between_loudspeakers(tmp_path: Path):
+    (tmp_path / "room.yaml").write_text(
+        "ergon: 1\nspeakers: [{az: 45}, {az: -45}, {az: 180}]\noutputs: [1, 2, 5]\n"
+    )
+    (tmp_path / "s.yaml").write_text("""\
+ergon: 1
+instruments:
+  sub: {CEL: {M: 1g, f: A2, t60: 0.2s}, out: {SOX: sub}}
+strikes: {s: {to: sub, at: 0s, impulse: 1mNs}}
+mix: {layout: room.yaml, route: [{from: sub, to: [4, 5]}]}
+render: {tail: 1s}
+""")
+    done = forked(["render", "s.yaml", "-o", "s.wav"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    sound, _ = soundfile.read(tmp_path / "s.wav")
+    assert [bool(peak > 0.0) for peak in abs(sound).max(axis=0)] == [0, 0, 0, 1, 1]
+
+
+def test_wrong_outputs_of_a_layout_are_told(tmp_path: Path):
+    for outputs, said in (("[1, 2]", "2 outputs for 3 loud"), ("[1, 2, 2]", "at the output 2")):
+        (tmp_path / "room.yaml").write_text(
+            f"ergon: 1\nspeakers: [{{az: 45}}, {{az: -45}}, {{az: 180}}]\noutputs: {outputs}\n"
+        )
+        done = ergon("check", "room.yaml", folder=tmp_path)
+        assert done.returncode == 1
+        assert said in done.stderr

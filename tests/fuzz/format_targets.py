@@ -127,7 +127,7 @@ LAYOUT_WORDS = (
 
 
 def _layout(form: Form) -> Target:
-    whole = form.write(SPEAKERS, "a room")
+    whole = form.write(SPEAKERS, range(1, len(SPEAKERS) + 1), "a room")
 
     def case(chance: random.Random) -> bytes:
         if chance.random() < 0.02:
