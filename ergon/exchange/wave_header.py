@@ -244,7 +244,7 @@ def _text(field: bytes) -> str:
 def _parse_format(content: bytes) -> WaveFormat:
     if len(content) < 16:
         raise NotWaveError("this WAVE file ends within its header")
-    tag, n_channels, rate, _, _, n_bits = struct.unpack("<HHIIHH", content[:16])
+    tag, n_channels, rate, _, frame, n_bits = struct.unpack("<HHIIHH", content[:16])
     if tag == _TAG_EXTENSIBLE and len(content) >= 40:
         tag = int.from_bytes(content[24:26], "little")
     forms: dict[tuple[int, int], Bits] = {
@@ -255,7 +255,14 @@ def _parse_format(content: bytes) -> WaveFormat:
         (_TAG_FLOAT, 32): "float",
         (_TAG_FLOAT, 64): "double",
     }
-    bits = forms.get((tag, n_bits))
+    # Samples of 12 or 20 bits are the upper bits of whole bytes.
+    n_bytes = -(-n_bits // 8)
+    if tag in (_TAG_PCM, _TAG_FLOAT) and frame not in (0, n_channels * n_bytes):
+        raise NotWaveError(
+            f"a frame of {n_channels} × {n_bits} bits has {frame} bytes by its header, not "
+            f"{n_channels * n_bytes}; such samples are not supported"
+        )
+    bits = forms.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame else n_bits))
     if bits is None or not n_channels or not rate:
         raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not supported")
     return WaveFormat(rate, n_channels, bits)

@@ -18,8 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.scores.gesture.motion import BLOCK, Motion, judged, unique_names
-from ergon.scores.gesture.points import METRE
+from ergon.scores.gesture.motion import BLOCK, Motion, judged, metres_of, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, opened
 
 _SECTOR = 512
@@ -174,7 +173,7 @@ def read(path: Path) -> Motion:
         whole = max(0, (size - start) // frame)
         raise TakeError(f"the file is cut: of {n:,} frames {whole:,} are there", path)
     is_rate = math.isfinite(rate) and rate > 0
-    unit = _text(values, "POINT", "UNITS").strip()
+    metres = metres_of(_text(values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
         with opened(path) as file:
@@ -188,8 +187,7 @@ def read(path: Path) -> Motion:
                 yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
 
     labels = _labels(values, n_points)
-    metres = METRE.get(unit) if unit else None
-    return judged(Motion(labels, n, rate if is_rate else None, metres and 1 / metres, blocks), path)
+    return judged(Motion(labels, n, rate if is_rate else None, metres, blocks), path)
 
 
 def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool) -> Floats:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon.notation.text.spelling import nearest
+from ergon.scores.gesture.points import METRE
 from ergon.scores.gesture.take_file import MAX_CHANNELS, MAX_SAMPLES, Floats, TakeError
 
 AXES = ("x", "y", "z", "auto")
@@ -23,6 +24,11 @@ BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
 _STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
 _LISTED = 8
+_UNIT_WORDS = {
+    **dict.fromkeys(("millimeters", "millimetres", "millimeter", "millimetre"), "mm"),
+    **dict.fromkeys(("centimeters", "centimetres", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("meters", "metres", "meter", "metre"), "m"),
+}
 _HIGH = 1e9  # largest coordinate in an intact file, in any unit
 
 
@@ -42,6 +48,13 @@ class Motion:
     metres: float | None
     blocks: Callable[[], Iterator[Floats]]
     note: str | None = None
+
+
+def metres_of(unit: str) -> float | None:
+    """The length [m] of a unit that a file names in letters of either size; None if unknown."""
+    name = unit.strip().casefold()
+    divisor = METRE.get(_UNIT_WORDS.get(name, name)) if name else None
+    return None if divisor is None else 1 / divisor
 
 
 def judged(motion: Motion, path: Path) -> Motion:

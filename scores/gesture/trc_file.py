@@ -13,8 +13,14 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
-from ergon.scores.gesture.points import METRE
+from ergon.scores.gesture.motion import (
+    Motion,
+    in_blocks,
+    judged,
+    metres_of,
+    positions,
+    unique_names,
+)
 from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
 
 _FIRST = "PathFileType"
@@ -43,14 +49,13 @@ def read(path: Path) -> Motion:
         message = f"its head says {n_markers:,} markers, and names {len(head.names):,}"
         raise TakeError(message, path, head.line)
     rate = _rate(head, path)
-    unit = head.fields.get("Units", "").strip()
-    metres = METRE.get(unit) if unit else None
+    metres = metres_of(head.fields.get("Units", ""))
 
     def blocks() -> Iterator[Floats]:
         return in_blocks((_values(cells, path, line) for line, cells in _rows(head, path)), n, path)
 
     names = unique_names(head.names)
-    return judged(Motion(names, n, rate, metres and 1 / metres, blocks), path)
+    return judged(Motion(names, n, rate, metres, blocks), path)
 
 
 def _head(path: Path) -> _Head:
@@ -80,6 +85,8 @@ def _rows(head: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
             cells = [cell.strip() for cell in text.split("\t")]
             if len(cells) == width + 1 and not cells[-1]:  # a tab may come last
                 cells.pop()
+            if _LEADING <= len(cells) < width and (width - len(cells)) % 3 == 0:
+                cells += [""] * (width - len(cells))  # an editor cut the blanks of hidden markers
             if len(cells) != width:
                 message = (
                     f"the number of values in this line is {len(cells)}, but the markers need "

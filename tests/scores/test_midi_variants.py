@@ -1,0 +1,99 @@
+"""MIDI files as other programs write them, read by ours and by mido."""
+
+from __future__ import annotations
+
+import io
+import random
+from pathlib import Path
+
+import mido
+import pytest
+
+from ergon.scores.gesture.midi_bytes import NOTE_OFF, NOTE_ON, MidiBytes
+
+
+def _variable(value: int) -> bytes:
+    parts = [value & 0x7F]
+    while value := value >> 7:
+        parts.append(value & 0x7F | 0x80)
+    return bytes(parts[::-1])
+
+
+def _track(chance: random.Random) -> bytes:
+    """Events with all that files have between notes; a status is left out where it may be."""
+    out, status = b"", 0
+
+    def event(first: int, *content: int) -> bytes:
+        nonlocal status
+        is_running, status = first == status and chance.random() < 0.8, first
+        return bytes(content) if is_running else bytes([first, *content])
+
+    for _ in range(chance.randrange(2, 40)):
+        out += _variable(chance.choice([0, 0, 1, 96, 127, 128, 480, 20_000, 2_097_152]))
+        channel = chance.randrange(3)
+        match chance.randrange(11):
+            case 0 | 1 | 2:
+                out += event(0x90 | channel, chance.randrange(128), chance.randrange(128))
+            case 3 | 4:
+                out += event(0x80 | channel, chance.randrange(128), 64)
+            case 5:
+                out += event(0xB0 | channel, chance.choice([1, 7, 64]), chance.randrange(128))
+            case 6:
+                out += event(0xE0 | channel, chance.randrange(128), chance.randrange(128))
+            case 7:
+                out += event(0xC0 | channel, 5)
+            case 8:  # a status goes on over it; mido loses the times of kinds that it does not know
+                text = "Grün".encode("latin-1")[: chance.randrange(5)]
+                out += b"\xff" + bytes([chance.choice([1, 3, 5, 6, 0x7F])])
+                out += _variable(len(text)) + text
+            case 9:
+                out += b"\xff\x51\x03" + chance.randrange(200_000, 900_000).to_bytes(3, "big")
+            case 10:
+                content = bytes(chance.randrange(128) for _ in range(chance.randrange(150)))
+                out += b"\xf0" + _variable(len(content) + 1) + content + b"\xf7"
+                status = 0
+    return out + _variable(chance.choice([0, 1000])) + b"\xff\x2f\0"
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return name + len(content).to_bytes(4, "big") + content
+
+
+def _variant(seed: int) -> tuple[bytes, bytes]:
+    """A file, and one for mido: without what stands between or behind the tracks."""
+    chance = random.Random(seed)
+    kind = seed % 2
+    tracks = [_chunk(b"MTrk", _track(chance)) for _ in range(1 + kind * chance.randrange(4))]
+    head = b"".join(
+        number.to_bytes(2, "big")
+        for number in (kind, len(tracks), chance.choice([1, 24, 96, 480, 960, 15_360]))
+    )
+    plain = _chunk(b"MThd", head) + b"".join(tracks)
+    more = [_chunk(b"XFIH", bytes(7)) if chance.random() < 0.3 else b"" for _ in tracks]
+    behind = chance.choice([b"", b"", b"\0", bytes(130), b"TAG" + bytes(125)])
+    longer = head + bytes(2) if chance.random() < 0.2 else head
+    rest = b"".join(part for pair in zip(more, tracks, strict=True) for part in pair)
+    return _chunk(b"MThd", longer) + rest + behind, plain
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_midi_files_of_other_programs(seed: int) -> None:
+    data, plain = _variant(seed)
+    file = MidiBytes(Path("x.mid"), data)
+    header = file.header()
+    theirs = mido.MidiFile(file=io.BytesIO(plain), clip=True)
+    assert (header.format, header.ticks) == (theirs.type, theirs.ticks_per_beat)
+    assert len(header.tracks) == len(theirs.tracks)
+    for span, track in zip(header.tracks, theirs.tracks, strict=True):
+        ours = [
+            (one.tick, one.kind, one.channel - 1, *one.content)
+            for one in file.track(span)
+            if one.kind in (NOTE_ON, NOTE_OFF)
+        ]
+        tick, expected = 0, []
+        for message in track:
+            tick += message.time
+            if message.type in ("note_on", "note_off"):
+                kind = NOTE_ON if message.type == "note_on" else NOTE_OFF
+                expected.append((tick, kind, message.channel, message.note, message.velocity))
+        assert ours == expected
