@@ -1,4 +1,4 @@
-"""`ergon info`: what a render, a take, a MIDI file, a motion file, a pack or a score contains."""
+"""`ergon info`: what a file contains."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ergon.common.sound_files import SUFFIXES, foreign_file
 from . import options
 from .bundled import PackedPath, is_pack
 from .console import Console, plural
+from .file_info import content
 from .outcome import Findings, Refused
 from .tables import table
 from .units import octets, seconds
@@ -34,12 +35,14 @@ if TYPE_CHECKING:
 @options.trust
 @options.speaking
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
-    """Say what a render, a take, a MIDI file, a motion file, a pack or a score contains.
+    """Say what a render, a take, a MIDI file, a mesh, a layout, a pack or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
     .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels and
     what they span. Of a MIDI file it says what is played and what is passed over. A .motion file is
-    what moved. Of a pack it lists the files. Anything else is a score.
+    what moved. Of a mesh (OBJ, glTF), a scale (.scl, .kbm), a head (SOFA), loudspeakers and a model
+    of another program it says what is read and what is passed over. Of a pack it lists the files.
+    Anything else is a score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
@@ -66,7 +69,7 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         motion(console, path)
     elif (foreign := foreign_file(path)) is not None:
         raise Refused(f"{file}: {foreign}")
-    else:
+    elif not content(console, path):
         _score(console, file, trust)
 
 
@@ -126,6 +129,7 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
         "title": wav.title,
         "score_sha256": wav.score,
         "plan_sha256": wav.plan,
+        "passed_over": [name for name, _ in wav.others],
     }
 
 
@@ -144,8 +148,30 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
         lines.append(f"score:   sha256 {wav.score}")
     if wav.plan:
         lines.append(f"plan:    sha256 {wav.plan}")
+    lines += [f"channels: {words}" for words in _channels(path, wav)]
+    lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
     lines.append(f"samples: sha256 {samples}")
     return "\n".join(lines) + "\n"
+
+
+def _channels(path: Path, wav: WaveInfo) -> list[str]:
+    """What a file says of its channels."""
+    from ergon.exchange import adm
+    from ergon.exchange.xml_text import XmlError
+
+    try:
+        layout = adm.read(wav)
+    except XmlError as error:
+        return [f"their description is not read: {error}"]
+    if layout is None:
+        return []
+    if layout.order is not None:
+        return [f"Ambisonics of order {layout.order} (ACN, SN3D)"]
+    words = [plural(len(layout.speakers), "loudspeaker")]
+    if layout.effects:
+        numbers = ", ".join(str(channel + 1) for channel in layout.effects)
+        words.append(f"channel {numbers} for low-frequency effects")
+    return ["; ".join(words)]
 
 
 def _score(console: Console, path: str, trust: bool) -> None:

@@ -141,6 +141,7 @@ def _table(console: Console, path: Path) -> None:
             duration_s=span,
             rate_hz=rate,
             channels=[{"name": c.name, "low": c.low, "high": c.high} for c in channels],
+            passed_over=list(table.passed_over),
         )
         return
     words = [plural(table.n_rows, "sample")]
@@ -153,6 +154,7 @@ def _table(console: Console, path: Path) -> None:
         else f"  {c.name}: never seen"
         for c in channels
     ]
+    lines += [f"  passed over: {what}" for what in table.passed_over]
     console.data("\n".join(printable(line) for line in lines) + "\n")
 
 

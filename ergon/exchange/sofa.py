@@ -115,6 +115,8 @@ def _check(head: dict[str, Any], path: Path) -> None:
         raise SofaError(f"{path} is of {named} convention; a head is {_CONVENTION}")
     if head["type"] != "spherical":
         raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
+    if "rad" in head.get("units", "").lower():
+        raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
     if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
         sizes = " by ".join(map(str, shape))
         raise SofaError(f"{path}: responses are {sizes}; expected (directions, 2 ears, samples)")

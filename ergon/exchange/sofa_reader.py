@@ -94,6 +94,7 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
         head = {
             "convention": _text(file.attrs.get("SOFAConventions")),
             "type": _text(datasets[0].attrs.get("Type", b"spherical")),
+            "units": _text(datasets[0].attrs.get("Units", b"degree")),
         }
         arrays = [np.ascontiguousarray(dataset[...], "<f8") for dataset in datasets]
         arrays += [np.zeros((1, 2), "<f8")] * (len(ARRAYS) - len(arrays))

@@ -40,6 +40,8 @@ _FMT = struct.Struct("<HHIIHHHHI")
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
+_OTHERS_MAX = 100  # chunks that are named
+_FILLING = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # that say nothing
 _CUT_HEADER = "this WAVE file ends within its header"
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
@@ -95,6 +97,7 @@ class WaveInfo:
     chna: bytes = b""
     mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
     missing: int = 0  # bytes of samples that the header announces beyond the end of the file
+    others: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
 
     @property
     def damage(self) -> str | None:
@@ -186,21 +189,23 @@ def parse(file: BinaryIO) -> WaveInfo:
     originator: str | None = None
     description = ""
     more = {b"axml": b"", b"chna": b""}
+    others: list[tuple[str, int]] = []
+    samples: tuple[int, int, int] | None = None  # offset, bytes there, bytes missing
+    whole = file.seek(0, 2)
+    file.seek(12)
     while len(chunk := file.read(8)) == 8:
         name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
-        if name == b"data":
+        start = file.tell()
+        if samples is not None and (size > whole - start or not name.isascii()):
+            break  # what follows the samples is no chunk
+        if name == b"data" and samples is None:
             if format is None:
                 raise NotWaveError("the samples come before their format")
             if size == 0xFFFFFFFF and container != "RIFF":
                 size, riff_size = long_size, long_riff_size
-            offset = file.tell()
-            end = file.seek(0, 2)
-            size, missing = _sizes(size, end - offset, format, is_whole=riff_size + 8 == end)
-            n_frames = size // format.frame_bytes
-            stated = originator, description, more[b"axml"], more[b"chna"]
-            return WaveInfo(container, format, n_frames, offset, size, *stated, mask, missing)
-        start = file.tell()
-        if name == b"ds64":
+            there, missing = _sizes(size, whole - start, format, is_whole=riff_size + 8 == whole)
+            samples, size = (start, there, missing), there
+        elif name == b"ds64":
             long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
         elif name == b"fmt ":
             content = read_exactly(file, min(size, 40))
@@ -212,8 +217,26 @@ def parse(file: BinaryIO) -> WaveInfo:
             description, originator = _text(text), _text(origin)
         elif name in more and size <= _DESCRIPTION_MAX:
             more[name] = read_exactly(file, size)
+        elif name not in _FILLING and len(others) < _OTHERS_MAX:
+            others.append((name.decode("latin-1"), size))
         file.seek(start + size + (size & 1))
-    raise NotWaveError("this WAVE file holds no samples")
+    if samples is None or format is None:
+        raise NotWaveError("this WAVE file holds no samples")
+    offset, size, missing = samples
+    return WaveInfo(
+        container,
+        format,
+        size // format.frame_bytes,
+        offset,
+        size,
+        originator,
+        description,
+        more[b"axml"],
+        more[b"chna"],
+        mask,
+        missing,
+        tuple(others),
+    )
 
 
 def _sizes(stated: int, there: int, format: WaveFormat, *, is_whole: bool) -> tuple[int, int]:

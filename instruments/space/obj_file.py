@@ -16,6 +16,7 @@ from ergon.notation.text.syntax import decode
 from ergon.notation.text.values import Place
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_LINE_END = re.compile(r"\r\n|\r|\n")  # \x85 is a letter of older code pages
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 # Keywords for curves, surfaces and other files, which would be missing from the mesh; what has any
 # other keyword (looks, names, groups, single points) says nothing of vertices and edges.
@@ -72,7 +73,7 @@ class Reader:
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers, without comments; a backslash at the end continues a line."""
         begun, first = "", 0
-        for number, line in enumerate(self._document.text.splitlines(), 1):
+        for number, line in enumerate(_LINE_END.split(self._document.text), 1):
             text = line.partition("#")[0].rstrip()
             first = first or number
             if text.endswith("\\"):

@@ -121,7 +121,8 @@ def read(path: Path) -> Motion:
     if n_there > n:
         note = f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
     names = unique_names([joint.name for joint in joints])
-    return judged(Motion(names, n, rate, None, blocks, note), path)
+    passed = ("rotations, but for where they put the joints",)
+    return judged(Motion(names, n, rate, None, blocks, note, passed), path)
 
 
 def _open(path: Path) -> io.TextIOWrapper:

@@ -26,6 +26,7 @@ _DEC = 85
 _ORDERS = {84: "<", _DEC: "<", 86: ">"}  # Intel, DEC, MIPS
 _MANY = 0xFFFF  # largest frame number of the header
 _SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter's numbers, by its type
+_READ = {"POINT", "TRIAL"}  # groups of parameters
 _PARAMETERS_MAX = 1 << 17  # bytes: 255 sectors
 
 _Value = tuple[int, tuple[int, ...], bytes]  # type, dimensions, bytes
@@ -187,7 +188,11 @@ def read(path: Path) -> Motion:
                 yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
 
     labels = _labels(values, n_points)
-    return judged(Motion(labels, n, rate if is_rate else None, metres, blocks), path)
+    passed = () if not layout.n_analog else (f"{layout.n_analog:,} analog values a frame",)
+    if others := sorted({group for group, _ in values if group} - _READ):
+        passed += (f"parameters of {', '.join(others)}",)
+    motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, passed)
+    return judged(motion, path)
 
 
 def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool) -> Floats:

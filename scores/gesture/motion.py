@@ -39,7 +39,7 @@ class Motion:
     `rate` [Hz] is None if the file does not state it, as is `metres`, the length of 1.0 in the
     file. `blocks` gives positions as (frames, points, 3), some frames at a time, in the file's
     unit; a point that is not seen is NaN there. `note` says what is wrong with a file that can be
-    read.
+    read, `passed_over` what is in it beside the points.
     """
 
     points: tuple[str, ...]
@@ -48,6 +48,7 @@ class Motion:
     metres: float | None
     blocks: Callable[[], Iterator[Floats]]
     note: str | None = None
+    passed_over: tuple[str, ...] = ()
 
 
 def metres_of(unit: str) -> float | None:

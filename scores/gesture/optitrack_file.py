@@ -65,7 +65,18 @@ def read(path: Path) -> Motion:
     said = next((header[name] for name in _COUNTS if header.get(name)), None)
     n = sum(1 for _ in _frames(rows)) if said is None else _count(said, path)
     metres = _METRES.get(header.get("Length Units", "").lower())
-    return judged(Motion(unique_names(rows.names), n, _rate(header, path), metres, blocks), path)
+    return judged(
+        Motion(
+            unique_names(rows.names),
+            n,
+            _rate(header, path),
+            metres,
+            blocks,
+            None,
+            ("columns that are not positions",),
+        ),
+        path,
+    )
 
 
 def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:

@@ -70,7 +70,18 @@ def read(path: Path) -> Motion:
             yield from map(_seen, in_blocks(values, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
-    return judged(Motion(unique_names(rows.names), n, rate, 1e-3, blocks), path)
+    return judged(
+        Motion(
+            unique_names(rows.names),
+            n,
+            rate,
+            1e-3,
+            blocks,
+            None,
+            ("columns that are not positions",),
+        ),
+        path,
+    )
 
 
 def _header(path: Path) -> tuple[dict[str, list[str]], _Rows]:

@@ -50,11 +50,14 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The number of rows, the columns, and a note on what is wrong with the file."""
+    """The number of rows, the columns, a note on what is wrong with the file, and what is not
+    read.
+    """
 
     n_rows: int
     columns: tuple[Column, ...]
     note: str | None = None
+    passed_over: tuple[str, ...] = ()
 
 
 _BLOCK = 4096  # rows
@@ -108,12 +111,13 @@ def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
 
 def _npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
-    columns = []
+    columns, passed = [], []
     n_rows = 0
     with npz(path) as arrays:
         for index in range(len(arrays.names)):
             row = arrays.row(index)
             if row is None or not row.length:
+                passed.append(f"array {arrays.names[index]}, which is not a row of numbers")
                 continue
             column = Column(row.name)
             for block in arrays.blocks(row):
@@ -122,7 +126,7 @@ def _npz(path: Path) -> Table:
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns))
+    return Table(n_rows, tuple(columns), None, tuple(passed))
 
 
 def _tsv(path: Path) -> Table:
@@ -149,9 +153,9 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
             for column, own in zip(columns, values, strict=True):
                 column.add(own)
         if not motion.rate:
-            return Table(motion.n, columns, motion.note)
+            return Table(motion.n, columns, motion.note, motion.passed_over)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
-        return Table(motion.n, (time, *columns), motion.note)
+        return Table(motion.n, (time, *columns), motion.note, motion.passed_over)
 
     return points
 

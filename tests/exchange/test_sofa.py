@@ -58,6 +58,10 @@ def cartesian(file: h5py.File) -> None:
     file["SourcePosition"].attrs["Type"] = np.bytes_("cartesian")
 
 
+def in_radians(file: h5py.File) -> None:
+    file["SourcePosition"].attrs["Units"] = np.bytes_("radian, radian, metre")
+
+
 def replaced(name: str, data: object) -> Callable[[h5py.File], None]:
     def change(file: h5py.File) -> None:
         del file[name]
@@ -107,6 +111,7 @@ def huge(file: h5py.File) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (in_radians, "here they are in radians"),
         (renamed, "GeneralTF convention"),
         (cartesian, "cartesian"),
         (huge, "values"),

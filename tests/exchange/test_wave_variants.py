@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from ergon.exchange import sound
+from ergon.exchange import adm, sound
 from ergon.exchange.wave_header import NotWaveError
 
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")
@@ -34,7 +34,13 @@ def _others(chance: random.Random) -> bytes:
             content = b"INFOISFT\x05\0\0\0Lavf\0\0" + bytes(chance.choice([0, 1]))
         if name == b"fact":
             content = struct.pack("<I", chance.choice([0, 10]))
-        if name in (b"smpl", b"cue ", b"PEAK", b"iXML", b"bext"):  # of the sizes that they must have
+        if name in (
+            b"smpl",
+            b"cue ",
+            b"PEAK",
+            b"iXML",
+            b"bext",
+        ):  # of the sizes that they must have
             content = {b"smpl": bytes(36), b"cue ": bytes(4), b"PEAK": struct.pack("<II", 1, 0),
                        b"iXML": b"<BWFXML/>", b"bext": bytes(602)}[name]  # fmt: skip
         chunks += _chunk(name, content)
@@ -56,7 +62,9 @@ def _variant(seed: int) -> tuple[bytes, bytes, str]:
         data = raw[:, :width].tobytes()
     container = chance.choice(["RIFF", "RIFF", "RF64", "BW64"])
     is_long = container != "RIFF"
-    fmt = struct.pack("<HHIIHH", tag, channels, rate, rate * channels * width, channels * width, bits)
+    fmt = struct.pack(
+        "<HHIIHH", tag, channels, rate, rate * channels * width, channels * width, bits
+    )
     kind = chance.choice([16, 18, 40]) if bits % 8 == 0 else 16
     if kind == 18:
         fmt += b"\0\0"
@@ -67,7 +75,9 @@ def _variant(seed: int) -> tuple[bytes, bytes, str]:
     plain = _chunk(b"fmt ", fmt) + _chunk(b"data", data)
     plain = b"RIFF" + struct.pack("<I", 4 + len(plain)) + b"WAVE" + plain
     stated = len(data)
-    odd = chance.choice(["", "", "size 0", "size -1", "no size of the whole"]) if not is_long else ""
+    odd = (
+        chance.choice(["", "", "size 0", "size -1", "no size of the whole"]) if not is_long else ""
+    )
     if odd == "size -1" or is_long:
         stated = 0xFFFFFFFF
     if odd == "size 0":
@@ -121,3 +131,17 @@ def test_wave_files_with_samples_in_longer_words_are_refused(tmp_path: Path) -> 
     path.write_bytes(data[:place] + fmt + data[place + 16 :])
     with pytest.raises(NotWaveError, match="2 × 24 bits has 8 bytes by its header, not 6"):
         sound.read_info(path)
+
+
+def test_what_channels_are_may_stand_behind_the_samples(tmp_path: Path) -> None:
+    """As the EBU renderer and mixing desks write it."""
+    described = adm.chunks(adm.ChannelLayout(((30.0, 0.0, 2.0), (-30.0, 0.0, 2.0))), "x")
+    fmt = _chunk(b"fmt ", struct.pack("<HHIIHH", 1, 2, 8000, 32000, 4, 16))
+    body = fmt + _chunk(b"data", bytes(40)) + _chunk(b"iXML", b"<BWFXML/>") + described
+    path = tmp_path / "x.wav"
+    path.write_bytes(b"RIFF" + struct.pack("<I", 4 + len(body)) + b"WAVE" + body + b"\0junk")
+    info = sound.read_info(path)
+    assert (info.n_frames, info.others) == (10, (("iXML", 9),))
+    layout = adm.read(info)
+    assert layout is not None
+    assert [place[0] for place in layout.speakers] == pytest.approx([30.0, -30.0])

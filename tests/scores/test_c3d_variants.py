@@ -32,9 +32,7 @@ class _Writer:
         return halves[:, ::-1].tobytes()
 
 
-def _parameters(
-    chance: random.Random, own: _Writer, rows: list[tuple], *, is_odd: bool
-) -> bytes:
+def _parameters(chance: random.Random, own: _Writer, rows: list[tuple], *, is_odd: bool) -> bytes:
     """Groups and parameters, in any order of groups, with and without descriptions, some locked."""
     groups = {name: number for number, name in enumerate(dict.fromkeys(row[0] for row in rows), 1)}
     entries = [(name, -number, b"") for name, number in groups.items()]
@@ -58,12 +56,18 @@ def _labels(names: list[str]) -> tuple[int, tuple[int, ...], bytes]:
     return -1, (width, len(names)), "".join(name.ljust(width) for name in names).encode()
 
 
-def _variant(seed: int, *, is_odd: bool = True) -> tuple[bytes, np.ndarray, list[str], dict[str, object]]:
+def _variant(
+    seed: int, *, is_odd: bool = True
+) -> tuple[bytes, np.ndarray, list[str], dict[str, object]]:
     """The bytes of a file, its positions (n, points, 3), its names, and what it states."""
     chance = random.Random(seed)
     processor = [*_CODES][seed % 3]
     own, is_real = _Writer(processor), chance.random() < 0.5
-    n, n_points, n_analog = chance.randrange(1, 60), chance.randrange(1, 6), chance.choice([0, 0, 2])
+    n, n_points, n_analog = (
+        chance.randrange(1, 60),
+        chance.randrange(1, 6),
+        chance.choice([0, 0, 2]),
+    )
     per_frame = chance.choice([1, 4]) if n_analog else 0
     first, rate = chance.choice([1, 1, 17, 300]), chance.choice([50.0, 100.0, 120.0])
     scale = float(np.float32(chance.choice([0.0625, 0.1, 0.5])))
@@ -130,7 +134,9 @@ def test_c3d_files_of_other_programs(seed: int, tmp_path: Path) -> None:
     ours = np.concatenate([*motion.blocks()])
     assert motion.points == tuple(names)
     assert motion.rate == pytest.approx(stated["rate"])
-    assert motion.metres == pytest.approx({"mm": 1e-3, "cm": 1e-2, "m": 1.0}[stated["units"].strip()])
+    assert motion.metres == pytest.approx(
+        {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[stated["units"].strip()]
+    )
     np.testing.assert_allclose(ours, places, rtol=1e-6, atol=1e-9)
 
 

@@ -24,7 +24,9 @@ class _Skeleton:
             self._joint(None, 0)
 
     def _case(self, word: str) -> str:
-        return word if self.chance.random() < 0.8 else self.chance.choice([word.upper(), word.lower()])
+        return (
+            word if self.chance.random() < 0.8 else self.chance.choice([word.upper(), word.lower()])
+        )
 
     def _offset(self) -> list[str]:
         forms = ["{:.6f}", "{:g}", "{:.3e}", "{:.0f}."]
@@ -36,7 +38,9 @@ class _Skeleton:
         self.words += [self._case("ROOT" if parent is None else "JOINT"), *name.split(), "{"]
         offset = self._offset()
         self.words += [self._case("OFFSET"), *offset]
-        axes = chance.sample(["Xrotation", "Yrotation", "Zrotation"], chance.choice([0, 1, 3, 3, 3]))
+        axes = chance.sample(
+            ["Xrotation", "Yrotation", "Zrotation"], chance.choice([0, 1, 3, 3, 3])
+        )
         places = ["Xposition", "Yposition", "Zposition"]
         named = [*(places if parent is None or chance.random() < 0.2 else []), *axes]
         if chance.random() < 0.2:
@@ -49,7 +53,14 @@ class _Skeleton:
                 self._joint(number, depth + 1)
         if chance.random() < 0.6:
             end = self._offset()
-            self.words += [self._case("End"), self._case("Site"), "{", self._case("OFFSET"), *end, "}"]
+            self.words += [
+                self._case("End"),
+                self._case("Site"),
+                "{",
+                self._case("OFFSET"),
+                *end,
+                "}",
+            ]
             self.joints.append((number, np.array(end, float), [], self.n_channels))
         self.words.append("}")
 
@@ -114,7 +125,9 @@ def _trc(seed: int) -> tuple[str, np.ndarray, float]:
     places = np.random.default_rng(seed).uniform(-900, 900, (n, n_markers, 3)).round(5)
     places[np.random.default_rng(seed + 1).uniform(size=(n, n_markers)) < 0.15] = np.nan
     newline = chance.choice(["\n", "\r\n"])
-    unit, metres = chance.choice([("mm", 1e-3), ("m", 1.0), ("cm", 1e-2), ("MM", 1e-3), ("meters", 1.0)])
+    unit, metres = chance.choice(
+        [("mm", 1e-3), ("m", 1.0), ("cm", 1e-2), ("MM", 1e-3), ("meters", 1.0)]
+    )
     names = [f"{chance.choice(['R.ASIS', 'V_Sacral', 'C7 left'])}{i}" for i in range(n_markers)]
     fields = ["DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"]
     values = ["120.00", "120", f"{n}", f"{n_markers}", unit]

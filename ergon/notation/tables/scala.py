@@ -22,6 +22,8 @@ _MAX_RATIO = 2.0**100
 
 _CENTS = re.compile(r"[+-]?(?:\d{1,12}\.\d{0,40}|\.\d{1,40})(?:[eE][+-]?\d{1,3})?")
 _RATIO = re.compile(r"([+-]?\d{1,400})(?:\s*/\s*([+-]?\d{1,400}))?")
+_LINE_END = re.compile(r"\r\n|\r|\n")  # \x85 is a letter of older code pages
+_LAST_END = re.compile(r"(?:\r\n|\r|\n)\Z")
 _WHOLE = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
@@ -84,7 +86,7 @@ class KeyMap:
 
 def _lines(text: str) -> Iterator[tuple[int, str]]:
     """The lines that are no comments, with their numbers from 1."""
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(_LINE_END.split(_LAST_END.sub("", text)), 1):
         if not line.startswith("!"):
             yield number, line.strip()
 
@@ -162,7 +164,10 @@ def parse_key_map(text: str) -> KeyMap:
         raise ScalaError(message, number, hertz)
     octave = whole("the degree of the formal octave", 0, MAX_DEGREES)
     degrees: list[int | None] = []
-    for number, line in lines:
+    rows = [*lines]
+    while rows and not rows[-1][1]:  # blank lines at the end of the file
+        rows.pop()
+    for number, line in rows:
         if len(degrees) == size:
             break
         cell = line.split()[0] if line else ""

@@ -1,0 +1,261 @@
+"""`ergon info` of files that a score names or a command converts: what is read, what is not."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ergon.common.regular import read_bounded
+from ergon.common.terminal import printable
+
+from .console import Console, plural
+from .outcome import Refused
+
+_BYTES_MAX = 64 << 20
+_LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
+_OURS = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
+
+
+class Content(NamedTuple):
+    """What a file holds: its form, what was read of it with units, and what was passed over."""
+
+    form: str
+    read: Mapping[str, object]
+    passed_over: list[str]
+
+
+def content(console: Console, path: Path) -> bool:
+    """Say what a file holds, if it has one of these forms; False for another."""
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        return False
+    found = reader(path)
+    if found is None:
+        return False
+    if console.json:
+        fields = {"form": found.form, **found.read, "passed_over": found.passed_over}
+        console.record("file", file=str(path), **fields)
+        return True
+    lines = [f"{path}: {found.form}"]
+    lines += [f"  {name}: {value}" for name, value in found.read.items()]
+    lines += [f"  passed over: {what}" for what in found.passed_over or ["nothing"]]
+    console.data("\n".join(map(printable, lines)) + "\n")
+    return True
+
+
+def _data(path: Path) -> bytes:
+    data = read_bounded(path, _BYTES_MAX)
+    if len(data) > _BYTES_MAX:
+        raise Refused(f"{path} is larger than {_BYTES_MAX >> 20} MB")
+    return data
+
+
+# --- meshes -------------------------------------------------------------------------------------
+
+
+def _obj(path: Path) -> Content:
+    from ergon.instruments.space.obj_file import Reader, decoded
+    from ergon.notation.text.document import Document
+    from ergon.notation.text.errors import Collector
+    from ergon.notation.text.values import Place
+
+    collector = Collector()
+    text = decoded(_data(path), str(path), collector)
+    mesh = None
+    if text is not None:
+        reader = Reader(Document(str(path), text, None), "the mesh", collector)
+        mesh = reader.mesh(Place(str(path), 1, 1))
+    if mesh is None:
+        raise Refused("; ".join(f"{path}: {one.message}" for one in collector.finish()))
+    lines = (line.split() for line in (text or "").splitlines())
+    kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
+    others = [kind for kind in kinds if kind not in ("v", "f", "l")]
+    passed = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(others)]
+    return Content("mesh (Wavefront OBJ)", _counts(mesh), passed)
+
+
+def _counts(mesh: object) -> dict[str, object]:
+    points, edges, faces = (getattr(mesh, name) for name in ("points", "edges", "faces"))
+    axes = zip(*points, strict=True)
+    size = " × ".join(f"{max(axis) - min(axis):.4g}" for axis in axes)
+    bodies = _n_bodies(len(points), edges)
+    return {
+        "points": len(points),
+        "edges": len(edges),
+        "triangles": len(faces),
+        "bodies": bodies,
+        "size in units of the file": size,
+    }
+
+
+def _n_bodies(n: int, edges: object) -> int:
+    """How many parts no edge joins."""
+    above = list(range(n))
+
+    def top(point: int) -> int:
+        while above[point] != point:
+            above[point] = above[above[point]]
+            point = above[point]
+        return point
+
+    for a, b in edges:  # type: ignore[attr-defined]
+        above[top(a)] = top(b)
+    return len({top(point) for point in range(n)})
+
+
+# What a glTF file may hold beside the shapes of its scene.
+_GLTF_OTHERS = ("materials", "textures", "images", "animations", "skins", "cameras")
+
+
+def _gltf(path: Path) -> Content:
+    from ergon.instruments.space import gltf_file
+    from ergon.instruments.space.mesh import MeshFileError
+
+    data, is_binary = _data(path), path.suffix.lower() == ".glb"
+    try:
+        mesh = gltf_file.read_binary(data) if is_binary else gltf_file.read(data)
+    except (MeshFileError, UnicodeDecodeError) as error:
+        raise Refused(f"{path}: {error}") from None
+    size = int.from_bytes(data[12:16], "little")
+    root = json.loads(data[20 : 20 + size] if is_binary else data)
+    passed = [
+        plural(len(root[name]), name.removesuffix("s")) for name in _GLTF_OTHERS if root.get(name)
+    ]
+    passed += [f"extension {name}" for name in root.get("extensionsUsed", [])]
+    return Content("mesh (glTF 2)", _counts(mesh), passed)
+
+
+# --- tunings ------------------------------------------------------------------------------------
+
+
+def _latin(path: Path) -> str:
+    data = _data(path)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _scala(path: Path) -> Content:
+    from ergon.notation.tables.scala import ScalaError, parse_key_map, parse_scale
+
+    text = _latin(path)
+    comments = sum(line.startswith("!") for line in text.splitlines())
+    passed = [plural(comments, "comment")] if comments else []
+    try:
+        if path.suffix.lower() == ".scl":
+            scale = parse_scale(text)
+            read = {
+                "title": scale.title or "none",
+                "degrees": len(scale.ratios),
+                "repeats after": f"{scale.ratios[-1]:.9g}",
+            }
+            return Content("scale (Scala)", read, passed)
+        keys = parse_key_map(text)
+    except ScalaError as error:
+        raise Refused(f"{path}:{error.line}: {error.message}") from None
+    read = {
+        "keys": f"{keys.low} to {keys.high}",
+        "size of the map": len(keys.degrees),
+        "middle key": keys.middle,
+        "reference": f"key {keys.reference} at {keys.frequency:g} Hz",
+    }
+    return Content("keyboard map (Scala)", read, passed)
+
+
+# --- heads and rooms ----------------------------------------------------------------------------
+
+
+def _sofa(path: Path) -> Content:
+    from ergon.exchange import sofa
+
+    try:
+        head = sofa.read(path)
+    except sofa.SofaError as error:
+        raise Refused(str(error)) from None
+    n, _, taps = head.responses.shape
+    longest = float(head.delays.max() - head.delays.min()) * 1e3
+    read = {
+        "directions": n,
+        "samples of each response": taps,
+        "rate": f"{head.rate:g} Hz",
+        "delays": f"up to {longest:.3g} ms apart",
+    }
+    return Content("head (SOFA)", read, ["distances, and places of the listener and the ears"])
+
+
+def _layout(path: Path) -> Content | None:
+    from ergon.exchange.layout_files import FORMS, LayoutFileError
+
+    data = _data(path)
+    if path.suffix.lower() == ".json" and b"LoudspeakerLayout" not in data:
+        return None
+    endings = {form.ending: form for form in FORMS.values()}
+    form = endings[path.suffix.lower().replace(".yml", ".yaml")]
+    try:
+        layout = form.read(data)
+    except LayoutFileError as error:
+        if path.suffix.lower() == ".xml":
+            return _model(path)
+        raise Refused(f"{path}: {error}") from None
+    passed = [*layout.left_out, "gains, filters, names and imaginary loudspeakers"]
+    read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
+    return Content(f"loudspeakers ({form.name})", read, passed)
+
+
+def _yaml(path: Path) -> Content | None:
+    """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
+    data = _data(path)
+    if not _LAYOUT.search(data):
+        return None
+    if not _OURS.search(data):
+        return _layout(path)
+    from ergon.api.layouts import read_layout
+
+    layout = read_layout(path)
+    read = {
+        "title": layout.title or "none",
+        "loudspeakers": len(layout.speakers),
+        "outputs": _numbers([channel + 1 for channel in layout.channels]),
+    }
+    return Content("loudspeakers (a layout of ergon)", read, [])
+
+
+def _numbers(outputs: list[int]) -> str:
+    if outputs == [*range(1, len(outputs) + 1)]:
+        return f"1 to {len(outputs)}"
+    return ", ".join(map(str, outputs))
+
+
+# --- models -------------------------------------------------------------------------------------
+
+
+def _model(path: Path) -> Content:
+    from ergon.workshop.api.model import import_model
+
+    made = import_model(path)
+    read = {"statements": made.n_statements, "to use it": f"ergon import {path}"}
+    passed = [f"input {name}, which has no file" for name in made.unfed]
+    return Content(f"model ({made.dialect})", read, [*passed, "comments and what is only shown"])
+
+
+READERS: Mapping[str, Callable[[Path], Content | None]] = {
+    ".obj": _obj,
+    ".gltf": _gltf,
+    ".glb": _gltf,
+    ".scl": _scala,
+    ".kbm": _scala,
+    ".sofa": _sofa,
+    ".xml": _layout,
+    ".json": _layout,
+    ".yaml": _yaml,
+    ".yml": _yaml,
+    ".mdl": _model,
+    ".dsp": _model,
+    ".pd": _model,
+    ".txt": _model,
+}

@@ -1,0 +1,77 @@
+"""`ergon info` of files of other programs: what is read of them, and what is passed over."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import forked
+
+FILES: dict[str, str] = {
+    "a.obj": "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nv 6 5 5\n"
+    "f 1 2 3\nl 4 5\nvn 0 0 1\n",
+    "a.scl": "! a.scl\nFifths\n2\n701.955\n2/1\n",
+    "a.kbm": "12\n0\n127\n60\n60\n440.0\n12\n0\nx\n2\n",
+    "a.mdl": "@m mass 1 0 0\n@g ground 0\n@s spring @g @m 0.01\n@out1 posOutput @m\n",
+    "gris.xml": '<SPEAKER_SETUP><SPEAKER_1 DIRECT_OUT_ONLY="1"><POSITION X="0" Y="1" Z="0"/>'
+    '</SPEAKER_1><SPEAKER_2><POSITION X="0" Y="1" Z="0"/></SPEAKER_2></SPEAKER_SETUP>',
+    "iem.json": '{"LoudspeakerLayout": {"Loudspeakers": [{"Azimuth": 0, "Elevation": 0}]}}',
+    "ear.yaml": "speakers:\n- {channel: 3, names: LFE1}\n- {channel: 0, position: {az: 30}}\n",
+    "ours.yaml": "ergon: 1\ntitle: two\nspeakers: [{az: 30}, {az: -30}]\noutputs: [1, 4]\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "read", "passed"),
+    [
+        ("a.obj", {"points": 5, "edges": 4, "triangles": 1, "bodies": 2}, ["mtllib", "vn"]),
+        ("a.scl", {"title": "Fifths", "degrees": 2}, ["1 comment"]),
+        ("a.kbm", {"size of the map": 12, "middle key": 60}, []),
+        ("a.mdl", {"statements": 4}, ["comments"]),
+        ("gris.xml", {"loudspeakers": 1, "outputs": "2"}, ["output 1 is a direct out", "gains"]),
+        ("iem.json", {"loudspeakers": 1, "outputs": "1 to 1"}, ["gains"]),
+        ("ear.yaml", {"loudspeakers": 1}, ["output 4 (LFE1)", "gains"]),
+        ("ours.yaml", {"loudspeakers": 2, "outputs": "1, 4"}, []),
+    ],
+)
+def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tmp_path: Path):
+    (tmp_path / name).write_text(FILES[name])
+    done = forked(["info", name, "--json"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    (record,) = (json.loads(line) for line in done.stdout.splitlines())
+    assert {key: record[key] for key in read} == read
+    assert len(record["passed_over"]) == len(passed)
+    for word, said in zip(passed, record["passed_over"], strict=True):
+        assert word in said
+    shown = forked(["info", name], tmp_path)
+    assert shown.stdout.startswith(f"{name}: ")
+    assert shown.stdout.count("passed over: ") == max(1, len(passed))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.obj", "v 0 0\nf 1 2 3\n", "a vertex has three numbers"),
+        ("a.scl", "x\ny\n", "the number of degrees"),
+        ("a.gltf", "{}", "incomplete"),
+        ("a.glb", "{}", "not a binary glTF file"),
+        ("a.sofa", "{}", "a.sofa"),
+        ("a.mdl", "hello\n", "a.mdl"),
+        ("a.xml", "<a/>", "a.xml"),
+    ],
+)
+def test_info_of_damaged_files(name: str, text: str, said: str, tmp_path: Path):
+    (tmp_path / name).write_text(text)
+    done = forked(["info", name], tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "internal error" not in done.stderr
+
+
+def test_info_names_arrays_that_are_not_played(tmp_path: Path):
+    np.savez(tmp_path / "a.npz", x=np.arange(4.0), about=np.array(["text"]))
+    done = forked(["info", "a.npz"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "passed over: array about, which is not a row of numbers" in done.stdout

@@ -1,0 +1,148 @@
+"""OBJ and glTF files as other programs write them, beside numpy and scipy."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import json
+import random
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from ergon.instruments.space import gltf_file
+from ergon.instruments.space.obj_file import Reader, decoded
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.values import Place
+
+_SAYS_NOTHING = [
+    b"", b"# comment 1 2 3", b"o Cube.001", b"g a b", b"usemtl M\xe4t", b"s off", b"s 1",
+    b"vn 0.0 1.0 0.0", b"vt 0.5 0.5", b"mtllib x y.mtl", b"vp 0.1", b"p 1", b"#\x85 v 1 2 3",
+    b"shadow_obj a.obj", b"lod 3", b"cstype bezier", b"deg 3", b"end",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_obj_files_of_other_programs(seed: int) -> None:
+    chance = random.Random(seed)
+    points: list[tuple[float, ...]] = []
+    edges: set[tuple[int, int]] = set()
+    n_faces, lines = 0, []
+    for _ in range(chance.randrange(1, 6)):
+        for _ in range(chance.randrange(5, 9)):
+            point = tuple(round(chance.uniform(-9, 9), 4) for _ in range(3))
+            points.append(point)
+            form = chance.choice(["{:.6f}", "{:g}", "{:+.4f}", "{:.6e}"])
+            more = chance.choice([[], ["1.0"], ["0.5", "0.5", "0.5"]])
+            lines.append(" ".join(["v", *map(form.format, point), *more]).encode())
+        for _ in range(chance.randrange(1, 6)):
+            corners = chance.sample(range(len(points)), chance.choice([3, 3, 4, 5]))
+            is_face = chance.random() < 0.8
+            shift = len(points) if chance.random() < 0.3 else -1
+            tail = chance.choice(["", "/1", "//1", "/1/1"]) if is_face else ""
+            words = [f"{corner - shift}{tail}" for corner in corners]
+            split = " \\\n " if chance.random() < 0.2 else " "
+            lines.append((("f" if is_face else "l") + " " + split.join(words)).encode())
+            ends = [*corners, corners[0]] if is_face else corners
+            edges |= {(min(a, b), max(a, b)) for a, b in itertools.pairwise(ends)}
+            n_faces += len(corners) - 2 if is_face else 0
+    with_others = [line for own in lines for line in (chance.choice(_SAYS_NOTHING), own)]
+    data = chance.choice([b"\n", b"\r\n"]).join(with_others) + chance.choice([b"", b"\n"])
+    collector = Collector()
+    text = decoded(data, "x.obj", collector)
+    assert text is not None
+    mesh = Reader(Document("x.obj", text), "m", collector).mesh(Place("x.obj", 1, 1))
+    assert mesh is not None, collector.finish()
+    np.testing.assert_allclose(mesh.points, points, rtol=1e-5)
+    assert set(mesh.edges) == edges
+    assert len(mesh.faces) == n_faces
+
+
+def _node(chance: random.Random, numbers: np.random.Generator) -> tuple[dict[str, Any], np.ndarray]:
+    """A node's place as a matrix or as its parts, and its matrix (4, 4)."""
+    turn = Rotation.from_quat(numbers.normal(size=4))
+    scale, to = numbers.uniform(0.5, 2.0, 3), numbers.uniform(-3, 3, 3)
+    whole = np.eye(4)
+    whole[:3, :3], whole[:3, 3] = turn.as_matrix() * scale, to
+    match chance.randrange(3):
+        case 0:
+            return {}, np.eye(4)
+        case 1:
+            return {"matrix": whole.T.ravel().tolist()}, whole
+        case _:
+            parts = {"rotation": turn.as_quat(), "scale": scale, "translation": to}
+            return {name: value.tolist() for name, value in parts.items()}, whole
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_gltf_files_of_other_programs(seed: int) -> None:
+    chance, numbers = random.Random(seed), np.random.default_rng(seed)
+    n = chance.randrange(4, 40)
+    places = numbers.uniform(-1, 1, (n, 3)).astype("<f4")
+    corners = [chance.sample(range(n), 3) for _ in range(chance.randrange(2, 30))]
+    is_indexed = chance.random() < 0.8
+    if not is_indexed:
+        places, corners = places[np.ravel(corners)], []
+        corners = np.arange(len(places)).reshape(-1, 3).tolist()
+    stride, begin = chance.choice([12, 12, 24, 32]), chance.choice([0, 4, 12])
+    rows = bytearray(bytes(begin) + bytes(stride) * len(places))
+    for number, place in enumerate(places):
+        struct.pack_into("<3f", rows, begin + number * stride, *place.tolist())
+    kind, letter = chance.choice([(5121, "B"), (5123, "H"), (5125, "I")])
+    indices = struct.pack(f"<{3 * len(corners)}{letter}", *np.ravel(corners).tolist())
+    if not is_indexed:
+        indices = b""
+    data = bytes(rows) + bytes(-len(rows) % 4)
+    views: list[dict[str, Any]] = [{"buffer": 0, "byteLength": len(rows), "target": 34962}]
+    if stride != 12:
+        views[0]["byteStride"] = stride
+    views.append({"buffer": 0, "byteOffset": len(data), "byteLength": max(1, len(indices))})
+    data += indices or b"\0"
+    accessors = [
+        {"bufferView": 0, "byteOffset": begin, "componentType": 5126, "count": len(places),
+         "type": "VEC3", "min": [-1, -1, -1], "max": [1, 1, 1]},
+        {"bufferView": 1, "componentType": kind, "count": 3 * len(corners), "type": "SCALAR"},
+    ]  # fmt: skip
+    part: dict[str, Any] = {"attributes": {"POSITION": 0, "NORMAL": 0}, "material": 0}
+    part |= {"indices": 1} if is_indexed else {}
+    part |= {"mode": 4} if chance.random() < 0.5 else {}
+    outer, own = _node(chance, numbers), _node(chance, numbers)
+    root: dict[str, Any] = {
+        "asset": {"version": chance.choice(["2.0", "2.1"]), "generator": "x"},
+        "scene": 0, "scenes": [{"nodes": [1], "name": "S"}],
+        "nodes": [{"mesh": 0, "name": "M", **own[0]}, {"children": [0, 2], **outer[0]},
+                  {"camera": 0}],
+        "cameras": [{"type": "perspective"}], "materials": [{"name": "m"}],
+        "extensionsUsed": ["KHR_materials_ior"],
+        "meshes": [{"primitives": [part]}], "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(data)}],
+    }  # fmt: skip
+    if chance.random() < 0.5:
+        text = json.dumps(root).encode()
+        text += b" " * (-len(text) % 4)
+        padded = data + bytes(-len(data) % 4)
+        body = struct.pack("<I4s", len(text), b"JSON") + text
+        body += struct.pack("<I4s", len(padded), b"BIN\0") + padded
+        mesh = gltf_file.read_binary(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    else:
+        head = chance.choice(["application/octet-stream", "application/gltf-buffer"])
+        uri = f"data:{head};base64,{base64.b64encode(data).decode()}"
+        root["buffers"][0]["uri"] = uri
+        mesh = gltf_file.read(json.dumps(root))
+    moved = np.c_[places, np.ones(len(places))] @ (outer[1] @ own[1]).T
+    expected = moved[:, [0, 2, 1]] * (1, -1, 1)  # y is up in the file, z here
+    near = np.linalg.norm(expected[:, None] - np.array(mesh.points)[None], axis=2)
+    same = near.argmin(axis=1)
+    used = sorted({corner for face in corners for corner in face})
+    assert near.min(axis=1)[used].max() < 1e-5
+    edges = {
+        tuple(sorted((same[a], same[b])))
+        for face in corners
+        for a, b in ((face[0], face[1]), (face[1], face[2]), (face[2], face[0]))
+    }
+    assert {tuple(sorted(edge)) for edge in mesh.edges} == edges
+    assert len(mesh.faces) == len(corners)
