@@ -624,6 +624,7 @@ class Network:
         spread: Literal["random", "even"] = "even",
         place: Literal["line", "spiral", "galaxy"] = "line",
         hole: float = 0.3,
+        angles: Literal["random", "even"] = "even",
         seed: int = 0,
     ) -> int:
         """`count` CELs of total mass M [kg], with frequencies between the two `f` [Hz], spaced by
@@ -640,6 +641,8 @@ class Network:
         cells: Sequence[tuple[float, float, float]],
         place: Literal["line", "spiral", "galaxy"] = "line",
         hole: float = 0.3,
+        angles: Literal["random", "even"] = "even",
+        seed: int = 0,
     ) -> int:
         """CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first."""
     def modal(

@@ -59,6 +59,7 @@ HASH_OMITS_DEFAULTS: dict[str, Any] = {
     "bending": None,
     "gain": None,
     "hole": 0.3,
+    "angles": "even",
     "friction": 0.0,
     "apart": None,
     "follows": (),

@@ -31,6 +31,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field(
             "hole", k.HOLE, "radius of the highest pitch of a galaxy over that of the lowest", 0.3
         ),
+        Field("angles", choice("random", "even"), "how a galaxy lies around its middle", "even"),
         *bodies.STARTS,
     )
 
@@ -43,8 +44,9 @@ def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
     if isinstance(fields["f"], Each):
         masses = (fields["M"] / gain for gain in fields["gain"])
         cells = list(zip(fields["f"], fields["t60"], masses, strict=True))
-        return network.cells(name, cells=cells, **picked(fields, "place", "hole"))
-    options = ("count", "M", "f", "t60", "spread", "place", "hole")
+        placing = picked(fields, "place", "hole", "angles")
+        return network.cells(name, cells=cells, **placing, seed=seed)
+    options = ("count", "M", "f", "t60", "spread", "place", "hole", "angles")
     return network.bank(name, **picked(fields, *options), seed=seed)
 
 

@@ -1,5 +1,6 @@
 """Radius and pitch reach the nearest loudspeaker: layouts by angles, `place`, a galaxy's hole."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from ergon import _core
 from ergon.instruments.model import Layout, Placing
 from ergon.scores.reading.load import Loaded, load
+from ergon.scores.staging.built_network import build_network
 from ergon.scores.staging.loudspeakers import Loudspeakers
 from ergon.scores.staging.stage import stage
 
@@ -124,10 +126,33 @@ def test_angles_and_places_are_one_layout(tmp_path: Path):
     np.testing.assert_allclose(layout.speakers, [*wanted, (0, -1, 0)], atol=1e-12)
 
 
+def _places(bank: str, seed: int = 0) -> np.ndarray:
+    """The positions of the members of a bank on its bench, (n, 2)."""
+    piece = scored(bank, "").piece
+    assert piece is not None
+    network = build_network(replace(piece, seed=seed), frozenset()).assembly.network
+    return np.array([network.position_of(mat) for mat in range(network.n_mat)])
+
+
+@pytest.mark.parametrize("bank", ["place: galaxy", "place: galaxy, hole: 0.5"])
+def test_random_angles_of_a_galaxy_by_seed(bank: str):
+    even, random = _places(bank), _places(f"{bank}, angles: random")
+    np.testing.assert_allclose(np.hypot(*random.T), np.hypot(*even.T), rtol=1e-12)
+    np.testing.assert_array_equal(random, _places(f"{bank}, angles: random"))
+    other = _places(f"{bank}, angles: random", seed=8)
+    assert not np.allclose(other, random)
+    np.testing.assert_array_equal(even, _places(f"{bank}, angles: even", seed=8))
+    turns = np.sort(np.arctan2(random[:, 1], random[:, 0]) / (2 * np.pi) + 0.5)
+    n = len(turns)
+    distance = np.abs(turns - (np.arange(n) + 0.5) / n).max() + 0.5 / n
+    assert distance < 1.63 / np.sqrt(n)  # Kolmogorov and Smirnov: even over the circle, at 1 %
+
+
 @pytest.mark.parametrize(
     ("bank", "lying", "code", "words"),
     [
         ("place: galxy", "", "E206", "galaxy"),
+        ("place: galaxy, angles: randm", "", "E206", "random"),
         ("place: galaxy, hole: 0", "", "E202", "hole"),
         ("place: galaxy, hole: 2", "", "E202", "maximum"),
         ("place: galaxy", "place: {accross: 6m}", "E101", "across"),

@@ -1,6 +1,6 @@
 //! Tables of the words that Python passes, and the engine's values.
 
-use ergon_engine::generator::{Ends, Place, Rim, Shape, Spread};
+use ergon_engine::generator::{Angles, Ends, Place, Rim, Shape, Spread};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Touch};
 use ergon_engine::gesture::written::Approach;
@@ -27,8 +27,15 @@ pub(crate) const SPREADS: Words<Spread> = &[("even", Spread::Even), ("random", S
 pub(crate) const PLACES: Words<Place> = &[
     ("line", Place::Line),
     ("spiral", Place::Spiral),
-    ("galaxy", Place::Galaxy { hole: 0.3 }),
+    (
+        "galaxy",
+        Place::Galaxy {
+            hole: 0.3,
+            angles: Angles::Even,
+        },
+    ),
 ];
+pub(crate) const ANGLES: Words<Angles> = &[("even", Angles::Even), ("random", Angles::Random)];
 pub(crate) const SIDES: Words<Side> = &[("below", Side::Below), ("above", Side::Above)];
 pub(crate) const CONTACTS: Words<Contact> = &[
     ("plain", Contact::Plain),

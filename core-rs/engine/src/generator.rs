@@ -18,7 +18,7 @@ mod string;
 mod tests;
 mod tune;
 
-pub use bank::{BankCell, BankForm, Place, Spread, bank, cells_at};
+pub use bank::{Angles, BankCell, BankForm, Place, Spread, bank, cells_at};
 pub use bent_plate::bent_plate;
 pub use loss::{Decay, Losses, tune_points};
 pub use modal_body::{MAX_MODAL, MAX_PLACES, ModalBody, modal_body};

@@ -1,7 +1,7 @@
 //! Strings, plates, banks, and bodies that are given by their modes.
 
 use ergon_engine::generator::{
-    self, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
+    self, Angles, BankForm, Decay, GeneratorError, Place as MemberPlace, Shape, Topology,
 };
 use pyo3::prelude::*;
 
@@ -42,10 +42,11 @@ impl Links {
     }
 }
 
-/// The arrangement of the members of a bank by its word; `hole` is used for a galaxy.
-fn placed(place: &str, hole: f64) -> PyResult<MemberPlace> {
+/// The arrangement of the members of a bank by its word; `hole` and `angles` are used for a galaxy.
+fn placed(place: &str, hole: f64, angles: &str) -> PyResult<MemberPlace> {
+    let angles: Angles = word("angles", angles, words::ANGLES)?;
     Ok(match word("place", place, words::PLACES)? {
-        MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole },
+        MemberPlace::Galaxy { .. } => MemberPlace::Galaxy { hole, angles },
         other => other,
     })
 }
@@ -115,7 +116,7 @@ impl Network {
     }
 
     /// Many CELs with frequencies over a range.
-    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", hole=0.3, seed=0))]
+    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", hole=0.3, angles="even", seed=0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn bank(
         &mut self,
@@ -128,10 +129,11 @@ impl Network {
         spread: &str,
         place: &str,
         hole: f64,
+        angles: &str,
         seed: i128,
     ) -> PyResult<usize> {
         let spread = word("spread", spread, words::SPREADS)?;
-        let place = placed(place, hole)?;
+        let place = placed(place, hole, angles)?;
         computing(py, || {
             self.0.bank(
                 name,
@@ -150,7 +152,8 @@ impl Network {
     }
 
     /// CELs side by side, each with f [Hz], t60 [s] and M [kg]; the index of the first.
-    #[pyo3(signature = (name, *, cells, place="line", hole=0.3))]
+    #[pyo3(signature = (name, *, cells, place="line", hole=0.3, angles="even", seed=0))]
+    #[allow(clippy::too_many_arguments)]
     fn cells(
         &mut self,
         py: Python<'_>,
@@ -158,11 +161,13 @@ impl Network {
         cells: Vec<(f64, f64, f64)>,
         place: &str,
         hole: f64,
+        angles: &str,
+        seed: i128,
     ) -> PyResult<usize> {
-        let place = placed(place, hole)?;
+        let place = placed(place, hole, angles)?;
         let masses: Vec<f64> = cells.iter().map(|(_, _, mass)| *mass).collect();
         let tunings: Vec<(f64, f64)> = cells.iter().map(|(f, t60, _)| (*f, *t60)).collect();
-        let cells = generator::cells_at(&tunings, place)
+        let cells = generator::cells_at(&tunings, place, self.0.turns(name, seed))
             .map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || self.0.cells(name, &masses, &cells))?.map_err(from_engine)
     }

@@ -1,5 +1,7 @@
 //! BANK: CELs side by side, each with its own pitch and decay.
 
+use std::f64::consts::TAU;
+
 use super::{GeneratorError, MAX_MASSES, count, positive};
 use crate::interrupt;
 use crate::maths::{cos, exp, log, sin, sqrt};
@@ -10,6 +12,15 @@ pub enum Spread {
     /// Pitches even by logarithm, rising; decays from the longest (lowest pitch) to the shortest.
     Even,
     /// Both drawn at random by logarithm, for each member independently.
+    Random,
+}
+
+/// In which directions from the middle the members of a galaxy lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Angles {
+    /// Each turned from the one before by the golden angle, so that no two lie close together.
+    Even,
+    /// Drawn at random, for each member independently.
     Random,
 }
 
@@ -25,30 +36,46 @@ pub enum Place {
     Galaxy {
         /// Radius of the highest pitch over that of the lowest, above 0 and at most 1.
         hole: f64,
+        /// Where around the middle the members lie.
+        angles: Angles,
     },
 }
 
 impl Place {
     /// (x, y) [m] of member `i` of `count`; `rise` is its pitch on a logarithmic scale from the lowest (0) to the
-    /// highest (1).
-    pub fn position(self, i: usize, count: usize, rise: f64) -> [f64; 2] {
+    /// highest (1). `turn` draws a part of a whole turn from [0, 1), where angles are random.
+    pub fn position(
+        self,
+        i: usize,
+        count: usize,
+        rise: f64,
+        turn: impl FnOnce(usize) -> f64,
+    ) -> [f64; 2] {
         let share = (i as f64 + 0.5) / count as f64;
         let radius = match self {
             Self::Line => return [share - 0.5, 0.0],
             Self::Spiral => 0.5 * sqrt(share),
-            Self::Galaxy { hole } => 0.5 * hole / (hole + (1.0 - hole) * rise),
+            Self::Galaxy { hole, .. } => 0.5 * hole / (hole + (1.0 - hole) * rise),
         };
-        let angle = GOLDEN_ANGLE * i as f64;
+        let angle = match self {
+            Self::Galaxy {
+                angles: Angles::Random,
+                ..
+            } => TAU * turn(i),
+            _ => GOLDEN_ANGLE * i as f64,
+        };
         [radius * cos(angle), radius * sin(angle)]
     }
 
     fn check(self) -> Result<(), GeneratorError> {
         match self {
-            Self::Galaxy { hole } if !(hole > 0.0 && hole <= 1.0) => Err(GeneratorError::Range {
-                what: "`hole`",
-                range: "above 0 and at most 1",
-                got: hole,
-            }),
+            Self::Galaxy { hole, .. } if !(hole > 0.0 && hole <= 1.0) => {
+                Err(GeneratorError::Range {
+                    what: "`hole`",
+                    range: "above 0 and at most 1",
+                    got: hole,
+                })
+            }
             _ => Ok(()),
         }
     }
@@ -86,13 +113,13 @@ const POLL_EVERY: usize = 1024;
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// The members of a bank. `draw(member)` returns two numbers from [0, 1), for pitch and decay; it is called once for
-/// each member in turn, and only if the spread is random.
+/// each member in turn, and only if the spread is random. `turn(member)` returns one, for a random angle.
 ///
 /// ```
 /// use ergon_engine::generator::{BankForm, Place, Spread, bank};
 ///
 /// let form = BankForm { count: 3, f: (200.0, 800.0), t60: (1.0, 4.0), spread: Spread::Even, place: Place::Line };
-/// let cells = bank(&form, |_| (0.0, 0.0))?; // an even bank draws nothing
+/// let cells = bank(&form, |_| (0.0, 0.0), |_| 0.0)?; // an even bank draws nothing
 /// assert_eq!((cells[0].f, cells[0].t60), (200.0, 4.0));
 /// assert!((cells[1].f - 400.0).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -103,6 +130,7 @@ const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 pub fn bank(
     form: &BankForm,
     mut draw: impl FnMut(usize) -> (f64, f64),
+    mut turn: impl FnMut(usize) -> f64,
 ) -> Result<Vec<BankCell>, GeneratorError> {
     count("`count`", form.count, 1, MAX_MASSES)?;
     range("`f`", form.f)?;
@@ -121,25 +149,30 @@ pub fn bank(
         BankCell {
             f: between(form.f, pitch),
             t60: between(form.t60, length),
-            position: form.place.position(i, form.count, pitch),
+            position: form.place.position(i, form.count, pitch, &mut turn),
         }
     };
     Ok((0..form.count).map(member).collect())
 }
 
-/// Members with a frequency [Hz] and a decay [s] each.
+/// Members with a frequency [Hz] and a decay [s] each. `turn` is that of [`bank`].
 ///
 /// ```
-/// use ergon_engine::generator::{Place, cells_at};
+/// use ergon_engine::generator::{Angles, Place, cells_at};
 ///
-/// let cells = cells_at(&[(100.0, 1.0), (400.0, 1.0)], Place::Galaxy { hole: 0.3 })?;
+/// let place = Place::Galaxy { hole: 0.3, angles: Angles::Even };
+/// let cells = cells_at(&[(100.0, 1.0), (400.0, 1.0)], place, |_| 0.0)?;
 /// assert_eq!(cells[0].position, [0.5, 0.0]); // the lowest at the rim
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 /// A place with a number out of range.
-pub fn cells_at(tunings: &[(f64, f64)], place: Place) -> Result<Vec<BankCell>, GeneratorError> {
+pub fn cells_at(
+    tunings: &[(f64, f64)],
+    place: Place,
+    mut turn: impl FnMut(usize) -> f64,
+) -> Result<Vec<BankCell>, GeneratorError> {
     place.check()?;
     let (low, high) = tunings
         .iter()
@@ -156,7 +189,7 @@ pub fn cells_at(tunings: &[(f64, f64)], place: Place) -> Result<Vec<BankCell>, G
     let cell = |(i, &(f, t60)): (usize, &(f64, f64))| BankCell {
         f,
         t60,
-        position: place.position(i, tunings.len(), rise(f)),
+        position: place.position(i, tunings.len(), rise(f), &mut turn),
     };
     Ok(tunings.iter().enumerate().map(cell).collect())
 }

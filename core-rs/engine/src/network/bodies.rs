@@ -33,10 +33,16 @@ impl Network {
             let mut chance = Chance::new(seed, "bank", &full, member as u64, 0);
             (chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))
         };
-        let cells =
-            generator::bank(form, draw).map_err(|error| self.refused(name, &error.to_string()))?;
+        let cells = generator::bank(form, draw, self.turns(name, seed))
+            .map_err(|error| self.refused(name, &error.to_string()))?;
         let masses = vec![m; cells.len()];
         self.cells(name, &masses, &cells)
+    }
+
+    /// Draws of the angles of a bank: of each member a part of a whole turn.
+    pub fn turns(&self, name: &str, seed: i128) -> impl Fn(usize) -> f64 + use<> {
+        let full = self.full_name(name);
+        move |member| Chance::new(seed, "bank angle", &full, member as u64, 0).uniform(0.0, 1.0)
     }
 
     /// Add the CELs of a bank, each with its own mass [kg]; returns the index of the first.
@@ -129,7 +135,7 @@ impl Network {
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
-                place: line.position(i.min(places - 1), places, 0.0),
+                place: line.position(i.min(places - 1), places, 0.0, |_| 0.0),
                 part,
             });
         }

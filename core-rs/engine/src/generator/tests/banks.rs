@@ -41,9 +41,17 @@ fn a_spiral_fills_the_disc_evenly() {
 #[test]
 fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
     let hole = 0.3;
-    let bank = bank(&form(41, Spread::Even, Place::Galaxy { hole }), |_| {
-        (0.0, 0.0)
-    })
+    let bank = bank(
+        &form(
+            41,
+            Spread::Even,
+            Place::Galaxy {
+                hole,
+                angles: Angles::Even,
+            },
+        ),
+        |_| (0.0, 0.0),
+    )
     .expect("bank");
     let span = 1200.0 * log(500.0) / log(2.0);
     let lowest = hole * span / (1.0 - hole); // cents from the pitch at which the radius would be infinite
@@ -59,22 +67,48 @@ fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
 
 #[test]
 fn a_galaxy_of_listed_pitches_is_that_of_a_range() {
-    let place = Place::Galaxy { hole: 0.4 };
-    let ranged = bank(&form(9, Spread::Even, place), |_| (0.0, 0.0)).expect("bank");
+    let place = Place::Galaxy {
+        hole: 0.4,
+        angles: Angles::Even,
+    };
+    let ranged = bank(&form(9, Spread::Even, place), |_| (0.0, 0.0), |_| 0.0).expect("bank");
     let tunings: Vec<_> = ranged.iter().map(|cell| (cell.f, cell.t60)).collect();
-    for (own, other) in ranged.iter().zip(cells_at(&tunings, place).expect("cells")) {
+    for (own, other) in ranged
+        .iter()
+        .zip(cells_at(&tunings, place, |_| 0.0).expect("cells"))
+    {
         assert!(close(own.position[0], other.position[0], 1e-12));
         assert!(close(own.position[1], other.position[1], 1e-12));
     }
-    let unison = cells_at(&[(440.0, 1.0); 3], place).expect("cells");
+    let unison = cells_at(&[(440.0, 1.0); 3], place, |_| 0.0).expect("cells");
     let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
     let at_rim = |cell: &BankCell| close(radius(cell.position), 0.5, 1e-14);
     assert!(unison.iter().all(at_rim));
 }
 
 #[test]
+fn random_angles_of_a_galaxy_keep_its_radii() {
+    let hole = 0.3;
+    let placed = |angles| {
+        let place = Place::Galaxy { hole, angles };
+        let draw = |i: usize| ((i * 7919) % 1000) as f64 / 1000.0;
+        bank(&form(400, Spread::Even, place), |_| (0.0, 0.0), draw).expect("bank")
+    };
+    let (even, random) = (placed(Angles::Even), placed(Angles::Random));
+    for (i, (own, other)) in even.iter().zip(&random).enumerate() {
+        let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+        assert!(close(radius(own.position), radius(other.position), 1e-14));
+        let turn = ((i * 7919) % 1000) as f64 / 1000.0;
+        let [x, y] = other.position;
+        let angle = y.atan2(x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;
+        let off = (angle - turn).abs();
+        assert!(off < 1e-12 || off > 1.0 - 1e-12, "{angle} {turn}");
+    }
+}
+
+#[test]
 fn bad_banks_are_refused() {
-    let refused = |form: BankForm| bank(&form, |_| (0.5, 0.5)).is_err();
+    let refused = |form: BankForm| bank(&form, |_| (0.5, 0.5), |_| 0.0).is_err();
     let good = form(5, Spread::Even, Place::Line);
     assert!(!refused(good));
     assert!(refused(BankForm { count: 0, ..good }));
@@ -83,9 +117,12 @@ fn bad_banks_are_refused() {
         ..good
     }));
     for hole in [0.0, -0.1, 1.1, f64::NAN] {
-        let place = Place::Galaxy { hole };
+        let place = Place::Galaxy {
+            hole,
+            angles: Angles::Even,
+        };
         assert!(refused(BankForm { place, ..good }));
-        assert!(cells_at(&[(440.0, 1.0)], place).is_err());
+        assert!(cells_at(&[(440.0, 1.0)], place, |_| 0.0).is_err());
     }
     assert!(refused(BankForm {
         f: (30.0, 20.0),
