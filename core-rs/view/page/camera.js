@@ -90,20 +90,83 @@ export function project(m, x, y, z, width, height) {
   return [((u + 1) / 2) * width, ((1 - v) / 2) * height, w];
 }
 
+// Shares of half the picture within which a view puts what it shows: the bar is above it, the timeline and labels below.
+const SIDES = 0.86;
+const ABOVE = 0.84;
+const BELOW = 0.68;
+const HEIGHTS = [0.6, 0.5, 0.4, 0.3]; // [rad] above the horizon
+const FITTED = 5000; // points by which a view is fitted
+
+/**
+ * The look in a direction in which points [[x, y, z], …] fill a picture of an aspect (width over height) and none is
+ * outside it.
+ */
+export function fitting(points, yaw, pitch, aspect, least) {
+  const camera = new Camera();
+  Object.assign(camera, { yaw, pitch });
+  const axes = [camera.right(), camera.up(), camera.forward()];
+  const kx = (SIDES * aspect) / FOCAL;
+  const [above, below] = [ABOVE / FOCAL, BELOW / FOCAL];
+  // With the eye at depth e and sideways at s, a point (a, b, c) is within the left and right edges if
+  // |a − s| ≤ kx (c − e), so that e is at most −(right + left) / 2kx; likewise for the upper and lower edge.
+  const most = { right: -Infinity, left: -Infinity, top: -Infinity, bottom: -Infinity };
+  let [near, far] = [Infinity, -Infinity];
+  for (const point of points) {
+    const [a, b, c] = axes.map((axis) => axis.reduce((sum, v, i) => sum + v * point[i], 0));
+    most.right = Math.max(most.right, a - kx * c);
+    most.left = Math.max(most.left, -a - kx * c);
+    most.top = Math.max(most.top, b - above * c);
+    most.bottom = Math.max(most.bottom, -b - below * c);
+    near = Math.min(near, c);
+    far = Math.max(far, c);
+  }
+  if (near > far) return { target: [0, 0, 0], distance: 1.75, yaw, pitch };
+  const eye = Math.min(-(most.right + most.left) / (2 * kx), -(most.top + most.bottom) / (above + below), near - least);
+  const across = (most.right - most.left) / 2;
+  const up = (most.top + above * eye - (most.bottom + below * eye)) / 2;
+  const depth = (near + far) / 2;
+  const target = [0, 1, 2].map((i) => across * axes[0][i] + up * axes[1][i] + depth * axes[2][i]);
+  return { target, distance: depth - eye, yaw, pitch };
+}
+
+/** The share of a picture of an aspect that the rectangle around points takes. */
+function filled(points, look, aspect) {
+  const matrix = Object.assign(new Camera(), look).matrix(aspect);
+  const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+  for (const point of points) {
+    const seen = project(matrix, ...point, 1, 1);
+    for (const i of [0, 1]) {
+      low[i] = Math.min(low[i], seen?.[i] ?? 0);
+      high[i] = Math.max(high[i], seen?.[i] ?? 0);
+    }
+  }
+  return (high[0] - low[0]) * (high[1] - low[1]);
+}
+
+/** The look from that height, of some, from which points fill the most of a picture. */
+function fullest(points, yaw, aspect, least) {
+  const looks = HEIGHTS.map((pitch) => fitting(points, yaw, pitch, aspect, least));
+  const shares = looks.map((look) => filled(points, look, aspect));
+  return looks[shares.indexOf(Math.max(...shares))];
+}
+
 /** Nine views: the whole, the dome from within and above, from the side, then the parts, the largest first. */
-export function presets(model) {
+export function presets(model, aspect) {
   const bench = model.extent();
+  const least = 0.1 * bench.radius;
   const room = model.speakers.reduce((far, s) => Math.max(far, Math.hypot(...s.xyz)), bench.radius);
+  const place = (p) => [model.x[p], model.y[p], model.z[p]];
+  const step = Math.max(1, Math.ceil(model.n / FITTED));
+  const all = Array.from({ length: Math.ceil(model.n / step) }, (_, i) => place(i * step));
+  const dome = [...all, ...model.speakers.map((s) => s.xyz)];
   const looks = [
-    { target: bench.centre, distance: 1.75 * bench.radius, yaw: 0.35, pitch: 0.6 },
-    { target: [0, 0.02 * room, 0.3 * room], distance: 0.35 * room, yaw: 0, pitch: -0.35 },
-    { target: [0, 0, 0.2 * room], distance: 2.0 * room, yaw: 0, pitch: 1.5 },
-    { target: [0, 0, 0.2 * room], distance: 2.1 * room, yaw: 0.5, pitch: 0.3 },
+    fullest(all, 0.35, aspect, least),
+    // From behind the listener, so that the loudspeakers in front and overhead are seen.
+    { target: [0, 0, 0.3 * room], distance: 0.95 * room, yaw: 0, pitch: -0.12 },
+    fitting(dome, 0, 1.5, aspect, least),
+    fitting(dome, 0.5, 0.3, aspect, least),
   ];
   const parts = [...model.parts].sort((a, b) => b.count - a.count).slice(0, 5);
-  for (const part of parts) {
-    const { centre, radius } = model.extent(model.pointsOf(part));
-    looks.push({ target: centre, distance: 1.9 * Math.max(radius, 0.1 * bench.radius), yaw: 0.25, pitch: 0.45 });
-  }
+  for (const part of parts) looks.push(fitting(Array.from(model.pointsOf(part), place), 0.25, 0.45, aspect, least));
   return looks;
 }

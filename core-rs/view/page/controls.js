@@ -46,6 +46,7 @@ export function table(app) {
     [["k"], "lock its exaggeration, or not", () => app.lock()],
     [["j"], "next point of this part", () => app.inspect(1)],
     [["J"], "point before", () => app.inspect(-1)],
+    [["b"], "brighter, for a projector", () => (look.projector = !look.projector)],
     [["t"], "trails", () => (look.trails = !look.trails)],
     [[","], "ergons fall more slowly", () => app.fall(1 / 1.25)],
     [["."], "ergons fall faster", () => app.fall(1.25)],

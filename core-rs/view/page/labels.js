@@ -55,11 +55,13 @@ export class Labels {
       if (label.kind === "speaker") label.element.dataset.level = now[speaker++].db.toFixed(1);
       if (gone) continue;
       if (label.part !== null) label.element.textContent = this.words(story.model.parts[label.part], motion, label.part);
-      if (label.kind !== "speaker" && !below(taken, at, label.element.textContent)) {
+      const free = placed(taken, at, label.element.textContent, width, height);
+      if (!free) {
         label.element.hidden = true;
         continue;
       }
-      style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px) translate(-50%, 9px)`;
+      style.transform = `translate(${free.x.toFixed(1)}px, ${free.y.toFixed(1)}px) translate(-50%, 9px)`;
+      lead(label.element, free, at);
     }
   }
 
@@ -71,17 +73,34 @@ export class Labels {
 
 const LETTER = 7; // [px] at the size of the page's words
 const LINE = 16; // [px]
-const FAR = 6 * LINE; // [px] a label that would be farther from its point is hidden; the pointer still shows it
+const FAR = 7; // lines: a label that would be farther from its point is hidden; the pointer still shows it
+const TURNS = 12; // directions in which a free place is sought
 
-/** Moves a label down until it covers none of those placed before; returns whether it is still near enough. */
-function below(taken, at, words) {
+/** The place of a label [px], as near to its point as it covers none placed before; null if none is free. */
+function placed(taken, [x, y], words, width, height) {
   const half = (words.length * LETTER) / 2;
-  const begin = at[1];
-  const covers = (other) => Math.abs(other.x - at[0]) < half + other.half && Math.abs(other.y - at[1]) < LINE;
-  for (let other = taken.find(covers); other; other = taken.find(covers)) at[1] = other.y + LINE;
-  if (at[1] - begin > FAR) return false;
-  taken.push({ x: at[0], y: at[1], half });
-  return true;
+  const covers = (at) => taken.some((other) => Math.abs(other.x - at.x) < half + other.half && Math.abs(other.y - at.y) < LINE);
+  const fits = (at) => at.x > half && at.x < width - half && at.y > LINE && at.y < height - 3 * LINE;
+  for (let ring = 0; ring <= FAR; ring++) {
+    const turns = ring ? TURNS : 1;
+    for (let turn = 0; turn < turns; turn++) {
+      const angle = (2 * Math.PI * turn) / turns + Math.PI / 2; // below its point first
+      const at = { x: x + ring * (LINE + half * Math.min(1, ring / 2)) * Math.cos(angle), y: y + ring * LINE * Math.sin(angle), half };
+      if (covers(at) || (ring && !fits(at))) continue;
+      taken.push(at);
+      return at;
+    }
+  }
+  return null;
+}
+
+/** A thin line from a label that is away from its point. */
+function lead(element, free, [x, y]) {
+  const [across, down] = [x - free.x, y - free.y - 1.5 * LINE];
+  const length = Math.hypot(x - free.x, y - free.y) > LINE ? Math.hypot(across, down) : 0;
+  element.classList.toggle("led", length > 0);
+  element.style.setProperty("--length", `${length.toFixed(1)}px`);
+  element.style.setProperty("--angle", `${Math.atan2(down, across).toFixed(4)}rad`);
 }
 
 const WHY = {

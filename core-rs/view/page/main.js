@@ -37,6 +37,7 @@ class Page {
       trails: false,
       seen: [],
       strobe: asked.has("strobe"),
+      projector: asked.has("projector"),
       still: matchMedia("(prefers-reduced-motion: reduce)").matches,
     };
     this.sound = new Sound(this.alignment, (words) => this.tell(words));
@@ -51,7 +52,7 @@ class Page {
     this.controls = new Controls(this, canvas);
     document.body.classList.toggle("stage", this.stage);
     if (this.stage) addEventListener("click", () => document.documentElement.requestFullscreen?.());
-    addEventListener("resize", () => this.changed());
+    addEventListener("resize", () => this.resized());
     // With the context, everything on the graphics card is lost.
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => location.reload());
@@ -98,7 +99,7 @@ class Page {
     const same = this.motion?.story.model === model;
     this.known = model.version;
     this.motion = new Motion(this.story);
-    this.presets = presets(model);
+    this.presets = presets(model, this.aspect);
     this.camera.scale = this.motion.whole;
     if (!same) this.choices(model);
     if (!this.moved) this.camera.look(this.presets[0]);
@@ -129,10 +130,21 @@ class Page {
 
   // --- drawing an instant ---
 
+  get aspect() {
+    return this.canvas.clientWidth / Math.max(1, this.canvas.clientHeight);
+  }
+
   get view() {
-    const { canvas, clock } = this;
-    const aspect = canvas.clientWidth / Math.max(1, canvas.clientHeight);
-    return { ...this.look, rate: clock.rate, reach: clock.rate, matrix: this.camera.matrix(aspect) };
+    const { rate } = this.clock;
+    return { ...this.look, rate, reach: rate, matrix: this.camera.matrix(this.aspect) };
+  }
+
+  /** Views fill the picture, whatever its shape. */
+  resized() {
+    const { model } = this.story;
+    if (model) this.presets = presets(model, this.aspect);
+    if (model && !this.moved) this.camera.look(this.presets[0]);
+    this.changed();
   }
 
   resize() {

@@ -10,6 +10,7 @@ uniform mat4 M;          // metres to picture
 uniform vec2 view;       // half the picture [px]
 uniform float px;        // what a pixel of a picture of 720 lines is here
 uniform float whole;     // [m] the radius of all
+uniform float lift;      // least brightness of what is seen, for a projector; 0: none
 float near(float w){ return clamp(2.3 * whole / w, .7, 5.); }   // what is near is larger
 `;
 
@@ -25,6 +26,11 @@ vec3 stands(uint i){ vec3 r = texelFetch(rest, place(i), 0).xyz; r.z += texelFet
 const COLOURS = `
 vec3 heat(float e){ return mix(mix(vec3(.10,.20,.55), vec3(.25,.72,1.), smoothstep(0.,.6,e)), vec3(1.,.96,.88), smoothstep(.6,1.,e)); }
 vec3 updown(float s){ return s > 0. ? mix(vec3(.40,.44,.50), vec3(1.,.66,.24), s) : mix(vec3(.40,.44,.50), vec3(.16,.26,.85), -s); }
+`;
+
+// A grey is added to what is darker than a projector shows.
+const LIFTED = `
+vec3 lifted(vec3 c, float share){ return c + max(0., share * lift - dot(c, vec3(.2126, .7152, .0722))); }
 `;
 
 // A shape smaller than a pixel is drawn as one pixel, and darker in proportion to its area.
@@ -52,7 +58,7 @@ void main(){ float r = max(0., 1. - dot(uv, uv)); o = vec4(col.rgb * r * r, 1.);
 
 export const SHADERS = {
   points: [
-    `${HEAD}${POINTS}${COLOURS}${CAPSULE}${LEAST}
+    `${HEAD}${POINTS}${COLOURS}${CAPSULE}${LEAST}${LIFTED}
 layout(location=0) in vec2 q;
 uniform float gain;
 out vec2 uv; out vec4 col;
@@ -67,14 +73,16 @@ void main(){
   float size = px * (style > 1.5 ? 7. : style > .5 ? 1.4 : 1.6 + 1.8 * e) * near(b.w);
   size = min(size, .45 * apart * FOCAL * view.y / b.w);                // a crowd stays points
   float spread, dim;
-  gl_Position = capsule(a, b, q, least(size, dim), spread);
+  float radius = least(size, dim);
+  if (lift > 0.) { radius = max(radius, 3.); dim = 1.; }
+  gl_Position = capsule(a, b, q, radius, spread);
   vec3 c = style > .5 ? updown(s.w) * ((style > 1.5 ? .95 : .30) + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
-  col = vec4(c * gain * mix(1., dim, .75) / pow(spread, .6), 1.);
+  col = vec4(lifted(c * mix(1., dim, .75) / pow(spread, .6), 1.) * gain, 1.);
 }`,
     SOFT,
   ],
   links: [
-    `${HEAD}${POINTS}${COLOURS}
+    `${HEAD}${POINTS}${COLOURS}${LIFTED}
 layout(location=0) in uvec2 ends;
 layout(location=1) in float broken;   // since when [s]
 uniform float gain, t;
@@ -86,7 +94,7 @@ void main(){
   float light = min(texelFetch(state, place(ends.x), 0).z, texelFetch(state, place(ends.y), 0).z);
   gl_Position = light < 0. || t >= broken ? vec4(2., 2., 2., 1.) : M * vec4(gl_VertexID == 0 ? a : b, 1.);
   float strain = abs(b.z - a.z) / max(length(b.xy - a.xy), 1e-6);
-  col = vec4(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), 1.);
+  col = vec4(lifted(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), .5), 1.);
 }`,
     `#version 300 es
 precision highp float;

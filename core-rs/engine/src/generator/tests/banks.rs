@@ -14,7 +14,7 @@ fn form(count: usize, spread: Spread, place: Place) -> BankForm {
 #[test]
 fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
     let never = |_| unreachable!("nothing is drawn");
-    let bank = bank(&form(3, Spread::Even, Place::Line), never).expect("bank");
+    let bank = bank(&form(3, Spread::Even, Place::Line), never, |_| 0.0).expect("bank");
     let of = |member: &BankCell| (member.f, member.t60);
     assert_eq!((of(&bank[0]), of(&bank[2])), ((20.0, 8.0), (10_000.0, 0.5)));
     assert!(close(bank[1].f, (20.0f64 * 10_000.0).sqrt(), 1e-14) && close(bank[1].t60, 2.0, 1e-14));
@@ -23,9 +23,11 @@ fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
 
 #[test]
 fn a_spiral_fills_the_disc_evenly() {
-    let bank = bank(&form(1_000, Spread::Random, Place::Spiral), |i| {
-        (0.5, i as f64 / 1e3)
-    })
+    let bank = bank(
+        &form(1_000, Spread::Random, Place::Spiral),
+        |i| (0.5, i as f64 / 1e3),
+        |_| 0.0,
+    )
     .expect("bank");
     let radius = |cell: &BankCell| {
         let [x, y] = cell.position;
@@ -51,6 +53,7 @@ fn radii_of_a_galaxy_are_inversely_proportional_to_cents() {
             },
         ),
         |_| (0.0, 0.0),
+        |_| 0.0,
     )
     .expect("bank");
     let span = 1200.0 * log(500.0) / log(2.0);
@@ -141,7 +144,7 @@ fn bad_banks_are_refused() {
 proptest! {
     #[test]
     fn drawn_members_lie_within(u in 0.0..1.0f64, w in 0.0..1.0f64) {
-        let bank = bank(&form(2, Spread::Random, Place::Line), |_| (u, w)).expect("bank");
+        let bank = bank(&form(2, Spread::Random, Place::Line), |_| (u, w), |_| 0.0).expect("bank");
         for member in bank {
             prop_assert!((20.0..=10_000.0).contains(&member.f));
             prop_assert!((0.5..=8.0).contains(&member.t60));
