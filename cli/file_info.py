@@ -33,16 +33,16 @@ def content(console: Console, path: Path) -> bool:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         return False
-    found = reader(path)
-    if found is None:
+    report = reader(path)
+    if report is None:
         return False
     if console.json:
-        fields = {"form": found.form, **found.read, "passed_over": found.passed_over}
+        fields = {"form": report.form, **report.read, "passed_over": report.passed_over}
         console.record("file", file=str(path), **fields)
         return True
-    lines = [f"{path}: {found.form}"]
-    lines += [f"  {name}: {value}" for name, value in found.read.items()]
-    lines += [f"  passed over: {what}" for what in found.passed_over or ["nothing"]]
+    lines = [f"{path}: {report.form}"]
+    lines += [f"  {name}: {value}" for name, value in report.read.items()]
+    lines += [f"  passed over: {what}" for what in report.passed_over or ["nothing"]]
     console.data("\n".join(map(printable, lines)) + "\n")
     return True
 
@@ -70,7 +70,7 @@ def _obj(path: Path) -> Content:
         reader = Reader(Document(str(path), text, None), "the mesh", collector)
         mesh = reader.mesh(Place(str(path), 1, 1))
     if mesh is None:
-        raise Refused("; ".join(f"{path}: {one.message}" for one in collector.finish()))
+        raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
     lines = (line.split() for line in (text or "").splitlines())
     kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
     others = [kind for kind in kinds if kind not in ("v", "f", "l")]
@@ -237,10 +237,10 @@ def _numbers(outputs: list[int]) -> str:
 def _model(path: Path) -> Content:
     from ergon.workshop.api.model import import_model
 
-    made = import_model(path)
-    read = {"statements": made.n_statements, "to use it": f"ergon import {path}"}
-    passed = [f"input {name}, which has no file" for name in made.unfed]
-    return Content(f"model ({made.dialect})", read, [*passed, "comments and what is only shown"])
+    model = import_model(path)
+    read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
+    passed = [f"input {name}, which has no file" for name in model.unfed]
+    return Content(f"model ({model.dialect})", read, [*passed, "comments and what is only shown"])
 
 
 READERS: Mapping[str, Callable[[Path], Content | None]] = {

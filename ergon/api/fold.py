@@ -295,10 +295,10 @@ def _source(
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
     if effects:
         *first, last = (str(channel + 1) for channel in effects)
-        said = f"channel {last} is {kind}, and is left out"
+        words = f"channel {last} is {kind}, and is left out"
         if first:
-            said = f"channels {', '.join(first)} and {last} are {kind}, and are left out"
-        report.warn(f"{path}: {said}")
+            words = f"channels {', '.join(first)} and {last} are {kind}, and are left out"
+        report.warn(f"{path}: {words}")
     return found, effects
 
 

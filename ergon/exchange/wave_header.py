@@ -191,19 +191,19 @@ def parse(file: BinaryIO) -> WaveInfo:
     more = {b"axml": b"", b"chna": b""}
     others: list[tuple[str, int]] = []
     samples: tuple[int, int, int] | None = None  # offset, bytes there, bytes missing
-    whole = file.seek(0, 2)
+    end = file.seek(0, 2)
     file.seek(12)
     while len(chunk := file.read(8)) == 8:
         name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
         start = file.tell()
-        if samples is not None and (size > whole - start or not name.isascii()):
+        if samples is not None and (size > end - start or not name.isascii()):
             break  # what follows the samples is no chunk
         if name == b"data" and samples is None:
             if format is None:
                 raise NotWaveError("the samples come before their format")
             if size == 0xFFFFFFFF and container != "RIFF":
                 size, riff_size = long_size, long_riff_size
-            there, missing = _sizes(size, whole - start, format, is_whole=riff_size + 8 == whole)
+            there, missing = _sizes(size, end - start, format, is_whole=riff_size + 8 == end)
             samples, size = (start, there, missing), there
         elif name == b"ds64":
             long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))

@@ -177,7 +177,7 @@ render: {tail: 1s}
     assert [bool(peak > 0.0) for peak in abs(sound).max(axis=0)] == [0, 0, 0, 1, 1]
 
 
-def test_wrong_outputs_of_a_layout_are_told(tmp_path: Path):
+def test_wrong_outputs_of_a_layout_are_refused(tmp_path: Path):
     for outputs, said in (("[1, 2]", "2 outputs for 3 loud"), ("[1, 2, 2]", "at the output 2")):
         (tmp_path / "room.yaml").write_text(
             f"ergon: 1\nspeakers: [{{az: 45}}, {{az: -45}}, {{az: 180}}]\noutputs: {outputs}\n"

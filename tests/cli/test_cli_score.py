@@ -273,9 +273,9 @@ render: {tail: 1s}
 """)
     assert app.run(["export", "slow.yaml", "-o", "slow"]) == 0
     assert {path.name for path in Path("slow").iterdir()} == {"marks.csv", "mix.wav", "stems"}
-    said = " ".join(capsys.readouterr().err.split())
-    assert "a quarter note lasts 30 s there" in said
-    assert "tempo.mid is left out" in said
+    warning = " ".join(capsys.readouterr().err.split())
+    assert "a quarter note lasts 30 s there" in warning
+    assert "tempo.mid is left out" in warning
 
 
 def test_info_of_a_render_and_its_score(capsys: Capture) -> None:

@@ -43,8 +43,8 @@ def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tm
     (record,) = (json.loads(line) for line in done.stdout.splitlines())
     assert {key: record[key] for key in read} == read
     assert len(record["passed_over"]) == len(passed)
-    for word, said in zip(passed, record["passed_over"], strict=True):
-        assert word in said
+    for word, sentence in zip(passed, record["passed_over"], strict=True):
+        assert word in sentence
     shown = forked(["info", name], tmp_path)
     assert shown.stdout.startswith(f"{name}: ")
     assert shown.stdout.count("passed over: ") == max(1, len(passed))

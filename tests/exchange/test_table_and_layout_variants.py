@@ -76,10 +76,10 @@ def test_iem_layouts_of_other_programs(seed: int) -> None:
     ]  # fmt: skip
     rows += [{"Azimuth": 0, "Elevation": -90, "Radius": 1, "IsImaginary": True, "Channel": -1}]
     chance.shuffle(rows)
-    whole = {"Name": "x", "LoudspeakerLayout": {"Name": "y", "Loudspeakers": rows}}
+    file = {"Name": "x", "LoudspeakerLayout": {"Name": "y", "Loudspeakers": rows}}
     if chance.random() < 0.5:
-        whole["Decoder"] = {"Matrix": [[0.5]]}
-    data = json.dumps(whole, indent=chance.choice([None, 4])).encode()
+        file["Decoder"] = {"Matrix": [[0.5]]}
+    data = json.dumps(file, indent=chance.choice([None, 4])).encode()
     real = [row for row in json.loads(data)["LoudspeakerLayout"]["Loudspeakers"]
             if not row["IsImaginary"]]  # fmt: skip
     _check("iem", data, {
@@ -95,8 +95,8 @@ def test_ear_layouts_of_other_programs(seed: int) -> None:
          "position": {"az": az, "el": el, "r": r}} for output, az, el, r in _speakers(chance)
     ]  # fmt: skip
     rows.append({"channel": 50, "names": chance.choice(["LFE1", ["LFE2"]]), "position": {"az": 0}})
-    whole = chance.choice([rows, {"speakers": rows}, {"screen": None, "speakers": rows}])
-    data = yaml.safe_dump(whole, default_flow_style=chance.choice([None, True, False])).encode()
+    file = chance.choice([rows, {"speakers": rows}, {"screen": None, "speakers": rows}])
+    data = yaml.safe_dump(file, default_flow_style=chance.choice([None, True, False])).encode()
     again = yaml.safe_load(data)
     rows = again if isinstance(again, list) else again["speakers"]
     _check("ear", data, {

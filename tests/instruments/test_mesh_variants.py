@@ -50,7 +50,7 @@ def test_obj_files_of_other_programs(seed: int) -> None:
             ends = [*corners, corners[0]] if is_face else corners
             edges |= {(min(a, b), max(a, b)) for a, b in itertools.pairwise(ends)}
             n_faces += len(corners) - 2 if is_face else 0
-    with_others = [line for own in lines for line in (chance.choice(_SAYS_NOTHING), own)]
+    with_others = [row for line in lines for row in (chance.choice(_SAYS_NOTHING), line)]
     data = chance.choice([b"\n", b"\r\n"]).join(with_others) + chance.choice([b"", b"\n"])
     collector = Collector()
     text = decoded(data, "x.obj", collector)
@@ -66,16 +66,16 @@ def _node(chance: random.Random, numbers: np.random.Generator) -> tuple[dict[str
     """A node's place as a matrix or as its parts, and its matrix (4, 4)."""
     turn = Rotation.from_quat(numbers.normal(size=4))
     scale, to = numbers.uniform(0.5, 2.0, 3), numbers.uniform(-3, 3, 3)
-    whole = np.eye(4)
-    whole[:3, :3], whole[:3, 3] = turn.as_matrix() * scale, to
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn.as_matrix() * scale, to
     match chance.randrange(3):
         case 0:
             return {}, np.eye(4)
         case 1:
-            return {"matrix": whole.T.ravel().tolist()}, whole
+            return {"matrix": matrix.T.ravel().tolist()}, matrix
         case _:
             parts = {"rotation": turn.as_quat(), "scale": scale, "translation": to}
-            return {name: value.tolist() for name, value in parts.items()}, whole
+            return {name: value.tolist() for name, value in parts.items()}, matrix
 
 
 @pytest.mark.parametrize("seed", range(50))
@@ -110,11 +110,11 @@ def test_gltf_files_of_other_programs(seed: int) -> None:
     part: dict[str, Any] = {"attributes": {"POSITION": 0, "NORMAL": 0}, "material": 0}
     part |= {"indices": 1} if is_indexed else {}
     part |= {"mode": 4} if chance.random() < 0.5 else {}
-    outer, own = _node(chance, numbers), _node(chance, numbers)
+    outer, inner = _node(chance, numbers), _node(chance, numbers)
     root: dict[str, Any] = {
         "asset": {"version": chance.choice(["2.0", "2.1"]), "generator": "x"},
         "scene": 0, "scenes": [{"nodes": [1], "name": "S"}],
-        "nodes": [{"mesh": 0, "name": "M", **own[0]}, {"children": [0, 2], **outer[0]},
+        "nodes": [{"mesh": 0, "name": "M", **inner[0]}, {"children": [0, 2], **outer[0]},
                   {"camera": 0}],
         "cameras": [{"type": "perspective"}], "materials": [{"name": "m"}],
         "extensionsUsed": ["KHR_materials_ior"],
@@ -133,7 +133,7 @@ def test_gltf_files_of_other_programs(seed: int) -> None:
         uri = f"data:{head};base64,{base64.b64encode(data).decode()}"
         root["buffers"][0]["uri"] = uri
         mesh = gltf_file.read(json.dumps(root))
-    moved = np.c_[places, np.ones(len(places))] @ (outer[1] @ own[1]).T
+    moved = np.c_[places, np.ones(len(places))] @ (outer[1] @ inner[1]).T
     expected = moved[:, [0, 2, 1]] * (1, -1, 1)  # y is up in the file, z here
     near = np.linalg.norm(expected[:, None] - np.array(mesh.points)[None], axis=2)
     same = near.argmin(axis=1)

@@ -15,13 +15,13 @@ _COMMENTS = ["! a comment", "!", "!3/2", "! caf\x85 \x0c \u2028 12", "!! 5"]
 
 def _joined(chance: random.Random, lines: list[str]) -> str:
     """The lines with comments between them, and the line ends of some system."""
-    whole = []
+    rows = []
     for line in lines:
         while chance.random() < 0.3:
-            whole.append(chance.choice(_COMMENTS))
-        whole.append(line)
+            rows.append(chance.choice(_COMMENTS))
+        rows.append(line)
     newline = chance.choice(["\n", "\r\n", "\r"])
-    return newline.join(whole) + chance.choice(["", newline, newline * 2])
+    return newline.join(rows) + chance.choice(["", newline, newline * 2])
 
 
 def _pitch(chance: random.Random) -> str:

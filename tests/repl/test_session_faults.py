@@ -143,7 +143,7 @@ def test_play_waits_for_a_line_on_its_first_beat(at: Delayed, change: str, takes
     at.delay = lambda: 0.0
     at.run(9.0)
     assert [row["number"] for row in events(at, "commit")] == [1, 2, 3]
-    assert not [one for one in at.session.messages() if "next bar" in one]
+    assert not [message for message in at.session.messages() if "next bar" in message]
     check_render(at)
 
 

@@ -32,7 +32,9 @@ class _Writer:
         return halves[:, ::-1].tobytes()
 
 
-def _parameters(chance: random.Random, own: _Writer, rows: list[tuple], *, is_odd: bool) -> bytes:
+def _parameters(
+    chance: random.Random, numbers: _Writer, rows: list[tuple], *, is_odd: bool
+) -> bytes:
     """Groups and parameters, in any order of groups, with and without descriptions, some locked."""
     groups = {name: number for number, name in enumerate(dict.fromkeys(row[0] for row in rows), 1)}
     entries = [(name, -number, b"") for name, number in groups.items()]
@@ -41,12 +43,12 @@ def _parameters(chance: random.Random, own: _Writer, rows: list[tuple], *, is_od
         entries.append((name, groups[group], body))
     out = b""
     for number, (name, group, body) in enumerate(entries):
-        said = b"text of it" if chance.random() < 0.5 else b""
-        body += bytes([len(said)]) + said
+        description = b"text of it" if chance.random() < 0.5 else b""
+        body += bytes([len(description)]) + description
         written = name.lower() if is_odd and chance.random() < 0.2 else name
         length = -len(written) if is_odd and chance.random() < 0.2 else len(written)
         is_last = number == len(entries) - 1
-        after = own.word(0 if is_last else len(body) + 2)
+        after = numbers.word(0 if is_last else len(body) + 2)
         out += struct.pack("bb", length, group) + written.encode() + after + body
     return out + bytes(2)
 
@@ -62,7 +64,7 @@ def _variant(
     """The bytes of a file, its positions (n, points, 3), its names, and what it states."""
     chance = random.Random(seed)
     processor = [*_CODES][seed % 3]
-    own, is_real = _Writer(processor), chance.random() < 0.5
+    numbers, is_real = _Writer(processor), chance.random() < 0.5
     n, n_points, n_analog = (
         chance.randrange(1, 60),
         chance.randrange(1, 6),
@@ -83,40 +85,45 @@ def _variant(
         row = np.concatenate([places[frame], fourth[:, None]], axis=1)
         analog = np.zeros(n_analog * per_frame)
         if is_real:
-            data += own.reals(row) + own.reals(analog)
+            data += numbers.reals(row) + numbers.reals(analog)
         else:
-            data += np.concatenate([row.ravel(), analog]).astype(f"{own.order}i2").tobytes()
+            data += np.concatenate([row.ravel(), analog]).astype(f"{numbers.order}i2").tobytes()
     stated = -scale if is_real else scale
     rows: list[tuple] = [
-        ("POINT", "USED", 2, (), own.word(n_points)),
-        ("POINT", "SCALE", 4, (), own.reals([stated])),
-        ("POINT", "RATE", 4, (), own.reals([rate])),
-        ("POINT", "FRAMES", 2, (), own.word(n)),
-        ("POINT", "DATA_START", 2, (), own.word(0)),
+        ("POINT", "USED", 2, (), numbers.word(n_points)),
+        ("POINT", "SCALE", 4, (), numbers.reals([stated])),
+        ("POINT", "RATE", 4, (), numbers.reals([rate])),
+        ("POINT", "FRAMES", 2, (), numbers.word(n)),
+        ("POINT", "DATA_START", 2, (), numbers.word(0)),
         ("POINT", "LABELS", *_labels(names)),
         ("POINT", "UNITS", -1, (len(units),), units.encode()),
-        ("ANALOG", "USED", 2, (), own.word(n_analog)),
-        ("ANALOG", "RATE", 4, (), own.reals([rate * per_frame])),
+        ("ANALOG", "USED", 2, (), numbers.word(n_analog)),
+        ("ANALOG", "RATE", 4, (), numbers.reals([rate * per_frame])),
     ]
     if n_analog:
         rows += [("ANALOG", "LABELS", *_labels(["f", "g"])),
-                 ("ANALOG", "SCALE", 4, (2,), own.reals([1.0, 1.0])),
-                 ("ANALOG", "OFFSET", 2, (2,), own.word(0) * 2),
-                 ("ANALOG", "GEN_SCALE", 4, (), own.reals([1.0])),
+                 ("ANALOG", "SCALE", 4, (2,), numbers.reals([1.0, 1.0])),
+                 ("ANALOG", "OFFSET", 2, (2,), numbers.word(0) * 2),
+                 ("ANALOG", "GEN_SCALE", 4, (), numbers.reals([1.0])),
                  ("ANALOG", "UNITS", *_labels(["N", "N"]))]  # fmt: skip
     rows += chance.sample(
         [("SUBJECTS", "NAMES", -1, (3, 1), b"Ada"), ("TRIAL", "DATE", -1, (4,), b"2004"),
-         ("EVENT", "USED", 2, (), own.word(0)), ("FORCE_PLATFORM", "USED", 2, (), own.word(0))],
+         ("EVENT", "USED", 2, (), numbers.word(0)), ("FORCE", "USED", 2, (), numbers.word(0))],
         chance.randrange(5),
     )  # fmt: skip
-    section = _parameters(chance, own, rows, is_odd=is_odd)
+    section = _parameters(chance, numbers, rows, is_odd=is_odd)
     sectors = -(-(len(section) + 4) // 512) + (chance.choice([0, 1]) if is_odd else 0)
     start = 2 + sectors
     head_of_section = bytes([chance.choice([0, 1]), chance.choice([0, 80]), sectors])
     section = (head_of_section + bytes([_CODES[processor]]) + section).ljust(512 * sectors, b"\0")
-    head = bytes([2, 80]) + own.word(n_points) + own.word(n_analog * per_frame)
-    head += own.word(first) + own.word(first + n - 1) + own.word(0) + own.reals([stated])
-    head += own.word(start) + own.word(per_frame) + own.reals([rate])
+    head = bytes([2, 80]) + numbers.word(n_points) + numbers.word(n_analog * per_frame)
+    head += (
+        numbers.word(first)
+        + numbers.word(first + n - 1)
+        + numbers.word(0)
+        + numbers.reals([stated])
+    )
+    head += numbers.word(start) + numbers.word(per_frame) + numbers.reals([rate])
     file = head.ljust(512, b"\0") + section + data
     if chance.random() < 0.5:
         file += bytes(-len(file) % 512)

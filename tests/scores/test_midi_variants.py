@@ -86,9 +86,9 @@ def test_midi_files_of_other_programs(seed: int) -> None:
     assert len(header.tracks) == len(theirs.tracks)
     for span, track in zip(header.tracks, theirs.tracks, strict=True):
         ours = [
-            (one.tick, one.kind, one.channel - 1, *one.content)
-            for one in file.track(span)
-            if one.kind in (NOTE_ON, NOTE_OFF)
+            (event.tick, event.kind, event.channel - 1, *event.content)
+            for event in file.track(span)
+            if event.kind in (NOTE_ON, NOTE_OFF)
         ]
         tick, expected = 0, []
         for message in track:

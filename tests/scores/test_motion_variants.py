@@ -84,24 +84,24 @@ class _Skeleton:
 
     def places(self, rows: np.ndarray) -> np.ndarray:
         """Positions (n, joints, 3), each joint turned about its parent."""
-        found = np.zeros((len(rows), len(self.joints), 3))
+        positions = np.zeros((len(rows), len(self.joints), 3))
         for frame, row in enumerate(rows):
             turns: list[Rotation] = []
             for number, (parent, offset, named, first) in enumerate(self.joints):
-                turn, own = Rotation.identity(), offset.copy()
+                turn, place = Rotation.identity(), offset.copy()
                 for column, name in enumerate(named, first):
                     axis = "XYZ".index(name[0])
                     if name.endswith("position"):
-                        own[axis] = row[column]
+                        place[axis] = row[column]
                     else:
                         turn *= Rotation.from_euler(name[0].lower(), row[column], degrees=True)
                 if parent is None:
-                    found[frame, number] = own
+                    positions[frame, number] = place
                 else:
-                    found[frame, number] = found[frame, parent] + turns[parent].apply(own)
+                    positions[frame, number] = positions[frame, parent] + turns[parent].apply(place)
                     turn = turns[parent] * turn
                 turns.append(turn)
-        return found
+        return positions
 
 
 @pytest.mark.parametrize("seed", range(40))

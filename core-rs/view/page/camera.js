@@ -109,21 +109,21 @@ export function fitting(points, yaw, pitch, aspect, least) {
   const [above, below] = [ABOVE / FOCAL, BELOW / FOCAL];
   // With the eye at depth e and sideways at s, a point (a, b, c) is within the left and right edges if
   // |a − s| ≤ kx (c − e), so that e is at most −(right + left) / 2kx; likewise for the upper and lower edge.
-  const most = { right: -Infinity, left: -Infinity, top: -Infinity, bottom: -Infinity };
+  const edges = { right: -Infinity, left: -Infinity, top: -Infinity, bottom: -Infinity };
   let [near, far] = [Infinity, -Infinity];
   for (const point of points) {
     const [a, b, c] = axes.map((axis) => axis.reduce((sum, v, i) => sum + v * point[i], 0));
-    most.right = Math.max(most.right, a - kx * c);
-    most.left = Math.max(most.left, -a - kx * c);
-    most.top = Math.max(most.top, b - above * c);
-    most.bottom = Math.max(most.bottom, -b - below * c);
+    edges.right = Math.max(edges.right, a - kx * c);
+    edges.left = Math.max(edges.left, -a - kx * c);
+    edges.top = Math.max(edges.top, b - above * c);
+    edges.bottom = Math.max(edges.bottom, -b - below * c);
     near = Math.min(near, c);
     far = Math.max(far, c);
   }
   if (near > far) return { target: [0, 0, 0], distance: 1.75, yaw, pitch };
-  const eye = Math.min(-(most.right + most.left) / (2 * kx), -(most.top + most.bottom) / (above + below), near - least);
-  const across = (most.right - most.left) / 2;
-  const up = (most.top + above * eye - (most.bottom + below * eye)) / 2;
+  const eye = Math.min(-(edges.right + edges.left) / (2 * kx), -(edges.top + edges.bottom) / (above + below), near - least);
+  const across = (edges.right - edges.left) / 2;
+  const up = (edges.top + above * eye - (edges.bottom + below * eye)) / 2;
   const depth = (near + far) / 2;
   const target = [0, 1, 2].map((i) => across * axes[0][i] + up * axes[1][i] + depth * axes[2][i]);
   return { target, distance: depth - eye, yaw, pitch };

@@ -79,16 +79,16 @@ const TURNS = 12; // directions in which a free place is sought
 /** The place of a label [px], as near to its point as it covers none placed before; null if none is free. */
 function placed(taken, [x, y], words, width, height) {
   const half = (words.length * LETTER) / 2;
-  const covers = (at) => taken.some((other) => Math.abs(other.x - at.x) < half + other.half && Math.abs(other.y - at.y) < LINE);
-  const fits = (at) => at.x > half && at.x < width - half && at.y > LINE && at.y < height - 3 * LINE;
+  const covers = (place) => taken.some((other) => Math.abs(other.x - place.x) < half + other.half && Math.abs(other.y - place.y) < LINE);
+  const fits = (place) => place.x > half && place.x < width - half && place.y > LINE && place.y < height - 3 * LINE;
   for (let ring = 0; ring <= FAR; ring++) {
     const turns = ring ? TURNS : 1;
     for (let turn = 0; turn < turns; turn++) {
       const angle = (2 * Math.PI * turn) / turns + Math.PI / 2; // below its point first
-      const at = { x: x + ring * (LINE + half * Math.min(1, ring / 2)) * Math.cos(angle), y: y + ring * LINE * Math.sin(angle), half };
-      if (covers(at) || (ring && !fits(at))) continue;
-      taken.push(at);
-      return at;
+      const place = { x: x + ring * (LINE + half * Math.min(1, ring / 2)) * Math.cos(angle), y: y + ring * LINE * Math.sin(angle), half };
+      if (covers(place) || (ring && !fits(place))) continue;
+      taken.push(place);
+      return place;
     }
   }
   return null;
