@@ -132,7 +132,8 @@ def test_rates_of_a_linear_scene_without_chaos():
     """Errors of pitch add up in a linear motion; it never parts by chance."""
     staged = stage(piece(HEAD + LEVERS), planned=True)
     assert staged.plan is not None
-    assert not staged.diagnostics
+    # At every frame -60 dB cost less: that may be noted, but no error above the budget.
+    assert {note.code for note in staged.diagnostics} <= {"N403"}
     assert all(row.spectral_db is None for row in staged.plan.rows())
 
 

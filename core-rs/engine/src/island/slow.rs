@@ -22,8 +22,10 @@ pub(crate) struct Slow {
     pub(crate) part: usize,
     /// Its MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
-    /// R, the frames from one kick to the next.
+    /// R, the frames of one step at its own rate.
     pub(crate) macrostep: u32,
+    /// Frames from one kick to the next: 1 for a few linear springs, else R.
+    pub(crate) kick_every: u32,
     pub(crate) springs: Springs,
     /// Phase of its fastest mode from kick to kick [rad].
     pub(crate) turn: f64,
@@ -140,7 +142,7 @@ impl RunningSlow {
         let mut v = springs.start(plan, &displacements);
         // Half a kick lies between the velocity at the start and that of the straight motion.
         let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
-        let half = 0.5 / f64::from(plan.macrostep);
+        let half = 0.5 / f64::from(plan.kick_every);
         let mut previous = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
         for &(own, mat) in &plan.ports {
@@ -182,7 +184,7 @@ impl RunningSlow {
 
     /// Position of one of its MATs, and its step in a frame [m].
     pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
-        let pull = self.kick[own] / f64::from(self.plan.macrostep);
+        let pull = self.kick[own] / f64::from(self.plan.kick_every);
         let frames = f64::from(self.since) * self.plan.is_inner[own];
         (
             self.x[own] + frames * self.v[own],
@@ -192,7 +194,7 @@ impl RunningSlow {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.first = (n % u64::from(self.plan.macrostep)) as u32;
+        self.first = (n % u64::from(self.plan.kick_every)) as u32;
     }
 
     /// Set positions and steps of all its MATs (own, (x, step)), as if its springs had pulled at their regular frames.
@@ -220,7 +222,7 @@ impl RunningSlow {
         std::mem::swap(&mut self.v, &mut self.kick);
         self.spring_kick(false);
         std::mem::swap(&mut self.v, &mut self.kick);
-        let ahead = self.ahead(self.since) / f64::from(self.plan.macrostep);
+        let ahead = self.ahead(self.since) / f64::from(self.plan.kick_every);
         for (v, kick) in self.v.iter_mut().zip(&self.kick) {
             *v += kick * ahead;
         }
@@ -231,7 +233,7 @@ impl RunningSlow {
 
     /// Number of frames between two kicks.
     pub(crate) fn every(&self) -> u32 {
-        self.plan.macrostep
+        self.plan.kick_every
     }
 
     /// For a body at rest: advance by `frames`, which may be negative.
@@ -242,7 +244,7 @@ impl RunningSlow {
 
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, by: f64) {
-        self.damped = (0..2 * self.plan.macrostep).fold(1.0, |all, _| all * by);
+        self.damped = (0..2 * self.plan.kick_every).fold(1.0, |all, _| all * by);
     }
 
     /// Take over the state of an equal body.
@@ -302,7 +304,7 @@ impl RunningSlow {
             self.v[own] += std::mem::take(hand_velocities);
         }
         self.since += 1;
-        let every = plan.macrostep;
+        let every = plan.kick_every;
         if !(n + 1).is_multiple_of(u64::from(every)) {
             return;
         }
@@ -368,7 +370,7 @@ impl RunningSlow {
             Springs::Stepped(_) => vec![0.0; self.x.len()],
         };
         let each = self.x.iter().zip(&self.v).zip(pulled.iter().zip(&plan.w));
-        let every = f64::from(plan.macrostep);
+        let every = f64::from(plan.kick_every);
         each.map(|((x, v), (pull, w))| 0.5 * (v * v + x * pull / every) / w)
             .sum()
     }

@@ -248,7 +248,7 @@ fn slow_cost(slow: &Slow) -> f64 {
         Springs::Stepped(_) => modules_cost(&slow.network),
     };
     let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
-    kick / f64::from(slow.macrostep) + each
+    kick / f64::from(slow.kick_every) + each
 }
 
 /// Cost of a bank [ns a frame].

@@ -294,7 +294,10 @@ impl<'a> Maker<'a> {
         ported::check_supported(&subset.network, &own.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
-            Ok(solved) if pin.is_none() => self.offered(subset, own, solved),
+            Ok(solved) if pin.is_none() => {
+                let solved = self.without_rates(subset, own, solved);
+                self.offered(subset, own, solved)
+            }
             Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, own, pin)) {
                 Some(solved) => solved,
                 None => return Err(error),

@@ -12,13 +12,13 @@ impl RunningSlow {
     fn pull(&self, mat: usize) -> f64 {
         let port = self.plan.ports.iter().find(|port| port.1 == mat);
         port.map_or(0.0, |&(own, _)| {
-            self.kick[own] / f64::from(self.plan.macrostep)
+            self.kick[own] / f64::from(self.plan.kick_every)
         })
     }
 
     /// By how much a free port is ahead of its true velocity `since` frames after a pull, as a multiple of `pull`.
     pub(super) fn ahead(&self, since: u32) -> f64 {
-        0.5 + 0.5 * f64::from(self.plan.macrostep) - f64::from(since)
+        0.5 + 0.5 * f64::from(self.plan.kick_every) - f64::from(since)
     }
 
     /// Velocity that a port that was led to this frame needs in order to continue as a free one [m a frame].
@@ -31,7 +31,7 @@ impl RunningSlow {
 
     /// The same, if the springs pull in the next frame; else 0.
     pub(crate) fn release_at_pull(&self, mat: usize) -> f64 {
-        let every = self.plan.macrostep;
+        let every = self.plan.kick_every;
         if self.since + 1 < every {
             return 0.0;
         }
@@ -49,7 +49,7 @@ impl RunningSlow {
     /// Corrections of a port's velocity [m a frame] and of its change a frame, if both are estimated from successive
     /// frames.
     pub(crate) fn estimate_corrections(&self, mat: usize, is_led: bool) -> [f64; 2] {
-        let every = f64::from(self.plan.macrostep);
+        let every = f64::from(self.plan.kick_every);
         let pull = self.pull(mat);
         match (self.since, is_led) {
             (0, false) => [0.0, pull * (1.0 - every)],

@@ -7,7 +7,7 @@ use crate::network::Subset;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::row::PRESERVED;
+use crate::plan::report::row::{Measured, PRESERVED};
 use crate::plan::trial::multirate::{self, Offered};
 
 /// Keys are made slow only if the island then costs at most this part of its cost before.
@@ -16,7 +16,33 @@ const WORTH: f64 = 0.95;
 /// errors too.
 const UNHEARD: f64 = 0.5;
 
+/// Why a part that asks for a rate of its own does not get it, if its island is better without.
+const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it at less cost";
+
 impl Maker<'_> {
+    /// The island without slow parts that asked for it, if it misses its budget with them or takes more steps a frame for
+    /// it, and is within the budget without them, at less cost if both are.
+    pub(super) fn without_rates(&self, subset: &Subset, own: &OwnTimeline, slow: Solved) -> Solved {
+        let is_within = slow.is_within(self.budget);
+        let is_doubtful = !is_within || slow.found.island.island_plan.oversampling > 1;
+        if slow.growth.is_none() || own.timeline.is_open || !is_doubtful {
+            return slow;
+        }
+        let refused_slow = multirate::refuse_all(subset, NO_GAIN);
+        let plain = multirate::without_slow(subset, &refused_slow);
+        match self.solve(&plain, own, None) {
+            Ok(plain)
+                if plain.is_within(self.budget) && !(is_within && slow.cost() <= plain.cost()) =>
+            {
+                Solved {
+                    refused_slow,
+                    ..plain
+                }
+            }
+            _ => slow,
+        }
+    }
+
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
     pub(super) fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Solved {
         let (seldom, mut best) = self.offer_only_seen(subset, own, plain);
@@ -83,13 +109,19 @@ impl Maker<'_> {
         })
     }
 
-    /// The island as it was decided before, if that made parts slow that did not ask for it.
+    /// The island as it was decided before, if that made parts slow that did not ask for it, or not those that did.
     pub(super) fn pinned_offer(
         &self,
         subset: &Subset,
         own: &OwnTimeline,
         pin: &Choice,
     ) -> Option<Solved> {
+        let plain = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
+        if subset.network.has_slow_parts()
+            && let Ok(solved) = self.solve(&plain, own, Some(pin))
+        {
+            return Some(solved);
+        }
         let times = pin.oversampling.max(1);
         let mut each = vec![1];
         for kept in &pin.kept {
@@ -124,6 +156,16 @@ impl Maker<'_> {
 impl Solved {
     fn cost(&self) -> f64 {
         self.found.island.island_plan.cost()
+    }
+
+    /// Whether its error, and the one that slow parts add, are known to be within the budget.
+    fn is_within(&self, budget: &Budget) -> bool {
+        let is_within = |error: Measured| match budget {
+            Budget::Cents { .. } => error.excess(budget) <= 1.0,
+            Budget::Error(_) | Budget::Method(_) => error.db <= budget.asked(),
+        };
+        let is_known = |error: Measured| error.spectral.is_none() && is_within(error);
+        self.found.error.is_some_and(is_known) && self.slow_error.is_none_or(is_known)
     }
 
     /// Whether the error that slow parts add stays within their share of what is allowed.

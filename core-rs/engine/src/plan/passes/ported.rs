@@ -68,14 +68,15 @@ pub(in crate::plan) fn cut(
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
-    // An island that was decided to have no bodies gets none.
+    let slow_bodies = slow_bodies(network, timeline).bodies;
+    // An island that was decided to have no bodies but its slow ones gets no others.
     let are_apart = !matches!(choice, MethodChoice::Stepped);
-    let has_bodies = are_apart && pin.is_none_or(|pin| !pin.kept.is_empty());
+    let has_bodies = are_apart && pin.is_none_or(|pin| pin.kept.len() > slow_bodies.len());
     let are_meshes = match pin {
         Some(pin) => pin.kept.iter().any(|own| replaces_modes(own)),
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
-    for (body, slow) in slow_bodies(network, timeline).bodies {
+    for (body, slow) in slow_bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
     }

@@ -245,6 +245,7 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
 struct Found {
     springs: Springs,
     turn: f64,
+    kick_every: u32,
     rest: Vec<f64>,
     /// MATs that move, by their index in the subset, and 1/M of each at the rate of the island.
     free: Vec<usize>,
@@ -281,6 +282,7 @@ impl Found {
         Ok(Slow {
             part,
             macrostep,
+            kick_every: self.kick_every,
             missing: vec![Vec::new(); ports.len()],
             turn: self.turn,
             rest: self.rest,

@@ -149,7 +149,7 @@ impl<'a> Map<'a> {
             _ => None,
         };
         let slow: Vec<&Slow> = bodies().filter_map(linear_slow).collect();
-        let every: Vec<u64> = slow.iter().map(|slow| slow.macrostep.into()).collect();
+        let every: Vec<u64> = slow.iter().map(|slow| slow.kick_every.into()).collect();
         let frames = every.iter().copied().fold(1, lcm);
         let quickest = every.iter().copied().min()?;
         // A body without a linear map is replaced by the masses of its ports.

@@ -19,6 +19,9 @@ use crate::units::Rate;
 /// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
 /// seconds.
 const MASSES_MAX: usize = 120;
+/// Most masses of a body whose springs pull at every frame, so that its rate changes nothing that is heard: the product
+/// of their flow takes less than what an island takes without anything in it. With more, they pull once in R frames.
+const EXACT_MAX: usize = 8;
 /// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
 const LOOSE: f64 = 1e-12;
 
@@ -46,24 +49,26 @@ pub(super) fn slow(
     let matrices = Matrices::new(&subset, &scheme, body);
     let modes = matrices.modes();
     let top = modes.eigenvalues.iter().fold(0.0_f64, |top, x| top.max(*x));
-    let turn = f64::from(every)
+    let kick_every = if n <= EXACT_MAX { 1 } else { every };
+    let turn = f64::from(kick_every)
         * if is_discrete {
             2.0 * maths::asin((0.5 * top.sqrt()).min(1.0))
         } else {
             top.sqrt()
         };
     let too_fast = || {
-        let hertz = turn / f64::from(every) * rate.hertz() / (2.0 * PI);
+        let hertz = turn / f64::from(kick_every) * rate.hertz() / (2.0 * PI);
         format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
     };
     if !is_within(turn) {
         return Err(too_fast());
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);
-    let flow = Flow::new(&frame, every).ok_or_else(too_fast)?;
+    let flow = Flow::new(&frame, kick_every).ok_or_else(too_fast)?;
     let found = Found {
         springs: Springs::Exact(Arc::new(flow.clone())),
         turn,
+        kick_every,
         rest: matrices.rest(&modes.eigenvalues, &modes.eigenvectors),
         free: matrices.free,
         w: matrices.w,

@@ -29,6 +29,7 @@ pub(super) fn slow(
     let free = free(body, &subset);
     let found = Found {
         turn,
+        kick_every: every,
         rest: vec![0.0; free.len()],
         w: free
             .iter()
