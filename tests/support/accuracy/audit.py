@@ -39,6 +39,7 @@ DEARER = 1.02  # ratio by which one plan costs more than another for certain
 # What is heard of a plan by ear, over what is allowed, from which on it is a miss: here partials of
 # close pitches are followed differently than in the planner.
 CLEARLY = 1.2
+STILL = 1e-24  # of the loudest output [power]: rounding of the reference
 THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
 
 
@@ -215,6 +216,8 @@ def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) ->
         ours, theirs = y[:end], x[:end]
         apart = np.sum((ours - theirs) ** 2, axis=0)
         whole = np.sum((theirs - theirs.mean(axis=0)) ** 2, axis=0)
+        # An output of a mass that friction holds has no sound to compare with: that of all counts.
+        whole = np.where(whole < STILL * whole.max(), whole.max(), whole)
         told = apart > 1e-26 * np.sum(x**2, axis=0)  # else it is rounding: nothing sounds yet
         worst = max([worst, *(apart[told] / np.maximum(whole[told], 1e-300))])
     return 10.0 * log10(max(worst, 1e-30))

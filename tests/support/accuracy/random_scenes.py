@@ -56,7 +56,7 @@ def text(family: str, seed: int) -> str:
             bare = [(n, u) for n, u in _UNITS if isinstance(fields.get(n), int | float)]
             fields |= {name: f"{fields[name]!r}{unit}" for name, unit in bare}
     for key in score.get("keys", {}).values():
-        key["M"] = f"{key['M']!r}kg"
+        key |= {"M": f"{key['M']!r}kg"} if "M" in key else {}
     n_out = len(instrument["out"])
     route = [{"from": f"s.{name}", "to": [i + 1]} for i, name in enumerate(instrument["out"])]
     score["mix"] = {"channels": n_out, "route": route}
@@ -530,6 +530,39 @@ def _keys(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     _hear(out, f"b.{dice.whole(0, n - 1)}", "k0")
 
 
+def _rates(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A key of three masses with a rate of its own, joined to a string or striking it."""
+    audio = 44100
+    every = dice.one_of(5, 10, 20, 42)
+    score["rates"] = {"audio": f"{audio}Hz", "gesture": f"{audio // every}Hz"}
+    masses = [dice.by_ratio(0.1, 0.4), dice.by_ratio(0.02, 0.08), dice.by_ratio(0.005, 0.03)]
+    springs = [dice.by_ratio(20.0, 150.0), dice.by_ratio(1e3, 6e3), dice.by_ratio(1e3, 4e3)]
+    names = ["ground", "key", "lever", "tip"]
+    row: Modules = {"ground": {"SOL": {}}}
+    for name, M in zip(names[1:], masses, strict=True):
+        row[name] = {"MAS": {"M": f"{M!r}kg"}}
+    for i, K in enumerate(springs):
+        link = {"between": names[i : i + 2], "K": K, "Z": dice.between(0.1, 1.0)}
+        row[f"r{i}"] = {"REF": link}
+    score["keys"] = {"k1": {"modules": row, "struck": "key"}}
+    modules["b"], n = _string(dice)
+    m = modules["b"]["STRING"]["M"] / n
+    peak = dice.between(2e-3, 6e-3)
+    ends = ["k1.tip", f"b.{dice.whole(0, n - 1)}"]
+    if dice.whole(0, 1):
+        spring = {"K": dice.by_ratio(200.0, 5e3), "Z": dice.between(0.0, 0.1)}
+        modules["c"] = {"REF": {"between": ends, **spring}}
+    else:
+        contact = _contact(dice, m, 0.1)
+        modules["c"] = {"BUT": {"between": ends, "gap": 0.5 * peak, **contact}}
+    # At hundredths of a second, which fall on frames at every rate.
+    first, second = dice.whole(4, 8), dice.whole(10, 16)
+    score["gestures"] = {"g": f"0m@0 smooth {peak}m@{first / 100}s 0m@{second / 100}s"}
+    score["players"] = {"p": {"key": "k1"}}
+    score["parts"] = {"p": [{"at": "0.05s", "play": "g"}]}
+    _hear(out, ends[1])
+
+
 FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "mesh": _mesh,
     "body": _damped_body,
@@ -547,4 +580,5 @@ FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
     "stretch": _stretch,
     "rattle": _rattle,
     "keys": _keys,
+    "rates": _rates,
 }
