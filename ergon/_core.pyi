@@ -1648,16 +1648,24 @@ class Mixer:
         highpass: float | None = None,
         group: int = 0,
         *,
+        tones: Sequence[tuple[str, float, float]] = ...,
         delay: int = 0,
+        echo: tuple[int, float] | None = None,
         curve: Sequence[tuple[int, float, bool]] | None = None,
+        pan: tuple[Sequence[tuple[int, float, bool]], bool] | None = None,
         to_room: bool = False,
     ) -> None:
         """Add gain · output to a channel or a room (from 0).
 
-        `highpass` [Hz] is a Butterworth of order 2, `delay` is in frames, and `curve` is a gain
-        over the frames of the piece: (frame, ratio, whether it is reached smoothly or linearly),
-        between two points by its level in dB. `set_gain` changes the gain of a `group` of
-        routes. Raises EngineError.
+        `highpass` [Hz] is a Butterworth of order 2. `tones` are filters after it: highpass,
+        lowpass, lowshelf or highshelf, a frequency [Hz] and the level of a shelf [dB]
+        (Bristow-Johnson, Audio EQ Cookbook, with Q = 1/√2 or slope 1). `delay` is in frames;
+        `echo` is after how many frames what is in the delay goes into it again, by which ratio.
+        `curve` is a gain over the frames of the piece: (frame, ratio, whether it is reached
+        smoothly or linearly), between two points by its level in dB. `pan` are places from -1 to
+        1 between two channels in the same way, between two points by the angle whose cosine and
+        sine are the gains, and whether this is the second channel. `set_gain` changes the gain of
+        a `group` of routes. Raises EngineError.
         """
     def room(
         self,

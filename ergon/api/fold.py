@@ -271,8 +271,8 @@ def _source(
     """What the channels of a file are: as `options` say, or else as the file says; and which of
     them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
     """
+    from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
-    from ergon.exchange.xml_text import XmlError
     from ergon.space.directions import point
     from ergon.space.fold_filters import Field
 

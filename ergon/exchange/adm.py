@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
+from ergon.common.xml_text import XmlError, parse_xml
+
 from .speaker_labels import common_label, is_effects, masked_labels, place_of
-from .xml_text import XmlError, parse_xml
 
 if TYPE_CHECKING:
     from ergon.space.directions import Angles

@@ -17,10 +17,10 @@ import yaml
 from ergon.common.errors import ErgonError
 from ergon.common.structured import MalformedTextError, parse_json
 from ergon.common.terminal import printable
+from ergon.common.xml_text import XmlError, parse_xml
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
 from .speaker_labels import is_effects
-from .xml_text import XmlError, parse_xml
 
 FILE_BYTES_MAX = 4 << 20  # bytes of a file
 SPEAKERS_MAX = 1024

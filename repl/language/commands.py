@@ -346,6 +346,27 @@ class Route(BlockCommand):
 
 
 @dataclass(frozen=True, slots=True)
+class MovePan(Command):
+    """Move an instrument to a place between its two channels, over a length."""
+
+    name: str
+    pan: float
+    over: Length
+
+
+@dataclass(frozen=True, slots=True)
+class Filter(BlockCommand):
+    """Set a filter or the delay of an instrument: the fields of its routes and their texts.
+
+    An empty mapping removes it.
+    """
+
+    name: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Room(Command):
     """Add a room, or change fields of one, as written."""
 

@@ -37,6 +37,13 @@ def route(
     return c.Route(name, channels, gain, pan, send, when=when, words=words)
 
 
+def filtered(
+    name: str, kind: str, fields: Mapping[str, str], *, when: c.When, words: Words
+) -> c.Filter:
+    """Set a filter or the delay of an instrument, or remove it."""
+    return c.Filter(name, kind, fields, when=when, words=words)
+
+
 def fade(name: str, way: str, over: Length, *, when: c.When, words: Words) -> c.Fade:
     """Fade an instrument, or everything, in or out."""
     return c.Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
@@ -60,6 +67,35 @@ def _send_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         return v.name_completions(context.scope.rooms)
     return iter((Completion("-12dB", "a level"),) if len(context.before) == 1 else ())
+
+
+def _read_filter_kind(text: str, *_: Any) -> str:
+    if text not in _FILTERS:
+        raise v.unknown_name(text, "a filter of a route", tuple(_FILTERS))
+    return text
+
+
+def _read_filter_fields(text: str, _: Scope, given: Mapping[str, Any]) -> dict[str, str]:
+    if text == "off":
+        return {}
+    shapes = _FILTERS[given["kind"]]
+    words = list(re.finditer(r"\S+", text))
+    if len(words) > len(shapes):
+        kind = given["kind"]
+        message = f"{kind} takes no more than {len(shapes)}, such as {_EXAMPLES[kind]}"
+        raise TextError(message, offset=words[len(shapes)].start(), length=len(words[-1].group()))
+    found: dict[str, str] = {}
+    for word, (name, shape) in zip(words, shapes.items(), strict=False):
+        check_value(shape, word.group(), word.start())
+        found[name] = word.group()
+    if "gain" in shapes and "gain" not in found:
+        message = f"a level is missing, such as {_EXAMPLES[given['kind']]}"
+        raise TextError(message, offset=len(text))
+    return found
+
+
+def _filter_completions(context: CompletionContext) -> Iterator[Completion]:
+    yield Completion("off", "without it")
 
 
 def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -101,6 +137,32 @@ def _read_fade_direction(text: str, *_: Any) -> str:
     return text
 
 
+_SHELF: Mapping[str, Text] = {"f": k.HERTZ, "gain": k.GAIN}
+# What is written after a filter, in order.
+_FILTERS: Mapping[str, Mapping[str, Text]] = {
+    "lowpass": {"": k.HERTZ},
+    "highpass": {"": k.HERTZ},
+    "lowshelf": _SHELF,
+    "highshelf": _SHELF,
+    "delay": {"time": k.DURATION, "feedback": k.GAIN},
+}
+_EXAMPLES = {
+    "lowpass": "2kHz",
+    "highpass": "80Hz",
+    "lowshelf": "200Hz -3dB",
+    "highshelf": "4kHz -6dB",
+    "delay": "250ms -6dB",
+}
+FILTER_KIND = Value(
+    f"a filter of a route: {', '.join(_FILTERS)}",
+    _read_filter_kind,
+    lambda _: (Completion(kind, example) for kind, example in _EXAMPLES.items()),
+)
+FILTER_FIELDS = Value(
+    "a frequency, a shelf such as 200Hz -3dB, a time such as 250ms, or off",
+    _read_filter_fields,
+    _filter_completions,
+)
 PAN = v.quantity_value(k.PAN, "-0.3", (), "a place from -1 to 1")
 SEND = Value(f"a room and a level, such as {_SEND}", _read_send, _send_completions)
 ROOM_NAME = Value(

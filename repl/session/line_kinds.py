@@ -55,7 +55,7 @@ _KINDS: Mapping[type[c.Command], LineKind] = {
     **dict.fromkeys((c.Gain, c.Mute, c.Solo, c.Unmute), LineKind.FADERS),
     **dict.fromkeys((c.Hush, c.Damp), LineKind.ENDS),
     **dict.fromkeys(
-        (c.Set, c.Automate, c.StopLfo, c.Rest, c.Tempo, c.Nudge, c.Fade, c.Guide),
+        (c.Set, c.Automate, c.StopLfo, c.Rest, c.Tempo, c.Nudge, c.Fade, c.MovePan, c.Guide),
         LineKind.VALUES,
     ),
     **dict.fromkeys(

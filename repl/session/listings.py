@@ -107,6 +107,13 @@ def _route(route: Route) -> Iterator[str]:
         yield f"{decibels_of(route.gain):.3g} dB"
     if route.pan is not None:
         yield f"pan {2.0 * route.pan[1] ** 2 - 1.0:.2g}"
+    if route.pan_path:
+        yield f"pan {' -> '.join(f'{point.pan:.2g}' for point in route.pan_path)}"
+    for tone in route.tones:
+        shelf = f" {tone.level:.3g} dB" if tone.level else ""
+        yield f"{tone.kind} {tone.frequency:g} Hz{shelf}"
+    if route.echo is not None:
+        yield f"delay {1e3 * route.echo.time:g} ms"
     for room, gain in route.sends:
         yield f"{room} {decibels_of(gain):.3g} dB"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.repl.language import commands as c
 from ergon.repl.session import midi_maps
@@ -71,6 +72,23 @@ def _route(command: c.Route, version: Version, beat: float) -> Texts:
     }
     texts = space.set_route_fields(texts, piece, command.name, given)
     return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
+
+
+@edits_texts(c.MovePan)
+def _move_pan(command: c.MovePan, version: Version, beat: float) -> Texts:
+    end = version.piece.tempo_map.after(beat, command.over)
+    texts, piece = families.defined(version.texts, version.piece, [command.name])
+    return space.move_pan(texts, piece, command.name, command.pan, beat, end)
+
+
+@edits_texts(c.Filter)
+def _filter(command: c.Filter, version: Version, beat: float) -> Texts:
+    texts, piece = families.defined(version.texts, version.piece, [command.name])
+    if not command.fields:
+        return space.without_route_field(texts, piece, command.name, command.kind)
+    plain = command.fields.get("")
+    text = edit.flow(dict(command.fields)) if plain is None else plain
+    return space.set_route_fields(texts, piece, command.name, {command.kind: text})
 
 
 @edits_texts(c.Room)

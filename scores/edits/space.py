@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import acos, cos
 
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
-from ergon.notation.text import edit
+from ergon.notation.text import document, edit
 from ergon.scores.edits import structure
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import written
@@ -24,6 +25,59 @@ def set_route_fields(texts: Texts, piece: Piece, name: str, fields: Mapping[str,
         for field, text in fields.items():
             texts = texts.put((*path, field), text)
     return texts
+
+
+def without_route_field(texts: Texts, piece: Piece, name: str, field: str) -> Texts:
+    """Remove a field of the routes of an instrument. Raises EditError if none has it."""
+    texts = structure.routed(texts, piece)
+    nodes = items(texts, "mix", "route")
+    numbers = [
+        number
+        for number, node in enumerate(nodes)
+        if structure.is_of(node, name) and isinstance(node, document.Mapping) and node.get(field)
+    ]
+    if not numbers:
+        raise edit.EditError(f"no route of {name} has a {field}")
+    for number in numbers:
+        texts = texts.remove((*place(texts, "mix", number, "route"), field))
+    return texts
+
+
+def move_pan(texts: Texts, piece: Piece, name: str, pan: float, begin: float, end: float) -> Texts:
+    """Move an instrument between two beats to a place between its channels. Raises EditError."""
+    texts = structure.routed(texts, piece)
+    members = {name, *piece.families.get(name, ())}
+    known = next((route for route in piece.mix.routes if route.part in members), None)
+    before = 0.0 if known is None else pan_of(known, piece.tempo_map, begin)
+    points: list[edit.Tree] = [
+        {"at": written(piece, begin), "pan": f"{before:.12g}"},
+        {"at": written(piece, end), "pan": f"{pan:.12g}"},
+    ]
+    for path in _routes(texts, name):
+        texts = texts.put((*path, "pan"), edit.flow(points))
+    return texts
+
+
+def pan_of(route: Route, tempo: TempoMap, beat: float) -> float:
+    """The place of a route between its channels on a beat, from -1 to 1; 0 without a pan."""
+    if route.pan is not None:
+        return 2.0 * route.pan[1] ** 2 - 1.0
+    instant = tempo.seconds(beat)
+    before: tuple[float, float] | None = None
+    for t, point in sorted(
+        ((tempo.seconds(tempo.resolve(point.at)), point) for point in route.pan_path),
+        key=lambda pair: pair[0],
+    ):
+        if t > instant:
+            if before is None:
+                return point.pan
+            begin, low = before
+            u = (instant - begin) / (t - begin)
+            u = u * u * (3.0 - 2.0 * u) if point.is_smooth else u
+            angles = [acos(-place) for place in (low, point.pan)]
+            return -cos(angles[0] + (angles[1] - angles[0]) * u)
+        before = t, point.pan
+    return 0.0 if before is None else before[1]
 
 
 def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
@@ -98,10 +152,28 @@ def kept(texts: Texts, piece: Piece, start: float) -> Texts:
 
     if piece.mix.master is not None and piece.mix.master.fade:
         texts = texts.put(("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade)))
+    panned = {_written(piece, route): route for route in piece.mix.routes if route.pan_path}
+    for name, route in panned.items():
+        texts = _kept_pan(texts, piece, name, route, start)
     for name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
         route = next(own for own in piece.mix.routes if own.part == name and own.fade)
         for path in _routes(texts, _written(piece, route)):
             texts = texts.put((*path, "fade"), edit.flow(within(route.fade)))
+    return texts
+
+
+def _kept_pan(texts: Texts, piece: Piece, name: str, route: Route, start: float) -> Texts:
+    """The pan of an instrument from the beat `start` on, with positions counted from there."""
+    tempo = piece.tempo_map
+    points: list[edit.Tree] = [{"at": "0", "pan": f"{pan_of(route, tempo, start):.12g}"}]
+    for point in route.pan_path:
+        beat = tempo.resolve(point.at)
+        if start < beat:
+            curve = "smooth" if point.is_smooth else "line"
+            after = f"{beat - start:.12g}"
+            points.append({"at": after, "pan": f"{point.pan:.12g}", "curve": curve})
+    for path in _routes(texts, name):
+        texts = texts.put((*path, "pan"), edit.flow(points))
     return texts
 
 

@@ -37,6 +37,8 @@ class MidiNote(NamedTuple):
     number: int
     velocity: int
     lasting: float | None = None
+    word: str | None = None  # its name, where the file says one
+    strength: float | None = None  # as dynamics say it; None: by the velocity
 
 
 class MidiNotes(NamedTuple):

@@ -22,10 +22,10 @@ from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.gesture import midi_file, notation, space_path, take_file
+from ergon.scores.gesture import notation, note_files, space_path, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
-from ergon.scores.reading import calibration, mixing
+from ergon.scores.reading import calibration, mixing, tones
 from ergon.scores.reading.automatable import amount_reader
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
@@ -157,14 +157,21 @@ def take(values: Values, files: Files) -> TakeFile | None:
     path = folder / file
     if path.suffix.lower() == ".gms":
         v.error("E108", f"{who}ergon does not read GMS files yet", "file")
-    elif path.suffix.lower() not in (*take_file.SUFFIXES, *midi_file.SUFFIXES):
-        v.error("E206", f"{who}a take is a {', '.join(take_file.SUFFIXES)} or .mid file", "file")
+    elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
+        v.error(
+            "E206",
+            f"{who}a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file",
+            "file",
+        )
     else:
         path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
-    is_midi = path.suffix.lower() in midi_file.SUFFIXES
+    is_midi = path.suffix.lower() in note_files.SUFFIXES
     for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _OF_MIDI)):
-        which = "a MIDI file" if is_midi else "a take that is no MIDI file"
+        which = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
         v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
+    if note_files.is_musicxml(path) and v.written("bend"):
+        message = f"{v.context.of('bend')}: a MusicXML file has no pitch wheel; remove it"
+        v.error("E111", message, "bend")
     return TakeFile(
         name=v.context.name,
         path=path,
@@ -451,7 +458,7 @@ def mix(values: Values | None, files: Files) -> Mix:
         elif max(route.to) > channels:
             message = f"channel {max(route.to)} does not exist; the mix has {channels}"
             values.context.error("E202", message, route.place)
-        if route.pan is not None and (route.to == "nearest" or len(set(route.to)) != 2):
+        if route.is_panned and (route.to == "nearest" or len(set(route.to)) != 2):
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
             values.context.error("E103", message, route.place)
     for own in rooms:
@@ -504,6 +511,10 @@ def _route(values: Values) -> Route:
         mixing.fade(v["fade"]),
         v["radiate"],
         v["level"],
+        None,
+        mixing.pan_path(v["pan"]),
+        tones.tones(v),
+        tones.echo(v),
     )
 
 

@@ -20,7 +20,8 @@ from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
 from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
-from ergon.scores.gesture.midi_file import SUFFIXES, MidiNotes, read_notes
+from ergon.scores.gesture.midi_file import MidiNotes
+from ergon.scores.gesture.note_files import SUFFIXES, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import NoteTargets, Row, length_of, transformed
@@ -183,13 +184,13 @@ def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: 
 
 
 def is_midi(take: Any) -> bool:
-    """Whether a value is a take whose file is a MIDI file."""
+    """Whether a value is a take whose file is one of notes: MIDI or MusicXML."""
     is_take = isinstance(take, Values) and take.record.noun == "take"
     return is_take and PurePath(take["file"] or "").suffix.lower() in SUFFIXES
 
 
 def midi_notes(take: Values, files: Files) -> MidiNotes | None:
-    """The notes of a MIDI file; None if an error was reported."""
+    """The notes of a file of notes; None if an error was reported."""
     who, folder = f"{take.context.of('file')}: ", take.nodes["file"].document.folder
     path = files.locate(take["file"], folder, take.place_of("file"), who, is_text=False)
     if path is None:
@@ -203,17 +204,20 @@ def midi_notes(take: Values, files: Files) -> MidiNotes | None:
 
 
 def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
-    """The notes of a MIDI file as a phrase, and its length; None if an error was reported."""
+    """The notes of a file as a phrase, and its length; None if an error was reported."""
     found = midi_notes(take, files)
     if found is None:
         return None
     place, impulse, rows = take.place_of("file"), take["velocity"], []
     curve = take["curve"] or EVEN
     for note in found.notes:
-        level = curve.level(note.velocity)
+        level: Level | None = curve.level(note.velocity)
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse, curve),) * 2)
-        what = (Name(tuning.current().key_word(note.number), place),)
+        elif note.word is not None and take["curve"] is None:
+            said = note.strength
+            level = None if said is None else Level(said, said, is_strength=True)
+        what = (Name(note.word or tuning.current().key_word(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
         rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
     return tuple(rows), Length(beats=found.length)

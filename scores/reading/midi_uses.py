@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -15,6 +15,8 @@ from ergon.scores.gesture.midi_course import Course, read_course
 from ergon.scores.gesture.midi_file import channel_number
 from ergon.scores.gesture.midi_source import MidiSource
 from ergon.scores.gesture.midi_survey import MidiMove, MidiSurvey, passed_over, plural, survey
+from ergon.scores.gesture.musicxml_file import read_score
+from ergon.scores.gesture.note_files import is_musicxml
 from ergon.scores.gesture.take_file import TakeError
 
 _Times = TypeVar("_Times")
@@ -62,7 +64,7 @@ class MidiUses:
         if path is None:
             return
         try:
-            channel = channel_number(path, take["channel"])
+            channel = None if is_musicxml(path) else channel_number(path, take["channel"])
         except TakeError:  # whoever reads the notes reports it
             return
         use = self._use(path, take["file"], take.place_of("file"))
@@ -113,21 +115,43 @@ class MidiUses:
     def report(self, collector: Collector) -> None:
         """Report what is passed over in each file (N404), and bytes after its tracks (W335)."""
         for path, use in self._uses.items():
+            if is_musicxml(path):
+                _report_musicxml(path, use, collector)
+                continue
             try:
                 file = survey(path)
             except TakeError:  # whoever reads the file reports it
                 continue
-            if words := [*_passed_over(file, use)]:
-                *before, last = words
-                listed = f"{', '.join(before)} and {last}" if before else last
-                is_single = not before and last.startswith("1 ")
-                message = f"{use.name}: {listed} {'is' if is_single else 'are'} passed over"
-                collector.error("N404", message, use.place)
+            _report([*_passed_over(file, use)], use, collector)
             if extra := file.n_bytes_after + file.n_bytes_unread:
                 where = "its last track" if file.n_bytes_after else "the end of a track"
                 message = f"{use.name}: {plural(extra, ('byte', 'bytes'))} after {where} "
                 message += f"{'is' if extra == 1 else 'are'} not read"
                 collector.error("W335", message, use.place)
+
+
+def _report(words: Sequence[str], use: _Use, collector: Collector) -> None:
+    """Report what is passed over in a file, as counts in words."""
+    if not words:
+        return
+    *before, last = words
+    listed = f"{', '.join(before)} and {last}" if before else last
+    is_single = not before and last.startswith("1 ")
+    message = f"{use.name}: {listed} {'is' if is_single else 'are'} passed over"
+    collector.error("N404", message, use.place)
+
+
+def _report_musicxml(path: Path, use: _Use, collector: Collector) -> None:
+    try:
+        score = read_score(path)
+    except TakeError:  # whoever reads the file reports it
+        return
+    counts = {**score.passed}
+    if not use.has_tempo:
+        counts["tempo"] = len(score.tempos)
+    if not use.has_meter:
+        counts["meter"] = len(score.meters) + counts.get("meter", 0)
+    _report([plural(n, (noun, f"{noun}s")) for noun, n in counts.items() if n], use, collector)
 
 
 def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:

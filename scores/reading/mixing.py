@@ -33,6 +33,19 @@ Fade = tuple[FadePoint, ...]
 
 
 @dataclass(frozen=True, slots=True)
+class PanPoint:
+    """A point of a pan: position, place from -1 to 1, whether the way to it is smooth."""
+
+    at: Position
+    pan: float
+    is_smooth: bool
+    place: Place
+
+
+PanPath = tuple[PanPoint, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Radiation:
     """A disc of a radius [m] in a wall, heard at a distance [m]."""
 
@@ -118,16 +131,44 @@ FADE = ListOf(
 SENDS = NamesOf(k.GAIN, "room")
 
 
+def _pan_point(values: Values) -> Any:
+    if values["at"] is None or values["pan"] is None:
+        return MISSING
+    is_smooth = values["curve"] == "smooth"
+    return PanPoint(values["at"], values["pan"], is_smooth, values.place_of("at"))
+
+
+_PAN_POINT = Record(
+    "point of a pan",
+    "a place between two channels at a position of the piece",
+    (
+        Field("at", k.WHEN, "where in the piece", required=True),
+        Field("pan", k.PAN, "place between the two channels there", required=True),
+        Field("curve", choice("line", "smooth"), "the way to it", "line"),
+    ),
+    _pan_point,
+)
+PAN = Either(k.PAN, _PAN_POINT, ListOf(_PAN_POINT, least=1))
+
+
 def fade(value: Any) -> Fade:
     """The points that were read."""
     return tuple(point for point in value or () if isinstance(point, FadePoint))
 
 
-def pan(value: float | None) -> tuple[float, float] | None:
-    """Gains of the two channels by constant power: -1 is the first one alone, 1 the second."""
-    if value is None:
+def pan(value: Any) -> tuple[float, float] | None:
+    """Gains of the two channels by constant power: -1 is the first one alone, 1 the second. None
+    for a pan that moves.
+    """
+    if not isinstance(value, float):
         return None
     return (math.sqrt(0.5 * (1.0 - value)), math.sqrt(0.5 * (1.0 + value)))
+
+
+def pan_path(value: Any) -> PanPath:
+    """The points of a pan that moves."""
+    points = value if isinstance(value, tuple | list) else (value,)
+    return tuple(point for point in points if isinstance(point, PanPoint))
 
 
 def sends(value: Any) -> tuple[tuple[str, float], ...]:

@@ -28,9 +28,10 @@ from ergon.scores.pattern.pattern import Pattern, PlaceSequence
 from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
-from ergon.scores.reading.mixing import Fade, Radiation, Room
+from ergon.scores.reading.mixing import Fade, PanPath, Radiation, Room
 from ergon.scores.reading.rhythms import Rhythm
 from ergon.scores.reading.sweep_fields import Passing
+from ergon.scores.reading.tones import Echo, Tone
 
 # Fields that were added later: a digest omits them if empty, so that digests of older scores do not
 # change.
@@ -450,6 +451,14 @@ class Route:
     level: float | None = field(default=None, metadata=OMIT_EMPTY)  # of a stroke at mf [LUFS]
     # The ratio that leads to that level, once the instrument is known.
     level_ratio: float | None = field(default=None, metadata=OMIT_EMPTY)
+    pan_path: PanPath = field(default=(), metadata=OMIT_EMPTY)  # in place of `pan`
+    tones: tuple[Tone, ...] = field(default=(), metadata=OMIT_EMPTY)  # after the highpass
+    echo: Echo | None = field(default=None, metadata=OMIT_EMPTY)
+
+    @property
+    def is_panned(self) -> bool:
+        """Whether its sound has a place between two channels."""
+        return self.pan is not None or bool(self.pan_path)
 
     @property
     def ratio(self) -> float:

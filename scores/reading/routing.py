@@ -76,7 +76,7 @@ def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Ro
         message += "write a gain here"
         part_names.collector.error("E304", message, route.place)
         return route
-    count = 1 if route.to == "nearest" or route.pan else len(route.to)
+    count = 1 if route.to == "nearest" or route.is_panned else len(route.to)
     ratio = ratio_of(route.level - instrument.loudness) / sqrt(count)
     return replace(route, level_ratio=ratio)
 

@@ -38,7 +38,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture.points import CURVES
 from ergon.scores.gesture.transforms import MEANINGS as OF_GESTURES
 from ergon.scores.pattern.cycle_table import MEANINGS as OF_RHYTHMS
-from ergon.scores.reading import mixing, phrase_do
+from ergon.scores.reading import mixing, phrase_do, tones
 from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
@@ -145,7 +145,7 @@ TAKE = Record(
         Field(
             "file",
             k.PATH,
-            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, TRC, SDIF or MIDI (.mid); of an "
+            "a recording (.take), CSV, TSV, WAV, npz, C3D, BVH, TRC, SDIF, MIDI or MusicXML; of an "
             "input a WAV file, heard where no card is",
         ),
         Field(
@@ -160,8 +160,8 @@ TAKE = Record(
         Field(
             "channel",
             k.TITLE,
-            "the column, the player of a recording, point and axis (hand.x), a MIDI channel",
-            shown="the only one; of MIDI all",
+            "the column, player, point and axis (hand.x), channel of MIDI or part of MusicXML",
+            shown="the only one; of notes all",
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
         Field("bend", INTERVAL, "how far the pitch wheel of MIDI goes where its file says nothing"),
@@ -233,7 +233,11 @@ STRIKES = Record(
             "pitch of a CEL at each strike",
         ),
         Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
-        Field("play", Reference("a phrase or a MIDI take"), "what is played, `every` so often"),
+        Field(
+            "play",
+            Reference("a phrase, or a take of MIDI or MusicXML"),
+            "what is played, `every` so often",
+        ),
         Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
         Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
@@ -362,15 +366,19 @@ TEMPO = Record(
         Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
         Field("over", k.LENGTH, "length of the ramp"),
         Field("meter", k.METER, "meter from this position on", shown="4/4"),
-        Field("from", k.PATH, "a MIDI file whose tempos hold, in the first line and alone there"),
+        Field(
+            "from",
+            k.PATH,
+            "a MIDI or MusicXML file whose tempos hold, in the first line and alone there",
+        ),
     ),
     refused={"link": _LINK},
     lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
 METERS = Record(
     "meter map",
-    "the meters of a MIDI file",
-    (Field("from", k.PATH, "a MIDI file whose meters hold", required=True),),
+    "the meters of a MIDI or MusicXML file",
+    (Field("from", k.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
 )
 
 
@@ -399,7 +407,11 @@ ROUTE = Record(
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
-        Field("pan", k.PAN, "place between two channels, by constant power"),
+        Field("lowpass", k.HERTZ, "second-order low-pass"),
+        Field("lowshelf", tones.SHELF, "a gain of all below a frequency"),
+        Field("highshelf", tones.SHELF, "a gain of all above a frequency"),
+        Field("delay", tones.DELAY, "how much later it is heard, or with echoes"),
+        Field("pan", mixing.PAN, "place between two channels, by constant power; or its points"),
         Field("send", mixing.SENDS, "rooms by name, each with a level"),
         Field("fade", mixing.FADE, "levels at positions of the piece"),
         Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
@@ -614,7 +626,7 @@ SCORE = Record(
         Field("let", LETS, "values with names: {heavy: 400g, low: D2, twice: 2*heavy}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
-        Field("meter", METERS, "meters that a MIDI file says; `tempo` may say others"),
+        Field("meter", METERS, "meters that a file of notes says; `tempo` may say others"),
         Field("marks", NamesOf(k.MARK, "mark"), "names of instants"),
         Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
         Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),

@@ -15,7 +15,7 @@ from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.values import Place
-from ergon.scores.gesture.midi_survey import meters_of, tempos_of
+from ergon.scores.gesture.note_files import meters_of, tempos_of
 from ergon.scores.reading import build
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.midi_uses import MidiUses
@@ -162,7 +162,8 @@ class Times:
                     self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
         fades = [route.fade for route in piece.mix.routes]
         fades += [piece.mix.master.fade] if piece.mix.master else []
-        for point in (point for fade in fades for point in fade):
+        pans = [route.pan_path for route in piece.mix.routes]
+        for point in (point for path in (*fades, *pans) for point in path):
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:

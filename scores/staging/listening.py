@@ -12,9 +12,11 @@ from math import floor
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Instrument, Output, Target
+from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.mixing import Fade, Room
+from ergon.scores.reading.mixing import Fade, PanPath, Room
 from ergon.scores.reading.piece import Piece, Route
+from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER = 1e9  # [s]
@@ -40,6 +42,10 @@ class Way:
     room: int | None = None  # in place of the channel
     delay: int = 0  # frames
     fade: Curve | None = None
+    tones: tuple[Tone, ...] = ()
+    echo: tuple[int, float] | None = None  # frames and ratio of what goes into the delay again
+    # Places between two channels, and whether this is the way to the second.
+    pan: tuple[Curve, bool] | None = None
 
 
 @dataclass(slots=True)
@@ -95,8 +101,11 @@ class Listening:
                     way.gain if reference is None else way.gain * (reference / way.quantity),
                     cut or None,
                     groups[way.part],
+                    tones=[(tone.kind, tone.frequency, tone.level) for tone in way.tones],
                     delay=way.delay,
+                    echo=way.echo,
                     curve=way.fade,
+                    pan=way.pan,
                     to_room=way.room is not None,
                 )
         return mixer
@@ -122,6 +131,9 @@ class Listening:
                 way.room,
                 way.delay,
                 way.fade,
+                way.tones,
+                way.echo,
+                way.pan,
             )
             for way in self.ways
             if parts is None or way.part in parts
@@ -134,13 +146,20 @@ class Listening:
         return _WAY_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
 
 
-def check_rooms(piece: Piece, collector: Collector) -> None:
-    """Report E202 if a room's decay cannot be realised."""
+def check_mix(piece: Piece, collector: Collector) -> None:
+    """Report E202 if the decay of a room or a filter of a route cannot be realised."""
+    mixer = _core.Mixer(piece.rate, 1, 1)
     for room in piece.mix.rooms:
         try:
-            _core.Mixer(piece.rate, 1, 1).room(room.name, [0], size=room.size, t60=room.t60)
+            mixer.room(room.name, [0], size=room.size, t60=room.t60)
         except _core.EngineError as error:
             collector.error("E202", f"room {room.name}: {error}", room.place)
+    for route in piece.mix.routes:
+        tones = [(tone.kind, tone.frequency, tone.level) for tone in route.tones]
+        try:
+            mixer.route(0, 0, highpass=route.highpass or None, tones=tones)
+        except _core.EngineError as error:
+            collector.error("E202", f"route from {route.part}: {error}", route.place)
 
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
@@ -174,7 +193,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
                 taps[name] = _tap(listening, assembly, name, output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
-            is_one_each = alone[route] == len(route.to) and route.pan is None
+            is_one_each = alone[route] == len(route.to) and not route.is_panned
             channels = route.to[index : index + 1] if is_one_each else route.to
             _ways(listening, piece, taps[name], (c - 1 for c in channels), route, output)
     used = [way.channel + 1 for way in listening.ways]
@@ -205,9 +224,16 @@ def _ways(
         gain *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
-    way = Way(route.part, tap, 0, gain, quantity, route.highpass, None, delay, fade)
-    for channel, share in zip(channels, route.pan or repeat(1.0), strict=False):
-        listening.ways.append(replace(way, channel=channel, gain=gain * share))
+    way = Way(route.part, tap, 0, gain, quantity, route.highpass, None, delay, fade, route.tones)
+    if route.echo is not None:
+        frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
+        way = replace(way, delay=delay + frames, echo=(frames, ratio) if ratio and frames else None)
+    places = _places(piece, route.pan_path)
+    for number, (channel, share) in enumerate(
+        zip(channels, route.pan or repeat(1.0), strict=False)
+    ):
+        pan = (places, number == 1) if places else None
+        listening.ways.append(replace(way, channel=channel, gain=gain * share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room = rooms.index(name)
@@ -215,20 +241,32 @@ def _ways(
 
 
 def fades(piece: Piece) -> list[Curve]:
-    """The fades of a piece in frames: that of the master, then those of the routes."""
+    """The fades of a piece in frames: that of the master, then those of the routes, then how these
+    move between their channels.
+    """
     master = piece.mix.master
     return [
         _curve(piece, master.fade if master else ()),
         *(_curve(piece, r.fade) for r in piece.mix.routes if r.fade),
+        *(_places(piece, r.pan_path) for r in piece.mix.routes if r.pan_path),
     ]
 
 
 def _curve(piece: Piece, fade: Fade) -> Curve:
     """A fade with its instants in frames of the piece."""
+    return tuple((_frame(piece, point.at), point.gain, point.is_smooth) for point in fade)
+
+
+def _places(piece: Piece, path: PanPath) -> Curve:
+    """A pan with its instants in frames of the piece."""
+    return tuple((_frame(piece, point.at), point.pan, point.is_smooth) for point in path)
+
+
+def _frame(piece: Piece, position: Position) -> int:
+    """The frame of the piece at a position."""
     tempo = piece.tempo_map
-    instants = (tempo.seconds(tempo.resolve(point.at)) for point in fade)
-    frames = (floor(max(-_NEVER, min(t, _NEVER)) * piece.rate + 0.5) for t in instants)
-    return tuple((n, point.gain, point.is_smooth) for n, point in zip(frames, fade, strict=True))
+    instant = tempo.seconds(tempo.resolve(position))
+    return floor(max(-_NEVER, min(instant, _NEVER)) * piece.rate + 0.5)
 
 
 def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:

@@ -26,7 +26,7 @@ from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.known_automation import KnownAutomation
-from ergon.scores.staging.listening import check_rooms
+from ergon.scores.staging.listening import check_mix
 from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.parameter_values import Points, Where
@@ -126,7 +126,7 @@ def prepare(
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
-        check_rooms(piece, collector)
+        check_mix(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
         (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)
         if like is not None:

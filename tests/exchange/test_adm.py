@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from domes import dome
 
-from ergon.exchange import adm, xml_text
+from ergon.common import xml_text
+from ergon.exchange import adm
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import RIFF_LIMIT, Stamp, WaveFormat, WaveInfo, parse
 from ergon.space.directions import angles

@@ -79,6 +79,61 @@ def test_an_instrument_is_placed_between_its_channels(at: Stepped):
     same_again(at)
 
 
+def test_a_pan_moves_over_a_length_from_where_it_is(at: Stepped):
+    at.ok("mute bell now")
+    at.ok("pan drone -1 now")
+    at.run(0.5)
+    at.ok("pan drone 1 over 2bar")
+    at.run(1.0)
+    at.run(2.0)
+    piece = at.session.schedule.head.piece
+    path = piece.mix.routes[1].pan_path
+    begin, end = (at.rate * piece.tempo_map.seconds(piece.tempo_map.resolve(p.at)) for p in path)
+    assert [point.pan for point in path] == [-1.0, 1.0]
+    assert end - begin == pytest.approx(2.0 * at.rate)
+    frames = np.arange(int(begin) + 4096, int(end))
+    heard = at.sound[frames]
+    power = np.hypot(*heard.T)
+    loud = power > 1e-3 * power.max()
+    turn = np.pi / 2 * (frames - begin) / (end - begin)
+    exact = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    assert np.abs(np.abs(heard[loud]) / power[loud, None] - exact[loud]).max() < 1e-9
+    at.ok("pan drone 0 over 1bar now")
+    at.run(0.2)
+    same_again(at)
+
+
+def test_a_filter_and_a_delay_are_typed_changed_and_taken_away(at: Stepped):
+    at.ok("mute bell now")
+    at.run(0.5)
+    plain = level(at, 0.3)[0]
+    at.ok("filter drone lowpass 100Hz now")
+    at.run(0.7)
+    route = at.session.schedule.head.piece.mix.routes[1]
+    assert [(tone.kind, tone.frequency) for tone in route.tones] == [("lowpass", 100.0)]
+    f = np.sqrt(85e3 / 0.02) / 2 / np.pi
+    w = [np.tan(np.pi * x / at.rate) for x in (f, 100.0)]
+    assert level(at, 0.3)[0] / plain == pytest.approx(1 / np.hypot(1, (w[0] / w[1]) ** 2), rel=0.01)
+    at.ok("filter drone lowpass off now")
+    at.ok("filter drone highshelf 50Hz -12dB now")
+    at.run(0.7)
+    assert level(at, 0.3)[0] / plain == pytest.approx(10 ** (-12 / 20), rel=0.02)
+    at.ok("filter drone highshelf off now")
+    at.ok("filter drone delay 250ms -6dB now")
+    at.run(1.0)
+    route = at.session.schedule.head.piece.mix.routes[1]
+    assert not route.tones
+    assert (route.echo.time, route.echo.feedback) == (0.25, pytest.approx(10 ** (-6 / 20)))
+    at.ok("filter drone delay off now")
+    at.run(0.5)
+    steps = np.abs(np.diff(at.sound[int(0.6 * at.rate) :, 0], 3))
+    assert steps.max() < 5.0 * steps[: int(0.2 * at.rate)].max(), "nothing clicks"
+    reply = at.type("filter drone lowpass off")
+    assert not reply.taken
+    assert "no route of drone has a lowpass" in reply.text
+    same_again(at)
+
+
 def test_a_room_is_added_sent_to_and_changed(at: Stepped):
     at.ok("room hall t60=1s size=8m gain=-3dB")
     at.ok("route bell send hall -6dB")

@@ -76,6 +76,8 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "route bell gain -6dB": lambda s: s.route("bell", gain="-6dB"),
     "route bell pan -0.3": lambda s: s.route("bell", pan=-0.3),
     "pan bell -0.3": lambda s: s.pan("bell", pan=-0.3),
+    "pan bell 0.8 over 4bar": lambda s: s.pan("bell", pan=0.8, over="4bar"),
+    "filter bell lowpass 2kHz": lambda s: s.filter("bell", "lowpass", "2kHz"),
     "route bell send hall -12dB": lambda s: s.route("bell", send="hall -12dB"),
     "room hall t60=2s size=12m": lambda s: s.room("hall", "t60=2s size=12m"),
     "fade bell out over 8bar": lambda s: s.fade("bell", "out", over="8bar"),

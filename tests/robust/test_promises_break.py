@@ -92,7 +92,7 @@ BREAKS = {
         "if False:",
     ),
     "exchange/test_adm.py::test_xml_of_strangers_is_refused": (
-        "ergon/exchange/xml_text.py",
+        "ergon/common/xml_text.py",
         "if _DEFINES.search(data):",
         "if False:",
     ),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from checked import check, codes, found
+from scipy.signal import lfilter
 from sessions import Stepped
 
 from ergon.scores.reading.load import load
@@ -182,3 +183,155 @@ def test_a_position_does_not_radiate():
     text = score("radiate: {distance: 1m}")
     assert codes(text) == []
     assert codes(text.replace("SOA: m", "SOX: m")) == ["E304"]
+
+
+# --- pans that move -----------------------------------------------------------------------------
+
+
+def turned(path: str, n_frames: int = 80_000) -> np.ndarray:
+    """The gains of both channels, frame by frame."""
+    plain = heard(score(), n_frames)
+    loud = np.abs(plain[:, :1]) > 1e-3 * np.abs(plain).max()
+    return np.divide(
+        heard(score(path), n_frames), plain, out=np.full(plain.shape, np.nan), where=loud
+    )
+
+
+def test_a_pan_moves_evenly_in_angle_with_constant_power():
+    gains = turned("pan: [{at: A, pan: -1}, {at: B, pan: 1}]")
+    frames = np.arange(80_000)
+    angle = np.pi / 2 * np.minimum(frames / 44_100, 1.0)
+    exact = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    assert np.nanmax(np.abs(gains - exact)) < 1e-12
+
+
+def test_a_pan_between_places_of_the_constant_one():
+    """Its ends are those of `pan: -0.28` and `pan: 0.6`; halfway is the middle of the angles."""
+    gains = turned("pan: [{at: A, pan: -0.28, curve: line}, {at: B, pan: 0.6, curve: smooth}]")
+    ends = [np.arccos(0.28) / 2, np.arccos(-0.6) / 2]
+    u = np.minimum(np.arange(80_000) / 44_100, 1.0)
+    angle = ends[0] + (ends[1] - ends[0]) * (3.0 - 2.0 * u) * u * u
+    exact = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    assert np.nanmax(np.abs(gains - exact)) < 1e-12
+
+
+def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
+    fade = "fade: [{at: A, gain: -6dB}]"
+    path = "pan: [{at: A, pan: -1}, {at: B, pan: 1}]"
+    alone, faded = heard(score(path)), heard(score(f"{path}, {fade}"))
+    assert np.allclose(faded, alone * 10 ** (-6 / 20), rtol=1e-12, atol=0)
+    send = "send: {hall: 0dB}"
+    room = [heard(score(f"{send}, {pan}", ROOMS)) - heard(score(pan)) for pan in (path, "pan: 0")]
+    assert np.abs(room[0]).max() > 0.0
+    assert np.allclose(room[0], room[1], rtol=0, atol=1e-9 * np.abs(room[0]).max())
+
+
+@pytest.mark.parametrize(
+    ("treated", "code", "words"),
+    [
+        ("pan: [{at: A, pan: 2}]", "E202", "above the maximum of 1"),
+        ("pan: [{at: Q, pan: 0}]", "E301", "no mark is called 'Q'"),
+        ("pan: [{at: A}]", "E103", "pan"),
+        ("lowpass: 0Hz", "E202", "lowpass"),
+        ("lowshelf: {f: 200Hz}", "E103", "gain"),
+        ("lowshelf: {f: 200Hz, gain: x0}", "E202", "must be above x0"),
+        ("highshelf: 3kHz", "E104", "highshelf"),
+        ("delay: 11s", "E202", "above the maximum of 10 s"),
+        ("delay: {time: 1s, feedback: 0dB}", "E202", "below 0dB"),
+        ("delay: 250", "E201", "250"),
+    ],
+)
+def test_mistakes_of_treatments_have_places(treated, code, words):
+    reports = found(score(treated))
+    assert any(c == code and words in message for c, _, message in reports), reports
+    assert {line for c, line, _ in reports if c == code} == {11}, reports
+
+
+# --- filters and delays, beside scipy -----------------------------------------------------------
+
+
+def cookbook(kind: str, f: float, level: float = 0.0) -> tuple[list[float], list[float]]:
+    """Coefficients b and a of Bristow-Johnson's cookbook, with Q = 1/√2, which is slope 1."""
+    a, w = 10 ** (level / 40), 2 * np.pi * f / RATE
+    c, alpha = np.cos(w), np.sin(w) / np.sqrt(2)
+    if kind == "lowpass":
+        return [(1 - c) / 2, 1 - c, (1 - c) / 2], [1 + alpha, -2 * c, 1 - alpha]
+    if kind == "highpass":
+        return [(1 + c) / 2, -(1 + c), (1 + c) / 2], [1 + alpha, -2 * c, 1 - alpha]
+    s = 1 if kind == "lowshelf" else -1
+    r = 2 * np.sqrt(a) * alpha
+    b = [
+        a * ((a + 1) - s * (a - 1) * c + r),
+        s * 2 * a * ((a - 1) - s * (a + 1) * c),
+        a * ((a + 1) - s * (a - 1) * c - r),
+    ]
+    d = [
+        (a + 1) + s * (a - 1) * c + r,
+        -s * 2 * ((a - 1) + s * (a + 1) * c),
+        (a + 1) + s * (a - 1) * c - r,
+    ]
+    return b, d
+
+
+@pytest.mark.parametrize(
+    ("written", "kind", "f", "level"),
+    [
+        ("lowpass: 300Hz", "lowpass", 300, 0),
+        ("lowpass: 15kHz", "lowpass", 15_000, 0),
+        ("highpass: 700Hz", "highpass", 700, 0),
+        ("lowshelf: {f: 200Hz, gain: 9dB}", "lowshelf", 200, 9),
+        ("lowshelf: {f: 400Hz, gain: -18dB}", "lowshelf", 400, -18),
+        ("highshelf: {f: 3kHz, gain: -12dB}", "highshelf", 3000, -12),
+        ("highshelf: {f: 150Hz, gain: 6dB}", "highshelf", 150, 6),
+    ],
+)
+def test_a_filter_is_that_of_the_cookbook_by_scipy(written, kind, f, level):
+    plain, filtered = heard(score()), heard(score(written))
+    expected = lfilter(*cookbook(kind, f, level), plain[:, 0])
+    assert np.abs(filtered[:, 0] - expected).max() < 1e-10 * np.abs(plain).max()
+
+
+def test_filters_follow_each_other():
+    written = "highpass: 90Hz, lowpass: 2kHz, lowshelf: {f: 300Hz, gain: 4dB}"
+    written += ", highshelf: {f: 1kHz, gain: -7dB}"
+    expected = heard(score())[:, 0]
+    for own in (("highpass", 90), ("lowpass", 2000), ("lowshelf", 300, 4), ("highshelf", 1000, -7)):
+        expected = lfilter(*cookbook(*own), expected)
+    assert np.abs(heard(score(written))[:, 1] - expected).max() < 1e-10 * np.abs(expected).max()
+
+
+def test_a_delay_is_later_and_its_echoes_fall():
+    plain = heard(score())[:, 0]
+    frames = round(0.1 * RATE)
+    later = heard(score("delay: 100ms"))[:, 0]
+    assert np.array_equal(later[frames:], plain[:-frames])
+    assert not later[:frames].any()
+    echoes = heard(score("delay: {time: 100ms, feedback: -6dB}"))[:, 0]
+    ratio = 10 ** (-6 / 20)
+    line = np.zeros(frames + 1)
+    expected = lfilter([*line[:-1], 1.0], [1.0, *line[1:-1], -ratio], plain)
+    assert np.abs(echoes - expected).max() < 1e-12 * np.abs(plain).max()
+
+
+def test_echoes_of_what_radiates_come_by_the_delay_alone():
+    radiate = "radiate: {distance: 3.43m}"  # 441 frames
+    plain = heard(score(radiate))[:, 0]
+    echoes = heard(score(f"{radiate}, delay: {{time: 50ms, feedback: x0.5}}"))[:, 0]
+    line = np.zeros(2205)
+    expected = lfilter([*line, 1.0], [1.0, *line[1:], -0.5], plain)
+    assert np.abs(echoes - expected).max() < 1e-12 * np.abs(plain).max()
+
+
+def test_a_filter_above_half_of_the_rate_is_refused_in_its_place():
+    for written in ("lowpass: 30kHz", "highpass: 22050Hz"):
+        with pytest.raises(StageError) as refused:
+            stage(load("x.yaml", text=score(written)).piece)
+        (report,) = refused.value.diagnostics
+        assert (report.code, report.place.line) == ("E202", 11)
+        assert "below half of the rate, 44100 Hz" in report.message
+
+
+def test_treatments_change_the_hash():
+    texts = ["lowpass: 2kHz", "lowpass: 3kHz", "delay: 1s", "delay: {time: 1s, feedback: -6dB}"]
+    texts += ["pan: [{at: A, pan: 1}]", "pan: [{at: B, pan: 1}]", "pan: 1", PLAIN]
+    assert len({digest(score(text)) for text in texts}) == len(texts)

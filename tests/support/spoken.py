@@ -268,6 +268,13 @@ OTHERS = [
     ("route bell gain x0.5", c.Route("bell", None, 0.5)),
     ("route bell send hall -12dB", c.Route("bell", None, send=("hall", "-12dB"))),
     ("room hall t60=2s size=12m", c.Room("hall", {"t60": "2s", "size": "12m"})),
+    ("pan bell 0.8 over 4bar", c.MovePan("bell", 0.8, Length(bars=4.0))),
+    ("filter bell lowpass 2kHz", c.Filter("bell", "lowpass", {"": "2kHz"})),
+    (
+        "filter bell lowshelf 200Hz -3dB",
+        c.Filter("bell", "lowshelf", {"f": "200Hz", "gain": "-3dB"}),
+    ),
+    ("filter bell delay off", c.Filter("bell", "delay", {})),
     ("fade bell out over 8bar", c.Fade("bell", False, Length(bars=8.0))),
     ("fade master in over 2bar", c.Fade(None, True, Length(bars=2.0))),
     ("remove bell.b", c.Remove("bell.b")),

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use ergon_engine::mix::curve::{Curve, Point, Way};
+use ergon_engine::mix::curve::{Curve, Pan, Point, Side, Way};
+use ergon_engine::mix::delay::Echo;
+use ergon_engine::mix::filter::Tone;
 use ergon_engine::mix::frozen;
 use ergon_engine::mix::mixer;
 use ergon_engine::mix::room::RoomSpec;
@@ -30,7 +32,7 @@ impl FrozenOutputs {
     }
 }
 
-/// Routes of outputs to channels, with gains and second-order high-passes.
+/// Routes of outputs to channels, with gains, second-order filters and delays.
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Mixer(pub(crate) mixer::Mixer);
 
@@ -41,10 +43,12 @@ impl Mixer {
         Self(mixer::Mixer::new(rate, n_out, n_channels))
     }
 
-    /// Add gain · output to a channel or a room (from 0). `highpass` [Hz] is a Butterworth of order 2, `delay` is in
-    /// frames, and `curve` is a gain over the frames of the piece: (frame, ratio, whether it is reached smoothly).
-    /// `set_gain` changes the gain of a `group` of routes.
-    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0, *, delay = 0, curve = None, to_room = false))]
+    /// Add gain · output to a channel or a room (from 0). `highpass` [Hz] is a Butterworth of order 2, `tones` are
+    /// filters after it: (what, frequency [Hz], level [dB]). `delay` is in frames, `echo` what of it goes in again: (frames, ratio). `curve` is a gain
+    /// over the frames of the piece: (frame, ratio, whether it is reached smoothly), `pan` a place between two channels
+    /// in the same way, and whether this is the second. `set_gain` changes the gain of a `group` of routes.
+    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0, *, tones = Vec::new(), delay = 0,
+        echo = None, curve = None, pan = None, to_room = false))]
     #[expect(clippy::too_many_arguments)]
     fn route(
         &mut self,
@@ -53,8 +57,11 @@ impl Mixer {
         gain: f64,
         highpass: Option<f64>,
         group: usize,
+        tones: Vec<(String, f64, f64)>,
         delay: usize,
-        curve: Option<Vec<(i64, f64, bool)>>,
+        echo: Option<(usize, f64)>,
+        curve: Option<Points>,
+        pan: Option<(Points, bool)>,
         to_room: bool,
     ) -> PyResult<()> {
         let to = if to_room {
@@ -62,10 +69,22 @@ impl Mixer {
         } else {
             mixer::To::Channel(channel)
         };
+        let highpass = highpass.map(|f| Ok(Tone::Highpass { f }));
+        let tones = tones
+            .iter()
+            .map(|(word, f, level)| tone_of(word, *f, *level));
+        let pan = pan.map(|(places, is_second)| {
+            let side = if is_second { Side::Second } else { Side::First };
+            Pan::new(points_of(places), side)
+        });
         let treatment = mixer::Treatment {
-            highpass,
+            tones: highpass.into_iter().chain(tones).collect::<PyResult<_>>()?,
             delay,
-            curve: curve.map(curve_of),
+            echo: echo.map(|(frames, ratio)| Echo { frames, ratio }),
+            curve: match (curve, pan) {
+                (curve, Some(pan)) => Some(curve_of(curve.unwrap_or_default()).panned(pan)),
+                (curve, None) => curve.map(curve_of),
+            },
         };
         self.0
             .treated(group, out, to, gain, treatment)
@@ -101,7 +120,7 @@ impl Mixer {
     }
 
     /// Set a gain of all channels over the frames of the piece, as the `curve` of a route.
-    fn fade(&mut self, curve: Vec<(i64, f64, bool)>) {
+    fn fade(&mut self, curve: Points) {
         self.0.fade(curve_of(curve));
     }
 
@@ -135,11 +154,30 @@ impl Mixer {
     }
 }
 
-fn curve_of(points: Vec<(i64, f64, bool)>) -> Curve {
-    let point = |(frame, gain, is_smooth): (i64, f64, bool)| Point {
+/// Points of a curve: frame, value, whether the way to it is smooth.
+type Points = Vec<(i64, f64, bool)>;
+
+fn points_of(points: Points) -> Vec<Point> {
+    let point = |(frame, value, is_smooth): (i64, f64, bool)| Point {
         frame,
-        gain,
+        value,
         way: if is_smooth { Way::Smooth } else { Way::Line },
     };
-    Curve::new(points.into_iter().map(point).collect())
+    points.into_iter().map(point).collect()
+}
+
+fn curve_of(points: Points) -> Curve {
+    Curve::new(points_of(points))
+}
+
+fn tone_of(word: &str, f: f64, level: f64) -> PyResult<Tone> {
+    match word {
+        "highpass" => Ok(Tone::Highpass { f }),
+        "lowpass" => Ok(Tone::Lowpass { f }),
+        "lowshelf" => Ok(Tone::Lowshelf { f, level }),
+        "highshelf" => Ok(Tone::Highshelf { f, level }),
+        _ => Err(plain_error(format!(
+            "a route has no filter `{word}`; it has highpass, lowpass, lowshelf and highshelf"
+        ))),
+    }
 }

@@ -1,7 +1,8 @@
 //! From outputs of a simulation to loudspeakers and files.
 
 pub mod curve;
-mod delay;
+pub mod delay;
+pub mod filter;
 pub mod fold;
 pub mod frozen;
 pub mod glide;

@@ -14,11 +14,13 @@ pub(crate) struct Section {
     low: f64,
 }
 
-/// The two outputs of a section for one sample.
+/// The outputs of a section for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Split {
     /// Low-pass.
     pub(crate) low: f64,
+    /// Band-pass, of gain Q at the cutoff.
+    pub(crate) band: f64,
     /// High-pass.
     pub(crate) high: f64,
 }
@@ -29,8 +31,13 @@ pub(crate) const BUTTERWORTH_2: f64 = std::f64::consts::SQRT_2;
 impl Section {
     /// A section at rest: `cutoff` and `rate` [Hz], 0 < cutoff < rate/2; `damping` is 1/Q.
     pub(crate) fn new(cutoff: f64, rate: f64, damping: f64) -> Self {
+        Self::scaled(cutoff, rate, damping, 1.0)
+    }
+
+    /// A section whose analogue cutoff, after prewarping, is `scale` times as high.
+    pub(crate) fn scaled(cutoff: f64, rate: f64, damping: f64, scale: f64) -> Self {
         let (sin, cos) = maths::sincos(std::f64::consts::PI * cutoff / rate);
-        let g = sin / cos;
+        let g = sin / cos * scale;
         Self {
             g,
             damping,
@@ -60,7 +67,7 @@ impl Section {
         let up = self.g * band;
         let low = up + self.low;
         self.low = up + low;
-        Split { low, high }
+        Split { low, band, high }
     }
 }
 
@@ -112,7 +119,7 @@ mod tests {
         let mut section = Section::new(8.0, 44_100.0, BUTTERWORTH_2);
         section.settle(0.3);
         for _ in 0..1000 {
-            let Split { low, high } = section.next(0.3);
+            let Split { low, high, .. } = section.next(0.3);
             assert!((low - 0.3).abs() < 1e-15 && high.abs() < 1e-15);
         }
     }

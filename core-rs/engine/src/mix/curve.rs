@@ -1,6 +1,6 @@
 //! A gain that is written as a curve over the frames of a piece.
 
-use crate::maths::pow;
+use crate::maths::{atan2, pow, sincos, sqrt};
 
 /// The way into a point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,66 +11,145 @@ pub enum Way {
     Smooth,
 }
 
-/// A point of a [`Curve`].
+/// A point of a [`Curve`], or of a [`Pan`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Frame of the piece; negative before its beginning.
     pub frame: i64,
-    /// Ratio of amplitudes, 0 or more.
-    pub gain: f64,
+    /// Of a curve a ratio of amplitudes, 0 or more; of a pan a place from -1 to 1.
+    pub value: f64,
     /// How the curve goes to this point from the one before.
     pub way: Way,
+}
+
+/// The value at a frame on the way through points, whose frames rise: that of the only neighbour before the first
+/// point and after the last one, else what `between` makes of two and the share of the way. `None` without points.
+fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
+    let frame = i64::try_from(frame).unwrap_or(i64::MAX);
+    let next = points.partition_point(|point| point.frame <= frame);
+    let before = next.checked_sub(1).and_then(|at| points.get(at));
+    match (before, points.get(next)) {
+        (Some(from), Some(to)) => {
+            let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
+            let u = match to.way {
+                Way::Line => u,
+                Way::Smooth => u * u * (3.0 - 2.0 * u),
+            };
+            Some(if u == 0.0 {
+                from.value
+            } else {
+                between(from.value, to.value, u)
+            })
+        }
+        (Some(only), None) | (None, Some(only)) => Some(only.value),
+        (None, None) => None,
+    }
+}
+
+fn sorted(mut points: Vec<Point>) -> Vec<Point> {
+    points.sort_by_key(|point| point.frame);
+    points
+}
+
+/// Which of the two channels of a pan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Loudest at -1.
+    First,
+    /// Loudest at 1.
+    Second,
+}
+
+/// The gain of one of two channels between which a sound moves, with constant power.
+///
+/// The place p from -1 to 1 is the angle θ with cos 2θ = -p, from 0 to π/2; the channels have the gains cos θ and
+/// sin θ, whose squares are (1 - p)/2 and (1 + p)/2. Between two points the angle goes evenly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pan {
+    /// Points whose values are angles [rad].
+    angles: Vec<Point>,
+    side: Side,
+}
+
+impl Pan {
+    /// A pan through places from -1 to 1.
+    #[must_use]
+    pub fn new(places: Vec<Point>, side: Side) -> Self {
+        let angle = |point: Point| Point {
+            value: atan2(
+                sqrt((1.0 + point.value).max(0.0)),
+                sqrt((1.0 - point.value).max(0.0)),
+            ),
+            ..point
+        };
+        Self {
+            angles: sorted(places).into_iter().map(angle).collect(),
+            side,
+        }
+    }
+
+    /// The gain at a frame of the piece; that of the middle without points.
+    fn at(&self, frame: u64) -> f64 {
+        let angle = along(&self.angles, frame, |from, to, u| from + (to - from) * u);
+        let (sin, cos) = sincos(angle.unwrap_or(std::f64::consts::FRAC_PI_4));
+        match self.side {
+            Side::First => cos,
+            Side::Second => sin,
+        }
+    }
 }
 
 /// A gain as a function of the frame alone, so that it is the same wherever playback starts.
 ///
 /// Between two points, the level in dB is interpolated; if one of the gains is 0, the gain itself. Before the first
-/// point and after the last one, the gain is constant.
+/// point and after the last one, the gain is constant. It may be that of one channel of a [`Pan`], too.
 ///
 /// ```
 /// use ergon_engine::mix::curve::{Curve, Point, Way};
 ///
-/// let from = Point { frame: 100, gain: 0.01, way: Way::Line };
-/// let to = Point { frame: 200, gain: 1.0, way: Way::Line };
+/// let from = Point { frame: 100, value: 0.01, way: Way::Line };
+/// let to = Point { frame: 200, value: 1.0, way: Way::Line };
 /// let curve = Curve::new(vec![from, to]);
 /// assert!((curve.at(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
 /// assert_eq!((curve.at(0), curve.at(1000)), (0.01, 1.0));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curve(Vec<Point>);
+pub struct Curve {
+    levels: Vec<Point>,
+    pan: Option<Pan>,
+}
 
 impl Curve {
     /// A curve through points. Points of one frame keep their order; the last of them is the gain from that frame on.
     #[must_use]
-    pub fn new(mut points: Vec<Point>) -> Self {
-        points.sort_by_key(|point| point.frame);
-        Self(points)
+    pub fn new(points: Vec<Point>) -> Self {
+        Self {
+            levels: sorted(points),
+            pan: None,
+        }
+    }
+
+    /// This curve in one channel of a pan.
+    #[must_use]
+    pub fn panned(self, pan: Pan) -> Self {
+        Self {
+            pan: Some(pan),
+            ..self
+        }
     }
 
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
     pub fn at(&self, frame: u64) -> f64 {
-        let frame = i64::try_from(frame).unwrap_or(i64::MAX);
-        let next = self.0.partition_point(|point| point.frame <= frame);
-        let before = next.checked_sub(1).and_then(|at| self.0.get(at));
-        match (before, self.0.get(next)) {
-            (Some(from), Some(to)) => {
-                let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
-                let u = match to.way {
-                    Way::Line => u,
-                    Way::Smooth => u * u * (3.0 - 2.0 * u),
-                };
-                if u == 0.0 {
-                    from.gain
-                } else if from.gain > 0.0 && to.gain > 0.0 {
-                    from.gain * pow(to.gain / from.gain, u)
-                } else {
-                    from.gain + (to.gain - from.gain) * u
-                }
+        let level = along(&self.levels, frame, |from, to, u| {
+            if from > 0.0 && to > 0.0 {
+                from * pow(to / from, u)
+            } else {
+                from + (to - from) * u
             }
-            (Some(only), None) | (None, Some(only)) => only.gain,
-            (None, None) => 1.0,
-        }
+        });
+        let share = self.pan.as_ref().map_or(1.0, |pan| pan.at(frame));
+        level.unwrap_or(1.0) * share
     }
 }
 
@@ -78,8 +157,8 @@ impl Curve {
 mod tests {
     use super::*;
 
-    fn point(frame: i64, gain: f64, way: Way) -> Point {
-        Point { frame, gain, way }
+    fn point(frame: i64, value: f64, way: Way) -> Point {
+        Point { frame, value, way }
     }
 
     #[test]
@@ -115,5 +194,26 @@ mod tests {
     #[test]
     fn without_points_nothing_changes() {
         assert_eq!(Curve::new(Vec::new()).at(7), 1.0);
+    }
+
+    #[test]
+    fn a_pan_turns_evenly_with_constant_power() {
+        let places = [point(0, -1.0, Way::Line), point(900, 1.0, Way::Line)];
+        let channel = |side| Curve::new(Vec::new()).panned(Pan::new(places.to_vec(), side));
+        let (first, second) = (channel(Side::First), channel(Side::Second));
+        for frame in [0, 1, 300, 450, 899, 900, 5000] {
+            let angle = (frame.min(900) as f64 / 10.0).to_radians();
+            let gains = (first.at(frame), second.at(frame));
+            assert!((gains.0 - angle.cos()).abs() < 1e-15, "{frame}");
+            assert!((gains.1 - angle.sin()).abs() < 1e-15, "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_pan_and_levels_multiply() {
+        let levels = vec![point(0, 0.5, Way::Line)];
+        let middle = Pan::new(vec![point(0, 0.0, Way::Line)], Side::First);
+        let gain = Curve::new(levels).panned(middle).at(7);
+        assert!((gain - 0.5 * sqrt(0.5)).abs() < 1e-15);
     }
 }

@@ -5,6 +5,19 @@
 pub(super) struct Delay {
     past: Vec<f64>,
     at: usize,
+    echo: Option<Echo>,
+}
+
+/// Largest number of frames over which the beginning of what a longer line takes over is smoothed.
+const SMOOTHED_MAX: usize = 1024;
+
+/// What goes into a delay line again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Echo {
+    /// How long ago it went in [frames]: from 1 to the length of the line.
+    pub frames: usize,
+    /// Its ratio, between -1 and 1.
+    pub ratio: f64,
 }
 
 impl Delay {
@@ -13,7 +26,39 @@ impl Delay {
         Self {
             past: vec![0.0; frames.max(1)],
             at: 0,
+            echo: None,
         }
+    }
+
+    /// A line that hears itself: it holds w(n) = x(n) + ratio · w(n - echo), and gives w(n - frames).
+    pub(super) fn echoing(frames: usize, echo: Option<Echo>) -> Self {
+        Self {
+            echo,
+            ..Self::new(frames)
+        }
+    }
+
+    /// What goes into it again.
+    pub(super) fn echo(&self) -> Option<Echo> {
+        self.echo
+    }
+
+    /// Put in the newest sample, and give the one that leaves the line.
+    #[inline]
+    pub(super) fn next(&mut self, x: f64) -> f64 {
+        let late = self.oldest();
+        let back = self.echo.map_or(0.0, |echo| {
+            let length = self.past.len();
+            let place = self.at + length - echo.frames;
+            let place = if place < length {
+                place
+            } else {
+                place - length
+            };
+            echo.ratio * self.past[place]
+        });
+        self.push(x + back);
+        late
     }
 
     /// Frames by which it delays.
@@ -48,6 +93,14 @@ impl Delay {
                 0.0
             };
         }
+        // Where the older one ends, a line that hears itself would hear a step.
+        if self.echo.is_some() && their < own {
+            let count = their.min(SMOOTHED_MAX);
+            for (step, x) in self.past[own - their..][..count].iter_mut().enumerate() {
+                let u = step as f64 / count as f64;
+                *x *= u * u * (3.0 - 2.0 * u);
+            }
+        }
     }
 
     /// Energy of the samples in the line: the sum of their squares.
@@ -74,6 +127,22 @@ mod tests {
     fn gives_back_later() {
         let mut delay = Delay::new(3);
         assert_eq!(through(&mut delay, 1, 7), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn echoes_fall_by_the_feedback() {
+        let echoes = |length| {
+            let echo = Echo {
+                frames: 3,
+                ratio: -0.5,
+            };
+            let mut echo = Delay::echoing(length, Some(echo));
+            let heard = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
+            heard.collect::<Vec<f64>>()
+        };
+        let heard = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];
+        assert_eq!(echoes(3), heard);
+        assert_eq!(echoes(5)[2..], heard[..8], "heard two frames later");
     }
 
     #[test]

@@ -6,6 +6,7 @@ mod takeover;
 use std::sync::Arc;
 
 use super::curve::Curve;
+use super::filter::Tone;
 use super::frozen::{FrozenOutputs, Placed};
 use super::glide::{Glide, until, update_residual};
 use super::room::{Room, RoomSpec};
@@ -19,7 +20,7 @@ const FADING_OUT_MAX: usize = 32;
 /// Largest number of frozen outputs that fade out at once; further ones stop without a fade.
 const FROZEN_FADING_OUT_MAX: usize = 128;
 
-/// Routes of outputs to channels, with gains and high-passes.
+/// Routes of outputs to channels, with gains, filters and delays.
 ///
 /// A channel is the sum of its routes in the order in which they were added, so the last bit of a mix does not depend
 /// on how it is cut into blocks. Each route belongs to a group (0 by default); the gain of a group can be changed
@@ -128,7 +129,7 @@ impl Mixer {
         highpass: Option<f64>,
     ) -> Result<(), RouteError> {
         let treatment = Treatment {
-            highpass,
+            tones: highpass.map(|f| Tone::Highpass { f }).into_iter().collect(),
             ..Treatment::default()
         };
         self.treated(group, out, To::Channel(channel), gain, treatment)
@@ -278,6 +279,12 @@ impl Mixer {
             let fading_out = self.fading_out.iter_mut().flatten();
             for route in self.routes.iter_mut().chain(fading_out) {
                 self.is_fading |= update_residual(&mut route.residual_gain, n);
+                if let Some(entry) = &mut route.entry {
+                    entry.begin_due(n);
+                    let is_over = entry.steady(n).is_some();
+                    self.is_fading |= !is_over;
+                    route.entry.take_if(|_| is_over);
+                }
                 let Some(fade) = &mut route.fade else {
                     continue;
                 };

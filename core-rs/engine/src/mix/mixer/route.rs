@@ -3,10 +3,10 @@
 use thiserror::Error;
 
 use crate::mix::curve::Curve;
-use crate::mix::delay::Delay;
+use crate::mix::delay::{Delay, Echo};
+use crate::mix::filter::{Filter, Tone};
 use crate::mix::glide::Glide;
 use crate::mix::room::RoomError;
-use crate::section::{BUTTERWORTH_2, Section};
 
 /// Largest delay of a route [frames].
 pub(super) const DELAY_MAX: usize = 1 << 20;
@@ -38,13 +38,23 @@ pub enum RouteError {
     /// A gain that is NaN or infinite.
     #[error("a route's gain is a finite number; here {0}")]
     Gain(f64),
-    /// A cutoff that is not between 0 and half of the rate.
-    #[error("highpass {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
-    Highpass {
+    /// A filter whose cutoff is not between 0 and half of the rate.
+    #[error("{word} {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
+    Tone {
+        /// What the filter does.
+        word: &'static str,
         /// Requested cutoff [Hz].
         cutoff: f64,
         /// Sample rate [Hz].
         rate: f64,
+    },
+    /// A shelf without a level.
+    #[error("the level of a {word} is a finite number of decibels; here {level}")]
+    Shelf {
+        /// What the filter does.
+        word: &'static str,
+        /// Requested level [dB].
+        level: f64,
     },
     /// No such room.
     #[error("there is no room {room}: the mixer has {n_rooms}, counted from 0")]
@@ -57,6 +67,11 @@ pub enum RouteError {
     /// A delay that is too long.
     #[error("a route is delayed by {DELAY_MAX} frames at most; here {0}")]
     Delay(usize),
+    /// An echo that does not fall, or that comes later than the delay.
+    #[error(
+        "an echo comes after 1 frame up to those of the delay, by a ratio between -1 and 1; here {} frames and {}", .0.frames, .0.ratio
+    )]
+    Echo(Echo),
     /// The number of frozen outputs differs from the number of outputs that they are added to.
     #[error("{frozen} frozen outputs cannot replace {outputs} outputs; the numbers must be equal")]
     Frozen {
@@ -82,10 +97,12 @@ pub enum To {
 /// What a route does to its signal besides the gain.
 #[derive(Clone, Debug, Default)]
 pub struct Treatment {
-    /// Cutoff of a Butterworth high-pass of order 2 [Hz].
-    pub highpass: Option<f64>,
+    /// Filters, one after the other.
+    pub tones: Vec<Tone>,
     /// Delay [frames].
     pub delay: usize,
+    /// What of the delay goes into it again.
+    pub echo: Option<Echo>,
     /// A gain over the frames of the piece.
     pub curve: Option<Curve>,
 }
@@ -96,13 +113,16 @@ pub(super) struct Route {
     pub(super) to: To,
     pub(super) group: usize,
     pub(super) gain: f64,
-    pub(super) highpass: Option<Section>,
+    pub(super) filters: Box<[Filter]>,
     pub(super) delay: Option<Delay>,
     pub(super) curve: Option<Curve>,
     /// Index of the curve among those that the mixer computes for all routes.
     pub(super) shared_curve: Option<usize>,
     /// A factor that glides since a takeover.
     pub(super) fade: Option<Glide>,
+    /// A factor of what goes into the delay, which glides from 0 since a takeover: else the echoes of the beginning
+    /// would be heard as steps.
+    pub(super) entry: Option<Glide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
     pub(super) residual_gain: Option<Glide>,
 }
@@ -117,38 +137,78 @@ impl Route {
         treatment: Treatment,
     ) -> Result<Self, RouteError> {
         let Treatment {
-            highpass,
+            tones,
             delay,
+            echo,
             curve,
         } = treatment;
         if !gain.is_finite() {
             return Err(RouteError::Gain(gain));
         }
-        if let Some(cutoff) = highpass.filter(|&f| !(f > 0.0 && f < 0.5 * rate)) {
-            return Err(RouteError::Highpass { cutoff, rate });
-        }
+        tones.iter().try_for_each(|tone| check_tone(tone, rate))?;
         if delay > DELAY_MAX {
             return Err(RouteError::Delay(delay));
+        }
+        let falls = |echo: &Echo| {
+            (1..=delay).contains(&echo.frames) && -1.0 < echo.ratio && echo.ratio < 1.0
+        };
+        if let Some(echo) = echo.filter(|echo| !falls(echo)) {
+            return Err(RouteError::Echo(echo));
         }
         Ok(Self {
             out,
             to,
             group,
             gain,
-            highpass: highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2)),
-            delay: (delay > 0).then(|| Delay::new(delay)),
+            filters: tones
+                .into_iter()
+                .map(|tone| Filter::new(tone, rate))
+                .collect(),
+            delay: (delay > 0).then(|| Delay::echoing(delay, echo)),
             curve,
             shared_curve: None,
             fade: None,
+            entry: None,
             residual_gain: None,
         })
     }
 
-    /// Whether it continues the route `before` of an old mixer, whose output is now `out`.
-    pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
+    /// Whether it does the same, by whatever values, as the route `before` of an old mixer, whose output is now `out`.
+    pub(super) fn is_like(&self, before: &Self, out: Option<usize>) -> bool {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
-            && before.highpass.is_some() == self.highpass.is_some()
-            && before.delay.is_some() == self.delay.is_some()
+            && self.delay.is_some() == before.delay.is_some()
+            && self.pairs(before, Filter::is_of_kind)
+    }
+
+    /// Whether it continues the route `before` without a step: only gains and cutoffs differ.
+    pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
+        let echo = |route: &Self| {
+            let delay = route.delay.as_ref();
+            delay.map(|delay| (delay.length(), delay.echo()))
+        };
+        self.is_like(before, out)
+            && echo(self) == echo(before)
+            && self.pairs(before, Filter::continues)
+    }
+
+    /// Whether the filters of both are as many, and `agree` one by one.
+    fn pairs(&self, before: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
+        let mut pairs = self.filters.iter().zip(&before.filters);
+        self.filters.len() == before.filters.len() && pairs.all(|(own, old)| agree(own, old))
+    }
+
+    /// Frames by which it delays.
+    pub(super) fn lag(&self) -> usize {
+        self.delay.as_ref().map_or(0, Delay::length)
+    }
+
+    /// Continue with the state of filters and delay of a route that is like it. Allocates nothing.
+    pub(super) fn take_over(&mut self, before: &Self) {
+        let pairs = self.filters.iter_mut().zip(&before.filters);
+        pairs.for_each(|(own, old)| own.take_over(old));
+        if let (Some(delay), Some(before)) = (&mut self.delay, &before.delay) {
+            delay.take_over(before);
+        }
     }
 
     /// Whether it has faded out.
@@ -184,26 +244,25 @@ impl Route {
     ) {
         let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
         let is_plain = is_plain && self.residual_gain.is_none();
-        match (group.steady(first), &mut self.highpass) {
-            (Some(gain), None) if is_plain => {
+        match (group.steady(first), &mut *self.filters) {
+            (Some(gain), []) if is_plain => {
                 let gain = self.gain * gain;
                 to.zip(from).for_each(|(y, x)| *y += gain * x);
             }
-            (Some(gain), Some(section)) if is_plain => {
+            (Some(gain), filters) if is_plain => {
                 let gain = self.gain * gain;
                 to.zip(from)
-                    .for_each(|(y, x)| *y += gain * high_passed(section, x));
+                    .for_each(|(y, x)| *y += gain * filtered(filters, x));
             }
-            (_, section) => {
+            (_, filters) => {
                 for (at, ((y, x), n)) in to.zip(from).zip(first..).enumerate() {
-                    let x = section
-                        .as_mut()
-                        .map_or(x, |section| high_passed(section, x));
-                    let x = self.delay.as_mut().map_or(x, |delay| {
-                        let late = delay.oldest();
-                        delay.push(x);
-                        late
-                    });
+                    let x = if filters.is_empty() {
+                        x
+                    } else {
+                        filtered(filters, x)
+                    };
+                    let x = self.entry.map_or(x, |entry| entry.at(n) * x);
+                    let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
                     let curve = match (gains, &self.curve) {
                         (Some(gains), _) => gains[at],
                         (None, Some(curve)) => curve.at(n),
@@ -220,8 +279,23 @@ impl Route {
     }
 }
 
-/// The high-passed sample. A sample that is not finite counts as 0: in the filter it would keep the channel silent long
+fn check_tone(tone: &Tone, rate: f64) -> Result<(), RouteError> {
+    let (word, cutoff) = (tone.word(), tone.frequency());
+    if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
+        return Err(RouteError::Tone { word, cutoff, rate });
+    }
+    match *tone {
+        Tone::Lowshelf { level, .. } | Tone::Highshelf { level, .. } if !level.is_finite() => {
+            Err(RouteError::Shelf { word, level })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The filtered sample. A sample that is not finite counts as 0: in a filter it would keep the channel silent long
 /// after its cause was muted.
-fn high_passed(section: &mut Section, x: f64) -> f64 {
-    section.next(if x.is_finite() { x } else { 0.0 }).high
+#[inline]
+fn filtered(filters: &mut [Filter], x: f64) -> f64 {
+    let x = if x.is_finite() { x } else { 0.0 };
+    filters.iter_mut().fold(x, |x, filter| filter.next(x))
 }

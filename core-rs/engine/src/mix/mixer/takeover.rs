@@ -1,14 +1,14 @@
 //! Takeover of the mixer of one version by that of the next.
 
 use super::{Mixer, Placed, Route, To};
-use crate::mix::delay::Delay;
 use crate::mix::glide::{Glide, glide_to_zero};
 
 impl Mixer {
     /// Take over the state of `old`: gains of groups, filters and delays of routes that both have, and rooms of the
     /// same name. Over 20 ms from the next multiple of 64 frames on, new routes fade in, routes that are gone fade out,
-    /// and changed gains glide, including that of all channels. Frozen outputs that are new, gone or moved fade in the
-    /// same way. Allocates and frees nothing: the delay and the curve of a route that fades out are moved out of `old`.
+    /// and changed gains glide, including that of all channels. A route with another shelf or delay is a new one, which
+    /// has the state of the old one. Frozen outputs that are new, gone or moved fade in the same way. Allocates and
+    /// frees nothing: filters, delay and curve of a route that fades out are moved out of `old`.
     ///
     /// `outputs`: for each output of `old`, the output here; `None` if they are the same.
     pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {
@@ -25,22 +25,26 @@ impl Mixer {
         for own in &mut self.routes {
             let is_same = |&at: &usize| own.continues(&old.routes[at], out(old.routes[at].out));
             let Some(at) = in_turn(next, n).find(is_same) else {
-                // A delay that begins empty is silent at first: fade in when its first sample comes out.
-                let lag = own.delay.as_ref().map_or(0, Delay::length);
+                // One that is like it, by other values, leads into it; both are heard while they change places.
+                let is_like = |&at: &usize| own.is_like(&old.routes[at], out(old.routes[at].out));
+                let like = in_turn(next, n).find(is_like).map(|at| &old.routes[at]);
+                let fade = Glide::between(self.rate, 0.0, 1.0);
+                let Some(before) = like else {
+                    let is_late = own.delay.is_some();
+                    (own.entry, own.fade) = (is_late.then_some(fade), (!is_late).then_some(fade));
+                    continue;
+                };
+                own.take_over(before);
+                // A longer delay is silent at first: fade in when its first sample comes out.
                 let mut fade = Glide::new(self.rate, 0.0);
-                fade.set_later(1.0, lag as u64);
-                own.fade = Some(fade);
+                fade.set_later(1.0, own.lag().saturating_sub(before.lag()) as u64);
+                (own.entry, own.fade) = (before.entry, Some(fade));
                 continue;
             };
             next = at + 1;
             let before = &old.routes[at];
-            if let (Some(section), Some(before)) = (&mut own.highpass, &before.highpass) {
-                section.take_over(before);
-            }
-            if let (Some(delay), Some(before)) = (&mut own.delay, &before.delay) {
-                delay.take_over(before);
-            }
-            own.fade = before.fade;
+            own.take_over(before);
+            (own.entry, own.fade) = (before.entry, before.fade);
             own.residual_gain = before.residual_gain;
             let (old_gain, new_gain) = (before.gain_at(old.frame), own.gain_at(old.frame));
             if new_gain == old_gain {
@@ -122,8 +126,10 @@ impl Mixer {
             }
             let Some(place) = places.next() else { return };
             let (delay, curve) = (before.delay.take(), before.curve.take());
+            let filters = std::mem::take(&mut before.filters);
             let mut route = Route {
                 out: own,
+                filters,
                 delay,
                 curve,
                 shared_curve: None,

@@ -1,7 +1,8 @@
 use super::route::DELAY_MAX;
 use super::*;
 use crate::maths;
-use crate::mix::curve::{Point, Way};
+use crate::mix::curve::{Pan, Point, Side, Way};
+use crate::mix::delay::Echo;
 
 /// Three outputs: noise, a small offset with noise (a hand that leans), and a constant with one broken sample.
 fn frames(n: usize) -> Vec<f64> {
@@ -147,16 +148,30 @@ fn hall() -> Mixer {
         };
         mixer.room(spec).unwrap();
     }
-    let point = |frame: i64, gain: f64| Point {
+    let point = |frame: i64, value: f64| Point {
         frame,
-        gain,
+        value,
         way: Way::Smooth,
     };
     let curve = Curve::new(vec![point(100, 0.1), point(3000, 1.0)]);
     let treatment = Treatment {
-        highpass: Some(8.0),
+        tones: vec![
+            Tone::Highpass { f: 8.0 },
+            Tone::Lowpass { f: 9_000.0 },
+            Tone::Highshelf {
+                f: 2_000.0,
+                level: -5.0,
+            },
+        ],
         delay: 37,
-        curve: Some(curve),
+        echo: Some(Echo {
+            frames: 30,
+            ratio: 0.5,
+        }),
+        curve: Some(curve.panned(Pan::new(
+            vec![point(0, -0.5), point(4000, 0.9)],
+            Side::Second,
+        ))),
     };
     mixer
         .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
@@ -258,9 +273,9 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
     assert!(same.chunks(2).all(|frame| frame == [0.5, 2.0]));
 }
 
-fn level(frame: i64, gain: f64) -> Point {
+fn level(frame: i64, value: f64) -> Point {
     let way = Way::Line;
-    Point { frame, gain, way }
+    Point { frame, value, way }
 }
 
 /// The output for an input of 1 over 3000 frames. At frame 1000 a mixer with another curve takes over: a curve of the
@@ -443,5 +458,96 @@ fn routes_with_a_delay_or_a_curve_fade_out_like_others() {
             assert_eq!(own[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
         }
         assert_eq!(heard, played(7));
+    }
+}
+
+/// The output for a tone of 100 Hz over 6000 frames; at frame 3000 a mixer with another treatment takes over.
+fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
+    let mixer = |treatment: &Treatment| {
+        let mut mixer = Mixer::new(44_100.0, 1, 1);
+        mixer
+            .treated(0, 0, To::Channel(0), 1.0, treatment.clone())
+            .unwrap();
+        mixer
+    };
+    let heard: Vec<f64> = (0..6000)
+        .map(|n| crate::maths::sin(f64::from(n) * 0.0142))
+        .collect();
+    let (mut old, mut new) = (mixer(before), mixer(after));
+    let mut mixed = vec![0.0; 6000];
+    old.process(&heard[..3000], &mut mixed[..3000]);
+    new.take_over(&mut old, None);
+    for (x, y) in heard[3000..]
+        .chunks(block)
+        .zip(mixed[3000..].chunks_mut(block))
+    {
+        new.process(x, y);
+    }
+    mixed
+}
+
+#[test]
+fn another_shelf_or_delay_takes_over_without_a_step() {
+    let shelf = |level: f64| Treatment {
+        tones: vec![Tone::Lowshelf { f: 900.0, level }],
+        ..Treatment::default()
+    };
+    let delay = |delay: usize, ratio: f64| Treatment {
+        delay,
+        echo: Some(Echo {
+            frames: delay,
+            ratio,
+        }),
+        ..Treatment::default()
+    };
+    let lowpass = |f: f64| Treatment {
+        tones: vec![Tone::Lowpass { f }],
+        ..Treatment::default()
+    };
+    for (before, after) in [
+        (shelf(-20.0), shelf(0.0)),
+        (delay(200, 0.0), delay(500, 0.0)),
+        (delay(500, 0.0), delay(200, 0.0)),
+        (delay(300, 0.0), delay(300, 0.1)),
+        (lowpass(80.0), lowpass(9_000.0)),
+        (lowpass(80.0), Treatment::default()),
+    ] {
+        let heard = retreated(&before, &after, 3000);
+        assert_eq!(retreated(&before, &after, 7), heard);
+        let steps = heard[2990..]
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs());
+        let steepest = steps.fold(0.0, f64::max);
+        assert!(steepest < 0.03, "{before:?} {after:?}: {steepest}");
+    }
+}
+
+#[test]
+fn refuses_filters_and_echoes_that_cannot_be() {
+    let mut mixer = Mixer::new(44_100.0, 1, 1);
+    let f = 30_000.0;
+    let tones = [
+        Tone::Lowpass { f },
+        Tone::Highshelf {
+            f: 900.0,
+            level: f64::NAN,
+        },
+    ];
+    for tone in tones {
+        let treatment = Treatment {
+            tones: vec![tone],
+            ..Treatment::default()
+        };
+        let error = mixer.treated(0, 0, To::Channel(0), 1.0, treatment);
+        assert!(error.unwrap_err().to_string().contains(tone.word()));
+    }
+    for (frames, ratio) in [(3, 1.0), (4, 0.5), (0, 0.5), (3, f64::NAN)] {
+        let endless = Treatment {
+            delay: 3,
+            echo: Some(Echo { frames, ratio }),
+            ..Treatment::default()
+        };
+        let error = mixer.treated(0, 0, To::Channel(0), 1.0, endless);
+        assert!(matches!(error, Err(RouteError::Echo(_))));
     }
 }

@@ -10,6 +10,7 @@ from ergon.common.errors import ErgonError
 
 BYTES_MAX = 4 << 20  # bytes
 ELEMENTS_MAX = 100_000
+_TYPE = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # that defines nothing itself
 _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
@@ -17,17 +18,25 @@ class XmlError(ErgonError, ValueError):
     """The text is not XML, or not XML that is read here."""
 
 
-def parse_xml(data: bytes) -> ElementTree.Element:
+def parse_xml(
+    data: bytes,
+    *,
+    bytes_max: int = BYTES_MAX,
+    elements_max: int = ELEMENTS_MAX,
+    has_type: bool = False,
+) -> ElementTree.Element:
     """The root of a document; its names are without namespaces. Raises XmlError.
 
     Only a document type can define entities, so a text without one can neither expand nor load
-    files.
+    files. With `has_type` it may name a type, of which nothing is read, and define nothing.
     """
-    if len(data) > BYTES_MAX:
-        raise XmlError(f"the XML is larger than {BYTES_MAX >> 20} MB")
+    if len(data) > bytes_max:
+        raise XmlError(f"the XML is larger than {bytes_max >> 20} MB")
     # A zero byte means UTF-16 or UTF-32, in which the search below would miss a document type.
     if b"\0" in data.rstrip(b"\0"):
         raise XmlError("the XML is not in UTF-8")
+    if has_type:
+        data = _TYPE.sub(b"", data, count=1)
     if _DEFINES.search(data):
         raise XmlError("the XML has a document type, which is not read")
     parser: Any = ElementTree.XMLPullParser(("end",))
@@ -36,8 +45,8 @@ def parse_xml(data: bytes) -> ElementTree.Element:
         root: ElementTree.Element | None = None
         for count, event in enumerate(parser.read_events()):
             root = event[1]
-            if count >= ELEMENTS_MAX:
-                raise XmlError(f"the XML has more than {ELEMENTS_MAX:,} elements")
+            if count >= elements_max:
+                raise XmlError(f"the XML has more than {elements_max:,} elements")
             assert root is not None
             root.tag = root.tag.rpartition("}")[2]
         parser.close()

@@ -1,0 +1,193 @@
+//! Filters of second order on a route.
+
+use crate::maths::{pow, sqrt};
+use crate::section::{BUTTERWORTH_2, Section};
+
+/// What a filter does. `f` is its cutoff or corner [Hz], above 0 and below half of the rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tone {
+    /// A Butterworth high-pass of order 2.
+    Highpass {
+        /// Cutoff [Hz], where the gain is -3 dB.
+        f: f64,
+    },
+    /// A Butterworth low-pass of order 2.
+    Lowpass {
+        /// Cutoff [Hz], where the gain is -3 dB.
+        f: f64,
+    },
+    /// A gain below a corner.
+    Lowshelf {
+        /// Corner [Hz], where the gain is half of `level` in decibels.
+        f: f64,
+        /// Gain far below [dB].
+        level: f64,
+    },
+    /// A gain above a corner.
+    Highshelf {
+        /// Corner [Hz], where the gain is half of `level` in decibels.
+        f: f64,
+        /// Gain far above [dB].
+        level: f64,
+    },
+}
+
+impl Tone {
+    /// Its cutoff or corner [Hz].
+    #[must_use]
+    pub fn frequency(&self) -> f64 {
+        match *self {
+            Self::Highpass { f } | Self::Lowpass { f } => f,
+            Self::Lowshelf { f, .. } | Self::Highshelf { f, .. } => f,
+        }
+    }
+
+    /// The name of what it does, as it is written on a route.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Highpass { .. } => "highpass",
+            Self::Lowpass { .. } => "lowpass",
+            Self::Lowshelf { .. } => "lowshelf",
+            Self::Highshelf { .. } => "highshelf",
+        }
+    }
+}
+
+/// What of a section's outputs a filter gives.
+#[derive(Clone, Copy, Debug)]
+enum Weights {
+    High,
+    Low,
+    /// Of input, band-pass and low-pass.
+    Shelf([f64; 3]),
+}
+
+/// A filter that runs.
+///
+/// Transfer functions are those of Bristow-Johnson's *Audio EQ Cookbook* (W3C Note, 2021): LPF and HPF with Q = 1/√2,
+/// lowShelf and highShelf with a slope of 1. They are computed by a trapezoidal state-variable section, mixed as by
+/// Simper (*Solving the continuous SVF equations using trapezoidal integration and equivalent currents*, 2013).
+#[derive(Clone, Debug)]
+pub(super) struct Filter {
+    tone: Tone,
+    section: Section,
+    weights: Weights,
+}
+
+impl Filter {
+    /// A filter at rest, at `rate` [Hz].
+    pub(super) fn new(tone: Tone, rate: f64) -> Self {
+        let section = |scale| Section::scaled(tone.frequency(), rate, BUTTERWORTH_2, scale);
+        let (section, weights) = match tone {
+            Tone::Highpass { .. } => (section(1.0), Weights::High),
+            Tone::Lowpass { .. } => (section(1.0), Weights::Low),
+            Tone::Lowshelf { level, .. } => {
+                let a = pow(10.0, level / 40.0);
+                let band = BUTTERWORTH_2 * (a - 1.0);
+                let weights = Weights::Shelf([1.0, band, a * a - 1.0]);
+                (section(1.0 / sqrt(a)), weights)
+            }
+            Tone::Highshelf { level, .. } => {
+                let a = pow(10.0, level / 40.0);
+                let band = BUTTERWORTH_2 * (1.0 - a) * a;
+                let weights = Weights::Shelf([a * a, band, 1.0 - a * a]);
+                (section(sqrt(a)), weights)
+            }
+        };
+        Self {
+            tone,
+            section,
+            weights,
+        }
+    }
+
+    /// Whether a change from the filter `before` to this one is heard as no step: they are equal, or passes of one
+    /// kind, whose state goes on.
+    pub(super) fn continues(&self, before: &Self) -> bool {
+        let is_pass = !matches!(self.weights, Weights::Shelf(_));
+        self.tone == before.tone || is_pass && self.is_of_kind(before)
+    }
+
+    /// Whether both do the same, by whatever values.
+    pub(super) fn is_of_kind(&self, other: &Self) -> bool {
+        self.tone.word() == other.tone.word()
+    }
+
+    /// Copy the state of another filter.
+    pub(super) fn take_over(&mut self, other: &Self) {
+        self.section.take_over(&other.section);
+    }
+
+    /// Filter the next sample.
+    #[inline]
+    pub(super) fn next(&mut self, x: f64) -> f64 {
+        let split = self.section.next(x);
+        match self.weights {
+            Weights::High => split.high,
+            Weights::Low => split.low,
+            Weights::Shelf([input, band, low]) => input * x + band * split.band + low * split.low,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths::{log10, sincos};
+    use std::f64::consts::TAU;
+
+    const RATE: f64 = 48_000.0;
+
+    /// Level of a filter at a frequency [dB], by a Fourier sum of its impulse response.
+    fn level(tone: Tone, f: f64) -> f64 {
+        let mut filter = Filter::new(tone, RATE);
+        let (mut re, mut im) = (0.0, 0.0);
+        for i in 0..40_000 {
+            let h = filter.next(if i == 0 { 1.0 } else { 0.0 });
+            let (sin, cos) = sincos(TAU * f * f64::from(i) / RATE);
+            re += h * cos;
+            im += h * sin;
+        }
+        10.0 * log10(re * re + im * im)
+    }
+
+    #[test]
+    fn passes_fall_by_three_decibels_at_their_cutoff() {
+        for f in [50.0, 1000.0, 15_000.0] {
+            let half = 10.0 * log10(0.5);
+            assert!((level(Tone::Lowpass { f }, f) - half).abs() < 1e-6);
+            assert!((level(Tone::Highpass { f }, f) - half).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn shelves_reach_their_level_and_half_of_it_at_the_corner() {
+        for (f, db) in [(200.0, 6.0), (3000.0, -12.0)] {
+            let (low, high) = (
+                Tone::Lowshelf { f, level: db },
+                Tone::Highshelf { f, level: db },
+            );
+            assert!((level(low, 0.5) - db).abs() < 1e-3);
+            assert!((level(low, f) - db / 2.0).abs() < 1e-6);
+            assert!(level(low, 0.5 * RATE).abs() < 1e-6);
+            assert!(level(high, 0.5).abs() < 1e-3);
+            assert!((level(high, f) - db / 2.0).abs() < 1e-6);
+            assert!((level(high, 0.5 * RATE) - db).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_shelf_of_zero_decibels_changes_nothing() {
+        let mut filter = Filter::new(
+            Tone::Highshelf {
+                f: 900.0,
+                level: 0.0,
+            },
+            RATE,
+        );
+        for x in [0.3, -1.0, 0.25, 1e-12] {
+            assert_eq!(filter.next(x), x);
+        }
+    }
+}

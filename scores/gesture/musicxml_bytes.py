@@ -1,0 +1,101 @@
+"""Files of MusicXML 4.0: plain XML, or compressed (.mxl: a ZIP whose container names the score)."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from ergon.common.regular import read_bounded
+from ergon.common.xml_text import XmlError, parse_xml
+from ergon.scores.gesture.take_file import TakeError
+
+SUFFIXES = (".musicxml", ".mxl", ".xml")
+MAX_BYTES = 16 << 20  # of a file, and of what it holds when it is unpacked
+MAX_ELEMENTS = 1_000_000
+MAX_ENTRIES = 1_000  # of a ZIP
+_CONTAINER = "META-INF/container.xml"
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+
+
+def read_root(path: Path) -> Element:
+    """The score of a file, by parts: `score-partwise`. Raises TakeError and OSError."""
+    data = read_bounded(path, MAX_BYTES)
+    if len(data) > MAX_BYTES:
+        raise TakeError(f"the file has more than {MAX_BYTES >> 20} MB", path)
+    try:
+        if data[:2] == b"PK":
+            data = _unpacked(data)
+        root = _parsed(data)
+    except (XmlError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        raise TakeError(str(error), path) from None
+    except (NotImplementedError, RuntimeError, OSError) as error:  # a ZIP of a kind of its own
+        raise TakeError(f"it cannot be unpacked: {error}", path) from None
+    if root.tag == "score-timewise":
+        return _by_parts(root)
+    if root.tag != "score-partwise":
+        raise TakeError(f"it is not a score of MusicXML: its root is {root.tag[:40]}", path)
+    return root
+
+
+def _parsed(data: bytes) -> Element:
+    for mark, encoding in _MARKS.items():
+        if data.startswith(mark):
+            try:
+                text = data.decode(encoding)
+            except UnicodeDecodeError:
+                raise XmlError(f"the XML is not in {encoding.upper()}, as it begins") from None
+            if text.startswith("<?xml"):  # which names an encoding
+                text = text.partition("?>")[2]
+            data = text.encode()
+    return parse_xml(data, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
+
+
+def _unpacked(data: bytes) -> bytes:
+    """The score in a compressed file."""
+    with zipfile.ZipFile(io.BytesIO(data)) as file:
+        names = file.namelist()
+        if len(names) > MAX_ENTRIES:
+            raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
+        name = _named(_entry(file, _CONTAINER)) if _CONTAINER in names else None
+        if name is None:
+            scores = (own for own in names if not own.startswith("META-INF/"))
+            name = next((own for own in scores if own.endswith((".xml", ".musicxml"))), None)
+        if name is None or name not in names:
+            raise XmlError("it holds no score" if name is None else f"it holds no {name[:80]}")
+        return _entry(file, name)
+
+
+def _named(container: bytes) -> str | None:
+    """The file that a container names first."""
+    named = parse_xml(container, has_type=True).find("rootfiles/rootfile")
+    return None if named is None else named.get("full-path")
+
+
+def _entry(file: zipfile.ZipFile, name: str) -> bytes:
+    with file.open(name) as entry:
+        data = entry.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise XmlError(f"its {name[:80]} has more than {MAX_BYTES >> 20} MB")
+    return data
+
+
+def _by_parts(root: Element) -> Element:
+    """A score by measures as one by parts."""
+    score = Element("score-partwise")
+    parts: dict[str, Element] = {}
+    for child in root:
+        if child.tag != "measure":
+            score.append(child)
+            continue
+        for content in child.findall("part"):
+            name = content.get("id", "")
+            if name not in parts:
+                parts[name] = Element("part", {"id": name})
+            measure = Element("measure", child.attrib)
+            measure.extend(content)
+            parts[name].append(measure)
+    score.extend(parts.values())
+    return score

@@ -1,0 +1,270 @@
+"""Notes, dynamics, tempos and meters of a score of MusicXML 4.0, in quarter notes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+from ergon.notation.clock.meter import MAX_BEATS, Bars, Meter, parse_meter
+from ergon.notation.clock.tempo import FASTEST, SLOWEST
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
+from ergon.scores.gesture.musicxml_bytes import read_root
+from ergon.scores.gesture.musicxml_notes import Event, Loudness, Pitch, XmlNotes
+from ergon.scores.gesture.musicxml_order import TooLongError, Turns, played, turns
+from ergon.scores.gesture.take_file import TakeError
+
+
+class XmlNote(NamedTuple):
+    """A note: its beginning and length in quarters, its name, its strength (None: none is said)."""
+
+    at: float
+    word: str
+    key: int  # of MIDI, the nearest one
+    strength: float | None
+    lasting: float
+
+
+@dataclass(frozen=True, slots=True)
+class XmlPart:
+    """A part: its id, its name, its notes in the order of time."""
+
+    id: str
+    name: str
+    notes: tuple[XmlNote, ...]
+
+    @property
+    def called(self) -> str:
+        """Its id, with its name."""
+        return f"{self.id} ({self.name})" if self.name else self.id
+
+
+@dataclass(frozen=True, slots=True)
+class XmlScore:
+    """What a file holds. Times are in quarter notes from the beginning of its first bar, which is
+    whole: before an upbeat there is a rest. `passed` counts what no part of ergon plays.
+    """
+
+    title: str
+    length: float
+    n_measures: int
+    parts: tuple[XmlPart, ...]
+    tempos: tuple[tuple[float, float], ...]  # quarter, quarters a minute
+    meters: tuple[tuple[float, str], ...]  # quarter, text
+    passed: Mapping[str, int]
+
+
+@dataclass(slots=True)
+class _Column:
+    """A measure in all parts, and its length in quarters."""
+
+    measures: dict[str, Element] = field(default_factory=dict)
+    length: Fraction = Fraction(0)
+    is_upbeat: bool = False
+
+
+def read_score(path: Path) -> XmlScore:
+    """The content of a file. Raises TakeError."""
+    try:
+        return _read(path, state_of(path))
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+
+
+@lru_cache(8)
+def _read(path: Path, _: FileState) -> XmlScore:
+    root = read_root(path)
+    try:
+        return _score(root)
+    except TooLongError as error:
+        raise TakeError(str(error), path) from None
+    except (ValueError, ZeroDivisionError) as error:
+        raise TakeError(f"it cannot be understood: {error}", path) from None
+
+
+def _score(root: Element) -> XmlScore:
+    ids = [part.get("id", "") for part in root.iterfind("part")]
+    names = {
+        own.get("id", ""): " ".join((own.findtext("part-name") or "").split())[:80]
+        for own in root.iterfind("part-list/score-part")
+    }
+    columns: list[_Column] = []
+    for part in root.iterfind("part"):
+        for index, measure in enumerate(part.iterfind("measure")):
+            if index == len(columns):
+                columns.append(_Column())
+            columns[index].measures[part.get("id", "")] = measure
+    marks: list[Turns] = turns([list(column.measures.values()) for column in columns])
+    passed: Counter[str] = Counter()
+    readers = {name: XmlNotes(passed) for name in ids}
+    meters: list[tuple[int, str]] = []  # index of the measure, text
+    read = _measures(columns, readers, meters)
+    tempos: list[tuple[Fraction, float]] = []
+    said: list[tuple[Fraction, str]] = []
+    at, first = Fraction(0), True
+    voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
+    order = played(marks)
+    n_notes = 0
+    for turn, index in enumerate(order, 1):
+        column = columns[index]
+        if first and column.is_upbeat:
+            at = _length(_current(meters, index)) - column.length
+        is_whole = (first and column.is_upbeat) or turn == len(order)
+        current = _fitted(_current(meters, index), Fraction(0) if is_whole else column.length)
+        if not said or said[-1][1] != current:
+            said.append((Fraction(0) if first else at, current))
+        for name in ids:
+            for event in read[index].get(name, ()):
+                voices[name].append((at, event))
+                n_notes += event.pitch is not None
+                if event.tempo is not None:
+                    tempos.append((at + event.at, event.tempo))
+        if n_notes > MAX_NOTES:
+            raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
+        at += column.length
+        first = False
+    parts = tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids)
+    title = root.findtext("work/work-title") or root.findtext("movement-title") or ""
+    changes = dict(sorted(tempos, key=lambda pair: pair[0]))
+    return XmlScore(
+        " ".join(title.split())[:200],
+        float(at),
+        len(order),
+        parts,
+        tuple((float(where), tempo) for where, tempo in changes.items()),
+        tuple((float(where), meter) for where, meter in said),
+        dict(passed),
+    )
+
+
+def _measures(
+    columns: Sequence[_Column],
+    readers: Mapping[str, XmlNotes],
+    meters: list[tuple[int, str]],
+) -> list[dict[str, list[Event]]]:
+    """Read each measure once; its length is that of its longest part, or of an empty bar."""
+    result: list[dict[str, list[Event]]] = []
+    meter = "4/4"
+    for index, column in enumerate(columns):
+        events: dict[str, list[Event]] = {}
+        for name, measure in column.measures.items():
+            own = readers[name].measure(measure)
+            events[name] = own.events
+            column.length = max(column.length, own.length)
+            if (own.meter is not None and own.meter != meter) or (own.meter and not meters):
+                meter = own.meter or meter
+                meters.append((index, meter))
+        nominal = _length(meter)
+        is_implicit = any(
+            m.get("implicit") == "yes" or m.get("number") == "0" for m in column.measures.values()
+        )
+        column.length = column.length or nominal
+        column.is_upbeat = index == 0 and is_implicit and column.length < nominal
+        result.append(events)
+    return result
+
+
+def _current(meters: Sequence[tuple[int, str]], index: int) -> str:
+    """The meter of a measure."""
+    return next((meter for where, meter in reversed(meters) if where <= index), "4/4")
+
+
+def _fitted(meter: str, length: Fraction) -> str:
+    """The meter of a measure of this length: its own, or that of an incomplete one. A length of 0
+    is any.
+    """
+    if not length or length == _length(meter):
+        return meter
+    unit = next((unit for unit in (4, 8, 16, 32, 64) if (length * unit / 4).denominator == 1), None)
+    return meter if unit is None else f"{int(length * unit / 4)}/{unit}"
+
+
+def _length(meter: str) -> Fraction:
+    """The length of a bar in quarters."""
+    beats, _, unit = meter.partition("/")
+    return sum(map(int, beats.split("+"))) * Fraction(4, int(unit))
+
+
+def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
+    """The notes of a part as they are played: ties join, and levels go by hairpins."""
+    loudness = Loudness([(start + event.at, event) for start, event in events])
+    joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
+    open_ties: dict[tuple[str, str], int] = {}  # by pitch and voice: the index of the note
+    for start, event in events:
+        if event.pitch is None:
+            continue
+        at, key = start + event.at, (event.pitch.word, event.voice)
+        if event.is_tied_from and key not in open_ties:  # a tie into another voice
+            key = next((other for other in open_ties if other[0] == key[0]), key)
+        index = open_ties.pop(key, None)  # many files say where ties begin, and not where they end
+        if index is not None and joined[index][0] + joined[index][1] == at:
+            begin, lasting, pitch, strength = joined[index]
+            joined[index] = begin, lasting + event.lasting, pitch, strength
+        else:
+            index = len(joined)
+            joined.append((at, event.lasting, event.pitch, loudness.strength(at, event)))
+        if event.is_tied_to:
+            open_ties[event.pitch.word, event.voice] = index
+    for at, lasting, pitch, strength in sorted(joined, key=lambda note: (note[0], note[2].key)):
+        yield XmlNote(float(max(at, 0)), pitch.word, pitch.key, strength, float(lasting))
+
+
+def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
+    """The notes of a part, by its id or name, or of all, and the length of the piece in quarters.
+
+    Raises TakeError.
+    """
+    score = read_score(path)
+    chosen = [own for own in score.parts if part in (None, own.id, own.name)]
+    notes = sorted(
+        (note for own in chosen for note in own.notes), key=lambda note: (note.at, note.key)
+    )
+    if notes:
+        return tuple(notes), score.length
+    there = ", ".join(own.called for own in score.parts if own.notes)
+    if not there:
+        raise TakeError("it has no notes", path)
+    what = "has no notes" if chosen else "is not there"
+    message = f"part {part} {what}; those with notes are {there}"
+    raise TakeError(message, path, field="channel")
+
+
+def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
+    """The tempos of a file: quarter notes from the beginning, and quarters a minute. Raises
+    TakeError.
+    """
+    tempos = read_score(path).tempos
+    for where, tempo in tempos:
+        if not SLOWEST <= tempo <= FASTEST:
+            message = f"its tempo {where:g} quarters after the beginning is {tempo:g} quarters a "
+            message += f"minute; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
+            raise TakeError(message, path)
+    # Without a tempo of its own a score goes as a MIDI file does.
+    return tempos if tempos and tempos[0][0] == 0.0 else ((0.0, 120.0), *tempos)
+
+
+def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
+    """The meters of a file: quarter notes from the beginning, and a meter. Raises TakeError for a
+    meter that no score has, and for one that does not begin on a bar line.
+    """
+    bars, result = Bars(), []
+    last_quarter, last_beat = 0.0, 0.0
+    for quarter, text in read_score(path).meters:
+        beat = bars.after_quarters(last_beat, quarter - last_quarter)
+        last_quarter, last_beat = quarter, beat
+        try:
+            meter = parse_meter(text)
+            if sum(meter.groups) > MAX_BEATS:
+                raise TextError(f"no score has a meter {text}")
+            bars.change(beat, meter)
+        except TextError as error:
+            message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
+            raise TakeError(message, path) from None
+        result.append((quarter, meter))
+    return tuple(result)

@@ -1,0 +1,342 @@
+"""What the measures of a part of a MusicXML score say: notes, dynamics, tempos, meters."""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+from ergon.notation.tables.strengths import DYNAMICS
+
+_GRACE = Fraction(1, 12)  # of a quarter: how long a grace note lasts, before the beat
+_STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
+_LETTERS = "CDEFGAB"
+_SIGNS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
+_SHARPS = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_STEP = 1.0 / (len(DYNAMICS) - 1)  # of strength, from one word to the next
+_MEZZO_FORTE = DYNAMICS.index("mf") * _STEP
+_FORTE = 90.0 / 127.0  # what `dynamics="100"` of a sound is, as a share of the largest velocity
+_STROKES = {"sf", "sfz", "sffz", "fz", "rf", "rfz", "sfzp", "sfp", "sfpp"}  # for one instant
+_UNITS = {
+    "breve": 8,
+    "whole": 4,
+    "half": 2,
+    "quarter": 1,
+    "eighth": 0.5,
+    "16th": 0.25,
+    "32nd": 0.125,
+}
+_NUMBER = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
+_METER = re.compile(r"[0-9]{1,3}(\+[0-9]{1,3}){0,15}/[0-9]{1,3}")
+# What a note or a direction may have that nothing plays.
+_PASSED = {
+    "notations/ornaments": "ornament",
+    "notations/arpeggiate": "arpeggio",
+    "notations/fermata": "fermata",
+    "notations/glissando": "glide",
+    "notations/slide": "glide",
+    "lyric": "syllable",
+    "direction-type/pedal": "pedal mark",
+    "direction-type/words": "direction",
+}
+
+
+class Pitch(NamedTuple):
+    """The name of a note as it sounds, and the nearest key of MIDI."""
+
+    word: str
+    key: int
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A note, or a mark without a pitch, so many quarters after the beginning of its measure.
+
+    `level` is a strength from here on, `then` the one after the notes of this instant; `swells` is
+    1 where a crescendo begins, -1 where a diminuendo does, 0 where it ends.
+    """
+
+    at: Fraction
+    pitch: Pitch | None = None
+    lasting: Fraction = Fraction(0)
+    voice: str = ""
+    is_tied_from: bool = False
+    is_tied_to: bool = False
+    is_accented: bool = False
+    strength: float | None = None  # of this note alone
+    level: float | None = None
+    then: float | None = None
+    swells: int | None = None
+    tempo: float | None = None  # quarters a minute
+
+
+@dataclass(slots=True)
+class MeasureContent:
+    """What a measure holds; its length in quarters; a meter that begins with it."""
+
+    events: list[Event] = field(default_factory=list)
+    length: Fraction = Fraction(0)
+    meter: str | None = None
+
+
+def number(text: str | None) -> Fraction | None:
+    """A number of a score; None if it is none."""
+    match = _NUMBER.fullmatch(text or "")
+    return None if match is None else Fraction(match[1])
+
+
+class XmlNotes:
+    """Reads the measures of one part in their order."""
+
+    def __init__(self, passed: Counter[str]) -> None:
+        """Start; what nothing plays is counted in `passed`."""
+        self._passed = passed
+        self._divisions = Fraction(1)
+        self._diatonic, self._chromatic = 0, Fraction(0)
+        self._is_respelled = False
+
+    def measure(self, measure: Element) -> MeasureContent:
+        """The content of the next measure."""
+        content = MeasureContent()
+        cursor = onset = Fraction(0)
+        graces: list[Event] = []
+        for own in measure:
+            if own.tag == "attributes":
+                self._attributes(own, content)
+            elif own.tag in ("backup", "forward"):
+                step = self._duration(own)
+                cursor = max(Fraction(0), cursor - step if own.tag == "backup" else cursor + step)
+            elif own.tag == "direction" or own.tag == "sound":
+                content.events += self._direction(own, cursor)
+            elif own.tag == "harmony":
+                self._passed["chord symbol"] += 1
+            elif own.tag == "note":
+                is_chord = own.find("chord") is not None
+                begin = onset if is_chord else cursor
+                is_grace, lasting = own.find("grace") is not None, self._duration(own)
+                if not is_chord and not is_grace:
+                    content.events += _before(graces, begin)
+                    graces = []
+                    onset, cursor = begin, cursor + lasting
+                note = self._note(own, begin, _GRACE if is_grace else lasting)
+                if note is not None:
+                    (graces if is_grace else content.events).append(note)
+            content.length = max(content.length, cursor)
+        content.events += _before(graces, cursor)
+        return content
+
+    def _duration(self, own: Element) -> Fraction:
+        return max(Fraction(0), number(own.findtext("duration")) or Fraction(0)) / self._divisions
+
+    def _attributes(self, own: Element, content: MeasureContent) -> None:
+        divisions = number(own.findtext("divisions"))
+        if divisions is not None and divisions > 0:
+            self._divisions = divisions
+        time = own.find("time")
+        if time is not None and time.find("beats") is not None:
+            pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
+            content.meter = _meter([(a.text or "", b.text or "") for a, b in pairs])
+            if content.meter is None:
+                self._passed["meter"] += 1
+        transpose = own.find("transpose")
+        if transpose is not None:
+            octaves = int(number(transpose.findtext("octave-change")) or 0)
+            diatonic = number(transpose.findtext("diatonic"))
+            self._is_respelled = diatonic is None
+            self._diatonic = int(diatonic or 0) + 7 * octaves
+            chromatic = number(transpose.findtext("chromatic")) or Fraction(0)
+            self._chromatic = chromatic + 12 * octaves
+
+    def _note(self, own: Element, at: Fraction, lasting: Fraction) -> Event | None:
+        if own.find("rest") is not None:
+            return None
+        for path, noun in _PASSED.items():
+            self._passed[noun] += own.find(path) is not None
+        if own.find("cue") is not None or lasting <= 0:
+            self._passed["cue note"] += 1
+            return None
+        pitch = self._pitch(own.find("pitch"))
+        if pitch is None:
+            self._passed["unpitched note"] += 1
+            return None
+        ties = {tie.get("type") for tie in own.iterfind("tie")}
+        played = own.find("notations/articulations")
+        marks = set() if played is None else {mark.tag for mark in played}
+        if {"staccato", "staccatissimo", "spiccato"} & marks and not ties:
+            lasting /= 2
+        loud = number(own.get("dynamics"))
+        return Event(
+            at,
+            pitch,
+            lasting,
+            own.findtext("voice") or "",
+            is_tied_from="stop" in ties,
+            is_tied_to="start" in ties,
+            is_accented=bool({"accent", "strong-accent"} & marks),
+            strength=None if loud is None else _share(loud),
+        )
+
+    def _pitch(self, own: Element | None) -> Pitch | None:
+        step = "" if own is None else (own.findtext("step") or "").strip()
+        octave = None if own is None else number(own.findtext("octave"))
+        if own is None or step not in _STEPS or octave is None or not -1 <= octave <= 10:
+            return None
+        alter = number(own.findtext("alter")) or Fraction(0)
+        place = _LETTERS.index(step) + 7 * int(octave)
+        moved = place + self._diatonic
+        alter += self._chromatic - (_height(moved) - _height(place))
+        key = 12 + _height(moved) + alter
+        nearest = math.floor(key + Fraction(1, 2))
+        if not 0 <= nearest <= 127:
+            return None
+        whole = int(alter)  # towards the natural note
+        if self._is_respelled or abs(whole) > 2:
+            name = f"{_SHARPS[nearest % 12]}{nearest // 12 - 1}"
+            cents = 100 * (key - nearest)
+        else:
+            name = f"{_LETTERS[moved % 7]}{_SIGNS[whole]}{moved // 7}"
+            cents = 100 * (alter - whole)
+        return Pitch(f"{name}{float(cents):+g}cents" if cents else name, nearest)
+
+    def _direction(self, own: Element, cursor: Fraction) -> Iterator[Event]:
+        at = cursor
+        if (offset := number(own.findtext("offset"))) is not None:
+            at = max(Fraction(0), cursor + offset / self._divisions)
+        sound = own if own.tag == "sound" else own.find("sound")
+        for path, noun in _PASSED.items():
+            self._passed[noun] += own.find(path) is not None
+        mark = _dynamics(own)
+        loud = None if sound is None else number(sound.get("dynamics"))
+        if mark is not None:
+            yield replace(mark, at=at)
+        elif loud is not None:
+            yield Event(at, level=_share(loud))
+        for wedge in own.iterfind("direction-type/wedge"):
+            kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
+            if (swells := kinds.get(wedge.get("type", ""))) is not None:
+                yield Event(at, swells=swells)
+        tempo = None if sound is None else number(sound.get("tempo"))
+        if tempo is None:
+            tempo = next(
+                filter(None, map(_metronome, own.iterfind("direction-type/metronome"))), None
+            )
+        if tempo is not None and tempo > 0:
+            yield Event(at, tempo=float(tempo))
+
+
+def _before(graces: Sequence[Event], at: Fraction) -> Iterator[Event]:
+    """Grace notes, one after the other before an instant."""
+    for index, grace in enumerate(graces):
+        yield replace(grace, at=at - (len(graces) - index) * _GRACE)
+
+
+def _height(place: int) -> int:
+    """Semitones of a natural note above C0."""
+    return 12 * (place // 7) + _STEPS[_LETTERS[place % 7]]
+
+
+def _share(percent: Fraction) -> float:
+    return min(1.0, max(0.0, float(percent) / 100.0 * _FORTE))
+
+
+def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
+    """A meter as a score writes it; of several parts as one sum over their smallest note."""
+    texts = [f"{beats.strip()}/{unit.strip()}" for beats, unit in parts]
+    if not texts or not all(_METER.fullmatch(text) for text in texts):
+        return None
+    units = [int(text.partition("/")[2]) for text in texts]
+    unit = max(units)
+    if min(units) < 1 or any(unit % own for own in units):
+        return None
+    groups = [
+        str(int(group) * unit // own)
+        for text, own in zip(texts, units, strict=True)
+        for group in text.partition("/")[0].split("+")
+    ]
+    return f"{'+'.join(groups)}/{unit}" if sum(map(int, groups)) else None
+
+
+def _dynamics(own: Element) -> Event | None:
+    """The dynamics of a direction."""
+    for dynamics in own.iterfind("direction-type/dynamics"):
+        for mark in dynamics:
+            word = mark.tag
+            if word in _STROKES:
+                return Event(Fraction(0), is_accented=True)
+            if word in ("fp", "pf"):
+                first, then = (DYNAMICS.index(sign) * _STEP for sign in word)
+                return Event(Fraction(0), level=first, then=then)
+            if set(word) <= {"p"} or set(word) <= {"f"}:
+                word = word[:3]
+            if word in DYNAMICS:
+                return Event(Fraction(0), level=DYNAMICS.index(word) * _STEP)
+    return None
+
+
+def _metronome(own: Element) -> Fraction | None:
+    """Quarters a minute of a metronome mark."""
+    unit, value = _UNITS.get(own.findtext("beat-unit") or ""), number(own.findtext("per-minute"))
+    if unit is None or value is None or len(own.findall("beat-unit")) != 1:
+        return None
+    dots = len(own.findall("beat-unit-dot"))
+    return value * Fraction(unit) * (2 - Fraction(1, 2**dots))
+
+
+class Loudness:
+    """The strength that marks say at each instant of a part."""
+
+    def __init__(self, marks: Sequence[tuple[Fraction, Event]]) -> None:
+        """`marks` are instants with their events, in the order in which they are written."""
+        marks = sorted(marks, key=lambda mark: mark[0])
+        self._strokes = {at for at, event in marks if event.pitch is None and event.is_accented}
+        self._levels = [(at, event) for at, event in marks if event.level is not None]
+        self._instants = [at for at, _ in self._levels]
+        self._swells: list[tuple[Fraction, Fraction, float, float]] = []
+        begun: tuple[Fraction, int] | None = None
+        for at, event in marks:
+            if event.swells:
+                begun = at, event.swells
+            elif event.swells == 0 and begun is not None:
+                self._add(*begun, at)
+                begun = None
+        self._begins = [begin for begin, *_ in self._swells]
+
+    def _add(self, begin: Fraction, direction: int, end: Fraction) -> None:
+        """A hairpin: up to the mark at its end or within a quarter of it, else by one word."""
+        low = self._at(begin)
+        low = _MEZZO_FORTE if low is None else low
+        place = bisect_right(self._instants, end - Fraction(1, 1024))
+        high = min(1.0, max(0.0, low + direction * _STEP))
+        if place < len(self._levels) and self._instants[place] <= end + 1:
+            high = self._levels[place][1].level or 0.0
+        if end > begin:
+            self._swells.append((begin, end, low, high))
+
+    def _at(self, at: Fraction) -> float | None:
+        """The strength without hairpins that go on at an instant."""
+        place = bisect_right(self._instants, at)
+        mark = self._levels[place - 1] if place else None
+        last = next((own for own in reversed(self._swells) if own[1] <= at), None)
+        if mark is None or (last is not None and last[1] > mark[0]):
+            return None if last is None else last[3]
+        instant, event = mark
+        return event.level if event.then is None or instant == at else event.then
+
+    def strength(self, at: Fraction, event: Event) -> float | None:
+        """The strength of a note; None if nothing is said."""
+        place = bisect_right(self._begins, at)
+        value = event.strength
+        if value is None:
+            value = self._at(at)
+            if place and at < self._swells[place - 1][1]:
+                begin, end, low, high = self._swells[place - 1]
+                value = low + (high - low) * float((at - begin) / (end - begin))
+        if event.is_accented or at in self._strokes:
+            value = min(1.0, (_MEZZO_FORTE if value is None else value) + _STEP)
+        return value

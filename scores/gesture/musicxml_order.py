@@ -1,0 +1,144 @@
+"""In which order the measures of a score of MusicXML are played: repeats, endings, jumps.
+
+Repeats are played before a jump (da capo, dal segno) and not after it; then the last ending is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from xml.etree.ElementTree import Element
+
+MAX_PLAYED = 20_000  # measures
+_PASSES_MAX = 100  # of one repeat
+
+
+class TooLongError(ValueError):
+    """A score that is longer than one that is read."""
+
+
+@dataclass(slots=True)
+class Turns:
+    """What a measure says of the order; `passes` is how often a repeat that ends here is played
+    (0: none ends), `endings` the passes in which it is played (none: all).
+    """
+
+    begins: bool = False
+    passes: int = 0
+    endings: frozenset[int] = frozenset()
+    jumps_to: str = ""  # the name of a segno, or "capo"
+    segnos: set[str] = field(default_factory=set)
+    codas: set[str] = field(default_factory=set)
+    to_coda: str = ""
+    is_fine: bool = False
+
+
+def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
+    """What measures say, each of them as all parts have it."""
+    result = [Turns() for _ in columns]
+    endings: frozenset[int] = frozenset()
+    for number, (own, measures) in enumerate(zip(result, columns, strict=True)):
+        opened, closed = _marks(measures, own)
+        endings = opened or endings
+        own.endings = endings
+        if closed:
+            endings = frozenset()
+        if own.passes == 1:  # a repeat without a number of times
+            last = max(own.endings, default=1)
+            own.passes = max(2, last + _follows(columns, number))
+    return result
+
+
+def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
+    """Whether another ending begins in the next measure."""
+    after = columns[number + 1] if number + 1 < len(columns) else ()
+    return any(own.get("type") == "start" for m in after for own in m.iterfind("barline/ending"))
+
+
+def _marks(measures: Sequence[Element], own: Turns) -> tuple[frozenset[int], bool]:
+    """Read the marks of a measure; the endings that begin in it, and whether endings end."""
+    opened: frozenset[int] = frozenset()
+    closed = False
+    for measure in measures:
+        for ending in measure.iterfind("barline/ending"):
+            if ending.get("type") == "start":
+                words = ending.get("number", "").replace(",", " ").split()
+                opened = frozenset(int(word) for word in words if word.isdigit() and len(word) < 3)
+            else:
+                closed = True
+        for repeat in measure.iterfind("barline/repeat"):
+            if repeat.get("direction") == "forward":
+                own.begins = True
+                continue
+            times = repeat.get("times", "")
+            known = int(times) if times.isdigit() and len(times) < 4 else 1
+            own.passes = max(own.passes, min(known, _PASSES_MAX))
+        for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
+            _sound(sound, own)
+    return opened, closed
+
+
+def _sound(sound: Element, own: Turns) -> None:
+    if sound.get("dacapo") == "yes":
+        own.jumps_to = "capo"
+    own.jumps_to = sound.get("dalsegno") or own.jumps_to
+    own.to_coda = sound.get("tocoda") or own.to_coda
+    own.is_fine |= bool(sound.get("fine"))
+    own.segnos |= {name for name in (sound.get("segno"),) if name}
+    own.codas |= {name for name in (sound.get("coda"),) if name}
+
+
+def played(measures: Sequence[Turns]) -> list[int]:
+    """The indices of measures in the order in which they are played. Raises TooLongError."""
+    result: list[int] = []
+    for number in _walk(measures):
+        if len(result) >= MAX_PLAYED:
+            raise TooLongError(f"it has more than {MAX_PLAYED:,} measures, with its repeats")
+        result.append(number)
+    return result
+
+
+def _walk(measures: Sequence[Turns]) -> Iterator[int]:
+    number, start, turn = 0, 0, 1
+    has_jumped = False
+    while number < len(measures):
+        own = measures[number]
+        if own.begins and number != start:
+            start, turn = number, 1
+        if own.endings and not _is_in_turn(measures, number, turn, has_jumped):
+            number += 1
+            if number < len(measures) and not measures[number].endings:
+                start, turn = number, 1
+            continue
+        yield number
+        if own.passes and not has_jumped and turn < own.passes:
+            turn += 1
+            number = start
+            continue
+        if has_jumped and own.is_fine:
+            return
+        if has_jumped and own.to_coda:
+            target = next((i for i, one in enumerate(measures) if own.to_coda in one.codas), None)
+            if target is not None and target > number:
+                number = start = target
+                turn = 1
+                continue
+        if own.jumps_to and not has_jumped:
+            names = (i for i, one in enumerate(measures) if own.jumps_to in one.segnos)
+            number = start = 0 if own.jumps_to == "capo" else next(names, 0)
+            has_jumped, turn = True, 1
+            continue
+        number += 1
+        is_over = number < len(measures) and own.endings and not measures[number].endings
+        if own.passes or is_over:
+            start, turn = number, 1
+
+
+def _is_in_turn(measures: Sequence[Turns], number: int, turn: int, has_jumped: bool) -> bool:
+    """Whether an ending is played in this pass; after a jump the last one is."""
+    if not has_jumped:
+        return turn in measures[number].endings
+    after = number
+    while after < len(measures) and measures[after].endings == measures[number].endings:
+        after += 1
+    return after >= len(measures) or not measures[after].endings

@@ -1,0 +1,105 @@
+"""Filters and delays of routes: their tables, and the objects that are read from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import log10
+from typing import Any, Literal
+
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import MISSING, Either
+
+Filtering = Literal["lowpass", "lowshelf", "highshelf"]
+DELAY_MAX = 10.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Tone:
+    """A filter of order 2: its frequency [Hz], and the level of a shelf [dB]."""
+
+    kind: Filtering
+    frequency: float
+    level: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """A delay [s], and the ratio at which what leaves it goes into it again."""
+
+    time: float
+    feedback: float = 0.0
+
+    def frames(self, rate: float) -> int:
+        """Frames that it takes."""
+        return int(self.time * rate + 0.5)
+
+
+def _shelf(values: Values) -> Any:
+    if values["f"] is None or values["gain"] is None:
+        return MISSING
+    if values["gain"] <= 0.0:
+        values.error("E202", f"{values.context.of('gain')} must be above x0", "gain")
+        return MISSING
+    return values["f"], 20.0 * log10(values["gain"])
+
+
+def _echo(values: Values) -> Any:
+    if values["time"] is None:
+        return MISSING
+    if values["feedback"] >= 1.0:
+        message = f"{values.context.of('feedback')} must be below 0dB, or echoes would not fall"
+        values.error("E202", message, "feedback")
+        return MISSING
+    return Echo(values["time"], values["feedback"])
+
+
+SHELF = Record(
+    "shelf",
+    "a gain below or above a frequency",
+    (
+        Field("f", k.HERTZ, "where half of the level in dB is reached", required=True),
+        Field("gain", k.GAIN, "level far below it (lowshelf) or above it", required=True),
+    ),
+    _shelf,
+)
+DELAY = Either(
+    k.DURATION,
+    Record(
+        "delay",
+        "a delay with echoes",
+        (
+            Field("time", k.DURATION, "from the sound to what is heard of it", required=True),
+            Field("feedback", k.GAIN, "level of each echo beside the one before", 0.0),
+        ),
+        _echo,
+    ),
+)
+
+
+def tones(values: Values) -> tuple[Tone, ...]:
+    """The filters of a route, in the order in which a sound passes them."""
+    return tuple(_tones(values))
+
+
+def _tones(values: Values) -> Iterator[Tone]:
+    if values["lowpass"] is not None:
+        yield Tone("lowpass", values["lowpass"])
+    shelves: tuple[Filtering, ...] = "lowshelf", "highshelf"
+    for kind in shelves:
+        if values[kind] is not None:
+            yield Tone(kind, *values[kind])
+
+
+def echo(values: Values) -> Echo | None:
+    """The delay of a route; a longer one than the engine has is reported."""
+    written = values["delay"]
+    if written is None:
+        return None
+    found = Echo(written) if isinstance(written, float) else written
+    if found.time > DELAY_MAX:
+        message = f"{values.context.of('delay')}: {found.time:g} s is above the maximum of "
+        values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
+        return None
+    return found
