@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
+from math import log2
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,9 +27,10 @@ from .outcome import Refused
 from .summary import print_finer_steps, print_rendered
 
 if TYPE_CHECKING:
-    from ergon.exchange.midi import Meter
+    from ergon.exchange.midi import Meter, NoteTrack
     from ergon.exchange.wave_header import Bits
     from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
 
 # The functions that write the files of parts, the endings of the files, and the options that each
 # format allows.
@@ -47,6 +50,8 @@ _OPTIONS = {
     "mdl": ("PART",),
     "csound": ("PART", "--upto"),
 }
+_DRUMS, _FIRST_DRUM = 9, 36  # channel from 0, and key of the first one
+_CHANNELS = [channel for channel in range(16) if channel != _DRUMS]
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
@@ -97,9 +102,9 @@ def export(
 ) -> None:
     """Write a piece, or its parts, for other programs.
 
-    daw: tempo.mid holds tempo, meters and markers; marks.csv the marks in bars and seconds; mix.wav
-    and stems/ the sound. All begin at the beginning of the piece: drag them to zero. A tempo map
-    that MIDI cannot represent is left out with a warning.
+    daw: tempo.mid holds tempo, meters, markers and the notes of each instrument; marks.csv the
+    marks in bars and seconds; mix.wav and stems/ the sound. All begin at the beginning of the
+    piece: drag them to zero. A tempo map that MIDI cannot represent is left out with a warning.
 
     modal: PART.csv of each instrument and key: its modes, and how much of a stroke is heard of
     each.
@@ -181,7 +186,7 @@ def _for_workstation(
     ]
     files = {marks_path: markers_csv(marks).encode()}
     try:
-        files = {tempo_path: _tempo_file(piece, end), **files}
+        files = {tempo_path: _tempo_file(piece, end, _note_tracks(stage)), **files}
     except ValueError as error:
         console.warn(f"{error}; {tempo_path} is left out, and the other files are written")
     done = None
@@ -198,9 +203,9 @@ def _for_workstation(
         print_finer_steps(console, done.reports)
 
 
-def _tempo_file(piece: Piece, end: float) -> bytes:
-    """The tempo map as MIDI, up to `end` [s], or up to the last change of tempo within an hour
-    after that. Raises ValueError where MIDI has no such tempo or meter.
+def _tempo_file(piece: Piece, end: float, tracks: Sequence[NoteTrack]) -> bytes:
+    """The tempo map and the notes as MIDI, up to `end` [s], or up to the last change of tempo
+    within an hour after that. Raises ValueError where MIDI has no such tempo or meter.
     """
     from ergon.exchange.midi import Marker, tempo_file
 
@@ -209,7 +214,37 @@ def _tempo_file(piece: Piece, end: float) -> bytes:
     written = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
     length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
     markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
-    return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title)
+    return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title, tracks)
+
+
+def _note_tracks(stage: Stage) -> list[NoteTrack]:
+    """A track for each instrument that is struck, at the nearest keys; those without a pitch share
+    the channel of drums, each at a key of its own.
+    """
+    from ergon.exchange.midi import Note, NoteTrack
+    from ergon.scores.staging.struck_notes import struck_notes
+
+    tempo = stage.piece.tempo_map
+    notes: dict[str, list[Note]] = {}
+    drums: dict[str, int] = {}  # by instrument: its key
+    for note in struck_notes(stage):
+        if note.pitch is None:
+            key = drums.setdefault(note.instrument, _FIRST_DRUM + len(drums))
+        else:
+            key = round(69.0 + 12.0 * log2(note.pitch / 440.0))
+        notes.setdefault(note.instrument, []).append(
+            Note(
+                tempo.beats(note.begin),
+                tempo.beats(note.end),
+                min(127, max(0, key)),
+                max(1, round(127.0 * note.strength)),
+            )
+        )
+    channels = cycle(_CHANNELS)
+    return [
+        NoteTrack(name, _DRUMS if name in drums else next(channels), own)
+        for name, own in notes.items()
+    ]
 
 
 def _meters(piece: Piece) -> list[Meter]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import asdict
+from math import log2, nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
     from ergon.view.curve import Curve
 
+_NOTES = "notes"  # in place of a name
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 
@@ -57,13 +60,17 @@ def plot(
     """Draw a gesture as written and as played, in the terminal or as SVG.
 
     NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
-    piece, or for a player the whole part. SCORE may also be a rendered WAV or FLAC file, without
-    NAME: then its waveform and spectrogram are drawn.
+    piece, or for a player the whole part. `notes` draws what is struck, a line for each note. SCORE
+    may also be a rendered WAV or FLAC file, without NAME: then its waveform and spectrogram are
+    drawn.
     """
     if Path(score_path).suffix.lower() in SUFFIXES:
         _sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
+    if name == _NOTES:
+        _notes(console, loaded, svg, width, height, force)
+        return
     if name is None:
         known = _known(score.piece_of(loaded))
         if not known:
@@ -84,6 +91,35 @@ def plot(
 
         picture = draw(curves, title=title, x_label="position [mm]")
         _write(console, svg, picture, force, loaded.inputs)
+
+
+def _notes(
+    console: Console, loaded: Loaded, svg: str | None, width: int | None, height: int, force: bool
+) -> None:
+    """Draw the notes of a piece: a line for each, as high as its pitch."""
+    from ergon.scores.staging.struck_notes import struck_notes
+    from ergon.view.curve import Curve
+
+    stage = score.stage_piece(loaded, None, console).stage
+    notes = [note for note in struck_notes(stage) if note.pitch is not None]
+    if not notes:
+        raise Refused("no instrument with a pitch is struck in this piece")
+    keys = [69.0 + 12.0 * log2((note.pitch or 440.0) / 440.0) for note in notes]
+    title = f"notes of {stage.piece.title or 'a piece'}"
+    if console.json:
+        for note in notes:
+            console.record("note", **asdict(note))
+    elif svg is None:
+        t = [instant for note in notes for instant in (note.begin, note.end, note.end)]
+        x = [height_of for key in keys for height_of in (key, key, nan)]
+        label = "time [s]; upwards keys of MIDI, 60 is C4"
+        console.data(f"{title}\n{_text([Curve(_NOTES, t, x)], width, height, label)}")
+    if svg is not None:
+        from ergon.view.roll import Bar, picture
+
+        pairs = zip(notes, keys, strict=True)
+        bars = [Bar(n.instrument, n.begin, n.end, key, n.strength) for n, key in pairs]
+        _write(console, svg, picture(bars, title=title), force, loaded.inputs)
 
 
 def _curves(

@@ -1,4 +1,4 @@
-"""The tempo map, meters and marks as a MIDI file of type 1 (Standard MIDI Files 1.0, RP-001).
+"""Tempo map, meters, marks and notes as a MIDI file of type 1 (Standard MIDI Files 1.0, RP-001).
 
 A ramp of tempo becomes steps of a sixteenth of a beat. MIDI counts microseconds per quarter note
 in whole numbers, so a tempo is rounded in the direction that reduces the time error so far.
@@ -16,6 +16,7 @@ PPQ = 960  # ticks per quarter note: a sixteenth of a beat is whole for beats of
 STEPS_PER_BEAT = 16
 _DRIFT = 2.0  # [us] a tempo is kept while its time error is at most this
 _TEMPO_MAX = 2**24 - 1  # [us per quarter note] three bytes
+_NOTE_OFF, _NOTE_ON = 0x80, 0x90
 _TEXT, _TRACK_NAME, _MARKER, _END, _TEMPO, _METER = 0x01, 0x03, 0x06, 0x2F, 0x51, 0x58
 
 
@@ -36,14 +37,36 @@ class Marker:
     beat: float
 
 
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A note from `begin` to `end` (beats from 0): a key from 0 to 127, a velocity from 1."""
+
+    begin: float
+    end: float
+    key: int
+    velocity: int
+
+
+@dataclass(frozen=True, slots=True)
+class NoteTrack:
+    """A track of notes on a channel from 0 to 15."""
+
+    name: str
+    channel: int
+    notes: Sequence[Note]
+
+
 def tempo_file(
     seconds_at: Callable[[float], float],
     length: float,
     meters: Sequence[Meter],
     markers: Sequence[Marker],
     title: str,
+    tracks: Sequence[NoteTrack] = (),
 ) -> bytes:
     """A file whose ticks count the beats 0 … `length` and whose tempo events give their seconds.
+
+    The tempo map is its first track; `tracks` are those after it.
 
     `seconds_at(beat)` [s] is the piece's tempo map. Raises ValueError if a tempo or a meter
     cannot be written in MIDI.
@@ -64,13 +87,31 @@ def tempo_file(
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
     add(max([length, *(marker.beat for marker in markers)]), 5, _END, b"")
-    events.sort(key=lambda event: event[:2])
+    written = [_track(events), *(_note_track(own, ruler) for own in tracks)]
+    return b"MThd" + struct.pack(">IHHH", 6, 1, len(written), PPQ) + b"".join(written)
+
+
+def _track(events: list[tuple[int, int, bytes]]) -> bytes:
+    """A track of events: tick, order within the tick, bytes."""
     track, before = bytearray(), 0
-    for tick, _, event in events:
+    for tick, _, event in sorted(events, key=lambda event: event[:2]):
         track += _variable(tick - before) + event
         before = tick
-    head = b"MThd" + struct.pack(">IHHH", 6, 1, 1, PPQ)
-    return head + b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
+    return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
+
+
+def _note_track(own: NoteTrack, ruler: _Ruler) -> bytes:
+    name = own.name.encode()
+    title = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
+    events: list[tuple[int, int, bytes]] = [(0, 0, title)]
+    last = 0
+    for note in own.notes:
+        begin = ruler.tick(note.begin)
+        end = max(begin + 1, ruler.tick(note.end))  # a note of no length would be none
+        events.append((begin, 2, bytes((_NOTE_ON | own.channel, note.key, note.velocity))))
+        events.append((end, 1, bytes((_NOTE_OFF | own.channel, note.key, 0))))
+        last = max(last, end)
+    return _track([*events, (last, 3, b"\xff" + bytes((_END, 0)))])
 
 
 class _Ruler:

@@ -1,0 +1,117 @@
+"""The notes of a staged piece: which instrument is struck when, at which pitch and how hard."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ergon._core import Impulse
+from ergon.instruments.assemble import Assembly
+from ergon.instruments.model import Instrument, Target
+from ergon.notation.tables.strengths import MEZZO_FORTE, Reach
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import Stage
+
+_TOGETHER = 1e-6  # [s] strikes of one stroke on several modules
+_LONGEST = 1.0  # [s] of a note that nothing ends, where no other follows
+
+
+@dataclass(frozen=True, slots=True)
+class StruckNote:
+    """A stroke on an instrument (one with `notes` is one instrument).
+
+    `pitch` [Hz] is None where the instrument has none, `strength` lies from 0 to 1. The note lasts
+    to its release, or to the next stroke of the same member, but not longer than a second.
+    """
+
+    instrument: str
+    member: str
+    pitch: float | None
+    begin: float
+    end: float
+    strength: float
+
+
+def struck_notes(stage: Stage) -> tuple[StruckNote, ...]:
+    """All strokes of `strikes` and rhythms, in the order of time. What hands play is not there."""
+    piece, families = stage.piece, stage.piece.note_families()
+    notes: list[StruckNote] = []
+    for name in _struck_parts(piece):
+        instrument = piece.instruments.get(name)
+        if instrument is not None:
+            notes += _of_part(stage, instrument, families.get(name, name))
+    return tuple(sorted(notes, key=lambda note: (note.begin, note.instrument, note.pitch or 0.0)))
+
+
+def _struck_parts(piece: Piece) -> list[str]:
+    targets = (target for strikes in piece.strikes for target in strikes.to)
+    return list(dict.fromkeys(target.part for target in targets))
+
+
+def _of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
+    assembly = stage.built.assembly
+    dampers = [
+        mat
+        for act in instrument.acts
+        if act.release is not None
+        for target in act.release.targets
+        for mat in _members(assembly, target)
+    ]
+    reach = instrument.acts[0].reach if instrument.acts else None
+    strokes = _strokes(stage, instrument.name, set(dampers))
+    lifted = sorted(
+        own.at for mat in dampers[:1] for own in _strikes_on(stage, mat) if own.impulse > 0.0
+    )
+    loudest = max((impulse for _, impulse in strokes), default=0.0)
+    for number, (begin, impulse) in enumerate(strokes):
+        after = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
+        let_down = next((at for at in lifted if at > begin + _TOGETHER), None)
+        end = min(after, begin + _LONGEST) if let_down is None else min(after, let_down)
+        yield StruckNote(
+            family,
+            instrument.name,
+            _pitch(instrument),
+            begin,
+            end,
+            _strength(impulse, loudest, reach),
+        )
+
+
+def _strokes(stage: Stage, part: str, dampers: set[int]) -> list[tuple[float, float]]:
+    """Instants [s] and impulses [N·s] of strokes; those of one instant are one."""
+    found: dict[int, tuple[float, float]] = {}
+    assembly = stage.built.assembly
+    targets = (target for strikes in stage.piece.strikes for target in strikes.to)
+    own = {target for target in targets if target.part == part}
+    mats = {mat for target in own for mat in _members(assembly, target)} - dampers
+    for mat in sorted(mats):
+        for stroke in _strikes_on(stage, mat):
+            key = round(stroke.at / _TOGETHER)
+            before = found.get(key, (stroke.at, 0.0))[1]
+            found[key] = stroke.at, max(before, abs(stroke.impulse))
+    return [stroke for _, stroke in sorted(found.items()) if stroke[1] > 0.0]
+
+
+def _strikes_on(stage: Stage, mat: int) -> Sequence[Impulse]:
+    assert stage.timeline is not None
+    return stage.timeline.strikes_on(mat)
+
+
+def _members(assembly: Assembly, target: Target) -> Sequence[int]:
+    return assembly.members(target) if (target.part, target.module) in assembly.mats else ()
+
+
+def _pitch(instrument: Instrument) -> float | None:
+    if instrument.pitch is not None:
+        return instrument.pitch
+    pitches = [module.fields.get("f") for module in instrument.modules]
+    known = [pitch for pitch in pitches if isinstance(pitch, float)]
+    return known[0] if len(known) == 1 else None
+
+
+def _strength(impulse: float, loudest: float, reach: Reach | None) -> float:
+    if reach is None or not 0.0 < reach.soft < reach.hard:
+        return MEZZO_FORTE.low * impulse / loudest
+    share = math.log(impulse / reach.soft) / math.log(reach.hard / reach.soft)
+    return min(1.0, max(0.0, share))
