@@ -212,7 +212,7 @@ def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
         if event.is_tied_to:
             open_ties[event.pitch.word, event.voice] = index
     for at, lasting, pitch, strength in sorted(joined, key=lambda note: (note[0], note[2].key)):
-        yield XmlNote(float(max(at, 0)), pitch.word, pitch.key, strength, float(lasting))
+        yield XmlNote(float(max(at, Fraction(0))), pitch.word, pitch.key, strength, float(lasting))
 
 
 def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:

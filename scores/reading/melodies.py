@@ -16,7 +16,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
-from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Reach
 from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
@@ -24,8 +24,9 @@ from ergon.scores.gesture.midi_file import MidiNotes
 from ergon.scores.gesture.note_files import SUFFIXES, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.transforms import Transform
-from ergon.scores.reading.melody import NoteTargets, Row, length_of, transformed
+from ergon.scores.reading.melody import NoteTargets, Row, transformed
 from ergon.scores.reading.phrase_do import phrase_do
+from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes
 
 _PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
@@ -76,7 +77,7 @@ def hits_of(
     who = f"strikes {quote(values.context.name)}"
     if kind_of(values) == "entries":
         voices = NoteTargets(part_names, values["to"] or ())
-        rows = _with_levels(values["entries"], values["impulse"])
+        rows = with_levels(values["entries"], values["impulse"])
         return _hits(rows, voices, who), None
     phrase = phrases.get(values["play"])
     if not isinstance(phrase, Values):
@@ -88,7 +89,8 @@ def hits_of(
     do = phrase_do(values)
     if do is None:
         return None
-    found = played(phrase, values, do[0], NoteTargets(part_names, notes_in(phrase, values)), files)
+    voices = NoteTargets(part_names, notes_in(phrase, values))
+    found = played(phrase, values, do[0], voices, files, phrases)
     if not (values.written("to", "transpose", "do") or is_midi(phrase)):
         who = phrase.context.of("")  # a name that is unknown is the phrase's
     return None if found is None else (_hits(found[0], found[1], who), found[2])
@@ -125,6 +127,7 @@ def played(
     chain: Iterable[Transform],
     voices: NoteTargets,
     files: Files,
+    phrases: Mapping[str, Any],
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
     """The rows of a phrase as strikes play them after the transformations of a `chain`, with the
     notes they may name and the phrase's length; None if an error was reported.
@@ -136,20 +139,12 @@ def played(
         rows, length = tune
         if values.written("impulse") and not phrase.written("velocity"):
             rows = tuple(replace(row, level=None) for row in rows)
-        rows = _with_levels(rows, values["impulse"])
+        rows = with_levels(rows, values["impulse"])
     else:
-        rows = _with_levels(phrase["entries"], values["impulse"] or phrase["impulse"])
-        length = length_of(rows, phrase["length"])
-        if length is not None and phrase["do"]:
-            try:
-                rows, length = transformed(rows, length, phrase["do"], voices.mirrored)
-            except TextError as error:
-                phrase.error("E306", f"{phrase.context.of('do')}: {error.message}", "do")
-                return None
-    if length is None:
-        message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
-        phrase.error("E103", message, "entries")
-        return None
+        own = phrase_rows(phrase, phrases, voices, values["impulse"])
+        if own is None:
+            return None
+        rows, length = own
     try:
         if (interval := values["transpose"]) is not None:
             rows = tuple(
@@ -227,20 +222,6 @@ def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
     """The value between two ends for a velocity from 1 to 127, computed in exact fractions."""
     low, high = (Fraction(repr(end)) for end in ends)
     return float(low + (high - low) * curve.share(velocity, 1))
-
-
-def _with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
-    """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
-    that say none.
-    """
-    result, before = [], None
-    for number, row in enumerate(rows):
-        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
-        is_pattern = levels is not None and len(levels.steps) > 1
-        result.append(replace(row, level=before) if row.level != before else row)
-        if is_pattern and row.level is None:
-            before = None  # the next row has the next level of the pattern
-    return tuple(result)
 
 
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import floor
-from typing import Any
+from typing import Any, NamedTuple
 
 from ergon.instruments.model import Target
 from ergon.instruments.names import PartNames
@@ -57,6 +57,7 @@ class Row:
     before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
     jitter: Length = _STILL  # how far chance moves it, earlier or later
     lasting: Length | None = None  # None: it has no end
+    swells: bool = False  # to the next level that is written
 
 
 class WhatShape(Reference):
@@ -110,15 +111,37 @@ def _struck(word: str, start: int, node: Scalar, name: str, context: Context) ->
     return Name(note or word, node.place_at(start, len(word)))
 
 
+class Swelling(NamedTuple):
+    """A level, and whether it leads to the next one that is written: `p ->`."""
+
+    level: Level
+    swells: bool
+
+
+def _swelling(text: str) -> Swelling:
+    word = text.rstrip()
+    swells = word.endswith("->")
+    return Swelling(LEVEL.parse(word[:-2].rstrip() if swells else text), swells)
+
+
+SWELLING = replace(
+    LEVEL,
+    parse=_swelling,
+    what=f"{LEVEL.what}; p -> leads to the next one",
+    pattern=f"{(LEVEL.pattern or '$')[:-1]}( *->)?$",
+)
+
+
 def _row(values: Values) -> Row:
-    return Row(values["at"], values["what"], values["impulse"], values.node.place)
+    level, swells = values["impulse"] or (None, False)
+    return Row(values["at"], values["what"], level, values.node.place, swells=swells)
 
 
 def _entry(at: Text, doc: str) -> Record:
     fields = (
         Field("at", at, doc, required=True),
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
-        Field("impulse", LEVEL, "how strongly", shown="that of the strike before"),
+        Field("impulse", SWELLING, "how strongly", shown="that of the strike before"),
     )
     doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
     return Record("strike", doc, fields, _row, foreign=foreign)
@@ -137,7 +160,7 @@ class Entries(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, document.Sequence):
-            return ListOf(self.entry, 1, MAX_ROWS).read(node, name, context)
+            return _checked(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
         found, is_broken = [], False
@@ -151,12 +174,19 @@ class Entries(Shape):
         if not found and not is_broken:
             context.error("E106", f"{context.of(name)}: the table has no row", node.place)
             return MISSING
-        return MISSING if is_broken else tuple(found)
+        return MISSING if is_broken else _checked(tuple(found), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
         (at, start), rest = cells[0], cells[1:]
-        impulse = None
+        impulse, swells = None, bool(rest) and rest[-1][0] == "->"
+        if swells:
+            word, start_of_arrow = rest.pop()
+            if not rest or not is_level(rest[-1][0]):
+                message = "`->` leads from a level to the next one: write p -> in this row"
+                place = node.place_at(start_of_arrow, len(word))
+                context.error("E204", message, place)
+                return None
         if rest and _is_impulse(rest[-1][0], node, is_alone=len(rest) == 1):
             impulse = self._value("impulse", *rest.pop(), node, context)
         when = self._value("at", at, start, node, context)
@@ -168,7 +198,8 @@ class Entries(Shape):
         if when is MISSING or impulse is MISSING or None in names:
             return None
         struck = tuple(name for name in names if name is not None)
-        return Row(when, struck, impulse, node.place_at(start, len(at)))
+        level = impulse and impulse.level
+        return Row(when, struck, level, node.place_at(start, len(at)), swells=swells)
 
     def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
         shape = self.entry.by_name[field].shape
@@ -193,6 +224,30 @@ class Entries(Shape):
         """In words."""
         at = "1|1" if self.entry is ENTRY else "1/2"
         return f"a list of strikes, or a table below '|' with rows such as {at}  D3 F3  2mNs"
+
+
+def _checked(rows: Any, context: Context) -> Any:
+    """Rows, unless one swells to no level, or to one of another kind."""
+    if rows is MISSING:
+        return MISSING
+    known = [row for row in rows if isinstance(row, Row)]
+    for number, row in enumerate(known):
+        if not row.swells or row.level is None:
+            continue
+        end = next((own.level for own in known[number + 1 :] if own.level is not None), None)
+        if end is None:
+            message = "`->` leads to the next level, and no entry after this one has a level"
+        elif end.is_strength != row.level.is_strength or not (_is_one(row.level) and _is_one(end)):
+            message = "`->` leads from one level to another of its kind, such as p -> and f"
+        else:
+            continue
+        context.error("E204", message, row.place)
+        return MISSING
+    return rows
+
+
+def _is_one(level: Level) -> bool:
+    return level.low == level.high and level.factor == 1.0
 
 
 # --- phrases ------------------------------------------------------------------------------------

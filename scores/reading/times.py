@@ -160,10 +160,11 @@ class Times:
             for hit in strikes.hits:
                 if isinstance(hit.at, Position):
                     self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
-        fades = [route.fade for route in piece.mix.routes]
-        fades += [piece.mix.master.fade] if piece.mix.master else []
-        pans = [route.pan_path for route in piece.mix.routes]
-        for point in (point for path in (*fades, *pans) for point in path):
+        routes = piece.mix.routes
+        fades = [point for route in routes for point in route.fade]
+        fades += piece.mix.master.fade if piece.mix.master else ()
+        pans = [point for route in routes for point in route.pan_path]
+        for point in (*fades, *pans):
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:

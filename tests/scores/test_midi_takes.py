@@ -261,14 +261,14 @@ def test_a_tune_presses_a_key(tmp_path):
         ),
         (
             "takes: {t: {file: tune.mid, rate: 3kHz, velocity: 1mNs}}\n",
-            ("E111", 6, "rate of take 't': a MIDI file has no rate; remove it"),
+            ("E111", 6, "rate of take 't': a file of notes has no rate; remove it"),
         ),
         (
             "takes: {t: {file: tune.csv, velocity: 1mNs}}\n",
             (
                 "E111",
                 6,
-                "velocity of take 't': a take that is no MIDI file has no velocity; remove it",
+                "velocity of take 't': a take that is not a MIDI or MusicXML file has no velocity",
             ),
         ),
         (

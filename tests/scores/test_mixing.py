@@ -235,10 +235,10 @@ def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
         ("lowpass: 0Hz", "E202", "lowpass"),
         ("lowshelf: {f: 200Hz}", "E103", "gain"),
         ("lowshelf: {f: 200Hz, gain: x0}", "E202", "must be above x0"),
-        ("highshelf: 3kHz", "E104", "highshelf"),
+        ("highshelf: 3kHz", "E106", "highshelf"),
         ("delay: 11s", "E202", "above the maximum of 10 s"),
         ("delay: {time: 1s, feedback: 0dB}", "E202", "below 0dB"),
-        ("delay: 250", "E201", "250"),
+        ("delay: 250", "E203", "no unit"),
     ],
 )
 def test_mistakes_of_treatments_have_places(treated, code, words):

@@ -1,0 +1,130 @@
+"""The strikes of a phrase: those of phrases that it names among its entries, too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.melody import MAX_ROWS, NoteTargets, Row, length_of, transformed
+
+_DEEPEST = 20  # phrases inside one another
+
+
+def phrase_rows(
+    phrase: Values,
+    phrases: Mapping[str, Any],
+    voices: NoteTargets,
+    levels: Levels | None = None,
+    above: tuple[str, ...] = (),
+) -> tuple[tuple[Row, ...], Length] | None:
+    """The strikes of a phrase after its own transformations, and its length; None if an error was
+    reported.
+
+    `levels` are those of entries that say none; `above` the names of phrases that it is in.
+    """
+    entries: Sequence[Row] | None = phrase["entries"]
+    if entries is None:  # a mistake in them was reported
+        return None
+    rows: list[Row] = []
+    inner_end: float | None = 0.0
+    for written, row in zip(
+        entries, with_levels(entries, levels or phrase["impulse"]), strict=True
+    ):
+        name = row.what[0]
+        named = phrases.get(name) if len(row.what) == 1 else None
+        if not isinstance(named, Values) or named.record is not phrase.record:
+            rows.append(row)
+            continue
+        path = (*above, phrase.context.name, str(name))
+        if name in path[:-1] or len(path) > _DEEPEST:
+            message = f"{phrase.context.of('')}: the phrases form a circle: {' -> '.join(path)}"
+            phrase.context.error("E302", message, row.place)
+            return None
+        own_levels = None if written.level is None else Levels((written.level,))
+        found = phrase_rows(named, phrases, voices, own_levels, path[:-1])
+        if found is None:
+            return None
+        inner, length = found
+        assert isinstance(row.at, Length)
+        rows += (_moved(own, row.at, named, voices) for own in inner)
+        inner_end = _later(inner_end, row.at, length)
+        if len(rows) > MAX_ROWS:
+            message = f"{phrase.context.of('')} has more than {MAX_ROWS:,} strikes"
+            phrase.context.error("E105", message, row.place)
+            return None
+    length_here = length_of(rows, phrase["length"])
+    if length_here is not None and phrase["length"] is None:
+        if inner_end is None:
+            length_here = None
+        elif inner_end > length_here.beats:
+            length_here = Length(beats=inner_end)
+    if length_here is None:
+        message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
+        phrase.error("E103", message, "entries")
+        return None
+    try:
+        return transformed(rows, length_here, phrase["do"] or (), voices.mirrored)
+    except TextError as error:
+        phrase.error("E306", f"{phrase.context.of('do')}: {error.message}", "do")
+        return None
+
+
+def _later(end: float | None, begin: Length, length: Length) -> float | None:
+    """The later end of two, in beats; None if one is not in beats."""
+    lengths = (begin, length)
+    if end is None or any(own.bars or own.seconds for own in lengths):
+        return None
+    return max(end, begin.beats + length.beats)
+
+
+def _moved(row: Row, begin: Length, named: Values, voices: NoteTargets) -> Row:
+    """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
+    where that is not the other's.
+    """
+    assert isinstance(row.at, Length)
+    bars, beats = begin.bars + row.at.bars, begin.beats + row.at.beats
+    moved = replace(row, at=Length(bars, beats, begin.seconds + row.at.seconds))
+    to = named["to"] or ()
+    if not to or tuple(to) == tuple(voices.to):
+        return moved
+    what = tuple(Name(f"{own}.{word}", word.place) for own in to for word in row.what)
+    return replace(moved, what=what, before=())
+
+
+def with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
+    """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
+    that say none.
+    """
+    result, before = [], None
+    for number, row in enumerate(rows):
+        before = row.level or before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
+        is_pattern = levels is not None and len(levels.steps) > 1
+        result.append(replace(row, level=before) if row.level != before else row)
+        if is_pattern and row.level is None:
+            before = None  # the next row has the next level of the pattern
+    return tuple(_swollen(rows, result))
+
+
+def _swollen(written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
+    """Rows whose levels go evenly, strike by strike, from each that swells to the next level that
+    is written.
+    """
+    begin, end = 0, 0
+    for number, row in enumerate(rows):
+        if written[number].swells:
+            begin = number
+            after = (n for n in range(number + 1, len(rows)) if written[n].level is not None)
+            end = next(after, number)
+        low, high = rows[begin].level, rows[end].level
+        if begin < number < end and low is not None and high is not None:
+            share = (number - begin) / (end - begin)
+            value = low.low + (high.low - low.low) * share
+            yield replace(row, level=Level(value, value, low.is_strength))
+        else:
+            yield row
