@@ -17,6 +17,7 @@ _playing = options.several(
         metavar="POSITION",
         help="Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
     ),
+    click.option("--until", metavar="POSITION", help="Where to stop, such as '5|1'."),
     options.sound,
     click.option(
         "--record-input",
@@ -24,7 +25,11 @@ _playing = options.several(
         help="Write what inputs hear into a new file, for `ergon render --input`.",
     ),
     options.frozen,
-    click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
+    click.option(
+        "--loop",
+        is_flag=True,
+        help="Begin again at the end, until Ctrl-C; with --until again at --from.",
+    ),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
     options.osc,
     options.view,
@@ -113,6 +118,7 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
             shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
             if not asked.loop or (osc is not None and osc.stopped):
                 return
-            config = replace(config, start=0)
+            if asked.until is None:
+                config = replace(config, start=0)
     finally:
         ready.close()

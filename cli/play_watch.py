@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _LOOK = 0.1  # [s] between two looks for messages
 # Options that a session does not have: it has no end, and makes its own plan.
-_EXCLUDED = ("loop", "method", "error", "cents", "plan", "draft", "seed", "see")
+_EXCLUDED = ("until", "loop", "method", "error", "cents", "plan", "draft", "seed", "see")
 
 
 def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: bool) -> None:

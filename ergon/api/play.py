@@ -38,15 +38,17 @@ _NOT_HERE = ("N401",)  # a note that a live hand is absent: `play` shows that it
 class PlayOptions(AccuracyOptions, PerformanceOptions):
     """How a score is played.
 
-    `from_` is the position to begin at; with `loop` the piece begins again at its end. OSC requests
-    are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
+    `from_` is the position to begin at, `until` the one to stop at; with `loop` the piece
+    begins again at its end, or what lies between the two does. OSC requests are accepted at
+    `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
     PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
     PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
-    hands do, `record_input` the new WAVE file of what inputs hear, `frozen` the folder of frozen
-    parts.
+    hands do, `record_input` the new WAVE file of what inputs hear, `frozen` the folder of
+    frozen parts.
     """
 
     from_: str | None = None
+    until: str | None = None
     loop: bool = False
     osc: str | None = None
     osc_to: str | None = None
@@ -194,6 +196,14 @@ def _config(
         if start >= stage.n_frames:
             end = scores.where(piece, stage.n_frames / stage.rate)
             raise OptionError("from_", f"the piece ends at {end}", value=options.from_)
+    end = None
+    if options.until is not None:
+        end = int(scores.instant(piece, options.until, "until") * stage.rate + 0.5)
+        if end <= start:
+            where = scores.where(piece, start / stage.rate)
+            message = f"it begins at {where}; stop later than that"
+            raise OptionError("until", message, value=options.until)
+        end = min(end, stage.n_frames)
     master = piece.mix.master
     limit = master.limit if master is not None and master.limit is not None else 1.0
     written = options.record or options.record_input
@@ -208,6 +218,7 @@ def _config(
         highpass=HIGHPASS,
         reference=piece.mix.reference(),
         start=start // tick_frames(stage) * tick_frames(stage),
+        end=end,
         boards=boards,
         guides=guide_stiffnesses(piece, boards, options.guide),
         force_max=options.force_max,

@@ -39,6 +39,7 @@ class PlaybackConfig:
     highpass: float | None = None
     reference: float | None = None
     start: int = 0
+    end: int | None = None  # the frame of the piece at which it stops before its end
     boards: Sequence[Board] = ()
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
     force_max: float | None = None
@@ -106,7 +107,7 @@ def perform(
         about = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
         record = _core.RecordTarget(config.record, axes, about)
     fades_from = None
-    if stage.fades_from is not None and not config.endless:
+    if stage.fades_from is not None and not config.endless and config.end is None:
         fades_from = max(0, stage.fades_from - config.start // tick * tick)
     try:
         window = config.pages and config.pages.window(stage, simulation)
@@ -117,7 +118,7 @@ def perform(
             audio=config.audio,
             gain=config.gain,
             limit=config.limit,
-            n_frames=None if config.endless else stage.n_frames,
+            n_frames=None if config.endless else config.end or stage.n_frames,
             fades_from=fades_from,
             hands=hands,
             boards=boards,

@@ -54,7 +54,15 @@ def test_a_position_that_is_none_is_refused_and_the_session_is_closed(at: Steppe
 
 
 @pytest.mark.parametrize(
-    "option", [["--loop"], ["--draft"], ["--seed", "2"], ["--strict"], ["--error", "-40dB"]]
+    "option",
+    [
+        ["--loop"],
+        ["--until", "2|1"],
+        ["--draft"],
+        ["--seed", "2"],
+        ["--strict"],
+        ["--error", "-40dB"],
+    ],
 )
 def test_what_a_session_cannot_do_is_refused(
     option: list[str],
