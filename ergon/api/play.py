@@ -194,9 +194,9 @@ def _config(
     if options.from_ is not None:
         start = int(scores.instant(piece, options.from_, "from_") * stage.rate + 0.5)
         if start >= stage.n_frames:
-            end = scores.where(piece, stage.n_frames / stage.rate)
-            raise OptionError("from_", f"the piece ends at {end}", value=options.from_)
-    end = None
+            where = scores.where(piece, stage.n_frames / stage.rate)
+            raise OptionError("from_", f"the piece ends at {where}", value=options.from_)
+    end: int | None = None
     if options.until is not None:
         end = int(scores.instant(piece, options.until, "until") * stage.rate + 0.5)
         if end <= start:

@@ -19,6 +19,7 @@ from ergon.scores.gesture.note_files import meters_of, tempos_of
 from ergon.scores.reading import build
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.midi_uses import MidiUses
+from ergon.scores.reading.mixing import FadePoint, PanPoint
 from ergon.scores.reading.piece import Mark, Piece, TempoEntry
 
 
@@ -161,10 +162,10 @@ class Times:
                 if isinstance(hit.at, Position):
                     self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
         routes = piece.mix.routes
-        fades = [point for route in routes for point in route.fade]
-        fades += piece.mix.master.fade if piece.mix.master else ()
-        pans = [point for route in routes for point in route.pan_path]
-        for point in (*fades, *pans):
+        paths = [*(route.fade for route in routes), *(route.pan_path for route in routes)]
+        points: list[FadePoint | PanPoint] = [point for path in paths for point in path]
+        points += piece.mix.master.fade if piece.mix.master else ()
+        for point in points:
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:
