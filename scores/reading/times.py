@@ -162,8 +162,8 @@ class Times:
                 if isinstance(hit.at, Position):
                     self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
         routes = piece.mix.routes
-        paths = [*(route.fade for route in routes), *(route.pan_path for route in routes)]
-        points: list[FadePoint | PanPoint] = [point for path in paths for point in path]
+        points: list[FadePoint | PanPoint] = [point for route in routes for point in route.fade]
+        points += [point for route in routes for point in route.pan_path]
         points += piece.mix.master.fade if piece.mix.master else ()
         for point in points:
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
