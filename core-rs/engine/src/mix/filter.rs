@@ -102,11 +102,9 @@ impl Filter {
         }
     }
 
-    /// Whether a change from the filter `before` to this one is heard as no step: they are equal, or passes of one
-    /// kind, whose state goes on.
+    /// Whether both do the same by the same values, so that a change from one to the other is no step.
     pub(super) fn continues(&self, before: &Self) -> bool {
-        let is_pass = !matches!(self.weights, Weights::Shelf(_));
-        self.tone == before.tone || is_pass && self.is_of_kind(before)
+        self.tone == before.tone
     }
 
     /// Whether both do the same, by whatever values.

@@ -180,7 +180,7 @@ impl Route {
             && self.pairs(before, Filter::is_of_kind)
     }
 
-    /// Whether it continues the route `before` without a step: only gains and cutoffs differ.
+    /// Whether it continues the route `before` without a step: only gains differ.
     pub(super) fn continues(&self, before: &Self, out: Option<usize>) -> bool {
         let echo = |route: &Self| {
             let delay = route.delay.as_ref();

@@ -487,7 +487,7 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
 }
 
 #[test]
-fn another_shelf_or_delay_takes_over_without_a_step() {
+fn another_filter_or_delay_takes_over_without_a_step() {
     let shelf = |level: f64| Treatment {
         tones: vec![Tone::Lowshelf { f: 900.0, level }],
         ..Treatment::default()
