@@ -335,3 +335,10 @@ def test_treatments_change_the_hash():
     texts = ["lowpass: 2kHz", "lowpass: 3kHz", "delay: 1s", "delay: {time: 1s, feedback: -6dB}"]
     texts += ["pan: [{at: A, pan: 1}]", "pan: [{at: B, pan: 1}]", "pan: 1", PLAIN]
     assert len({digest(score(text)) for text in texts}) == len(texts)
+
+
+def test_a_mix_is_recalled_by_all_that_it_does():
+    texts = [PLAIN, "lowpass: 2kHz", "lowpass: 3kHz", "lowshelf: {f: 2kHz, gain: 3dB}"]
+    texts += ["delay: 1s", "delay: {time: 1s, feedback: -6dB}", "pan: 1", "pan: [{at: A, pan: 1}]"]
+    listening = [stage(load("x.yaml", text=score(text)).piece).listening for text in texts]
+    assert len({own.mix_key(["the same tap"]) for own in listening}) == len(texts)
