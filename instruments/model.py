@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ergon.instruments.kinds.outputs import OUTPUTS, OutputKind
 from ergon.instruments.space import Space
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
@@ -125,7 +126,7 @@ class Module:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What is heard: a sum of positions (SOX), speeds (SOV), accelerations (SOA) or forces (SOF).
+    """What is heard: the sum of a quantity, as its kind says.
 
     `name` is "" for a single output. With `nearest`, the force of every member goes to the
     loudspeaker nearest to it. If `is_distance`, the targets are two points in space, and their
@@ -133,29 +134,21 @@ class Output:
     """
 
     name: str
-    kind: Literal["SOX", "SOV", "SOA", "SOF"]
+    kind: str
     targets: tuple[Target, ...]
     nearest: Layout | None
     place: Place
     is_distance: bool = field(default=False, metadata={"hash_omits_empty": True})
 
     @property
+    def traits(self) -> OutputKind:
+        """What its kind says of it."""
+        return OUTPUTS[self.kind]
+
+    @property
     def is_movement(self) -> bool:
         """Whether the movement of masses is heard, not a force or a distance."""
-        return self.kind != "SOF" and not self.is_distance
-
-    @property
-    def order(self) -> int:
-        """How often positions are differentiated with respect to time."""
-        return {"SOV": 1, "SOA": 2}.get(self.kind, 0)
-
-    @property
-    def reference(self) -> float:
-        """The quantity that is heard at the reference level, in SI units.
-
-        SOX, SOV and SOA correspond to one movement at 1.6 kHz (10,000 rad/s).
-        """
-        return {"SOX": 1e-4, "SOV": 1.0, "SOA": 1e4, "SOF": 1e-2}[self.kind]
+        return self.traits.sources == "masses" and not self.is_distance
 
 
 @dataclass(frozen=True, slots=True)

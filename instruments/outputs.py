@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from ergon.instruments.kinds.outputs import OUTPUTS
 from ergon.instruments.module_kinds import tables
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -49,13 +50,11 @@ DISTANCE = Record(
     "the distance of two points in space, of which the position, speed or acceleration is heard",
     (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
 )
-_MOVEMENT = Either(_HEARD.item, DISTANCE, _HEARD)
-_LISTENERS: dict[str, Shape] = {
-    "SOX": _MOVEMENT,
-    "SOV": _MOVEMENT,
-    "SOA": _MOVEMENT,
-    "SOF": Either(_HEARD.item, _SOF, _HEARD),
+_SHAPES: dict[str, Shape] = {
+    "masses": Either(_HEARD.item, DISTANCE, _HEARD),
+    "links": Either(_HEARD.item, _SOF, _HEARD),
 }
+_LISTENERS = {name: _SHAPES[kind.sources] for name, kind in OUTPUTS.items()}
 
 
 def _listening(values: Values) -> Any:
@@ -112,7 +111,9 @@ class Outputs(Shape):
 
     def words(self) -> str:
         """In words."""
-        return "{SOX: m}, {SOV: m}, {SOA: m}, {SOF: b}, or names, each with such a one"
+        example = {"masses": "m", "links": "b"}
+        each = (f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items())
+        return f"{''.join(each)}or names, each with such a one"
 
     def chosen(self, node: Node) -> Shape:
         """The table of one output, or that of named outputs."""

@@ -18,6 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from docs.generators.spectra import spectrogram
+from ergon.instruments.kinds.outputs import OUTPUTS
 from ergon.notation.tables.notes import nearest_note
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -243,7 +244,7 @@ def _unit(own: Figures) -> str:
     read = yaml.safe_load(path.read_text(encoding="utf-8"))
     out = read["instruments"][own.name]["out"]
     kind = next(iter(out)) if "left" not in out else next(iter(out["left"]))
-    return {"SOX": "1 m", "SOV": "1 m/s", "SOA": "1 m/s²"}[kind]
+    return f"1 {OUTPUTS[kind].unit}"
 
 
 def _played(name: str, said: dict[str, Any]) -> str:

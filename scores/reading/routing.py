@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 
+from ergon.instruments.kinds.outputs import MOVEMENTS
 from ergon.instruments.model import Instrument
 from ergon.instruments.names import PartNames
 from ergon.notation.tables.quantities import ratio_of
@@ -93,15 +94,17 @@ def _check_route(
             message = f"route: no room is called {quote(name)}"
             part_names.collector.error("E301", message, route.place, word=name, names=known)
     heard = [out for out in instrument.outputs if route.out in (None, out.name)]
-    wrong = next((out for out in heard if out.kind != "SOA"), None)
+    wrong = next((out for out in heard if not out.traits.radiates), None)
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
+    forces = [out.kind for out in heard if out.traits.sources == "links"]
     if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
-        given = "SOF" if any(out.kind == "SOF" for out in heard) else "a distance"
+        heard_as = forces[0] if forces else "a distance"
         message = (
-            f"route: `nearest` needs masses, which have positions, and {route.part} gives {given}"
+            "route: `nearest` needs masses, which have positions, and "
+            f"{route.part} gives {heard_as}"
         )
-        help = "name channels, `to: [1, 2]`, or listen to masses by SOX, SOV or SOA"
+        help = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENTS}"
         part_names.collector.error("E304", message, route.place, help=help)

@@ -218,7 +218,7 @@ def _ways(
     output: Output,
 ) -> None:
     gain = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, output.reference
+    delay, quantity = 0, output.traits.reference
     if route.radiation is not None:
         quantity = _PRESSURE
         gain *= route.radiation.gain
@@ -297,7 +297,7 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
         forces=forces,
         ground_forces=ground,
         lengths=lengths,
-        order=output.order,
+        order=output.traits.order,
     )
 
 
@@ -340,7 +340,7 @@ def _nearest(
         ranges = near[speaker] if instrument.name not in listening.silent else []
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
-        tap = assembly.network.listen(name, **heard, order=output.order)
+        tap = assembly.network.listen(name, **heard, order=output.traits.order)
         _ways(listening, piece, tap, (channel,), route, output)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ergon.api.errors import OptionError
+from ergon.instruments.kinds.outputs import MOVEMENTS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,7 +44,7 @@ def bank_of(piece: Piece, ready: PreparedPiece, found: PartModes, most: int) -> 
     labels = [f"out {one.name}" if one.name else "out" for one in outputs]
     heard = [one for one in zip(outputs, labels, strict=True) if one[1] in found.points]
     if not heard:
-        raise OptionError("parts", f"{found.part} has no output of motion; add a SOX, SOV or SOA")
+        raise OptionError("parts", f"{found.part} has no output of motion; add a {MOVEMENTS}")
     inputs = _inputs(piece, ready, found)
     ca_rate = instrument.ca_rate if instrument else None
     if len(inputs) > _POINTS:
@@ -64,8 +65,8 @@ def bank_of(piece: Piece, ready: PreparedPiece, found: PartModes, most: int) -> 
         ready.n_frames / piece.rate,
         [name for name, _, _ in inputs],
         [strikes for _, _, strikes in inputs],
-        [(label, output.order) for output, label in heard],
-        [output.reference / _LEVEL for output, _ in heard],
+        [(label, output.traits.order) for output, label in heard],
+        [output.traits.reference / _LEVEL for output, _ in heard],
         ways,
     )
 

@@ -457,22 +457,22 @@ class _Builder:
             why = f"{name}: an output of which each member goes to its own loudspeaker"
             self._refuse(output.place, why)
             return
-        if output.is_movement:
-            for target in output.targets:
+        traits, points, links = output.traits, list[int](), list[int]()
+        for target in output.targets:
+            if output.is_movement:
                 if (target.part, target.module) not in self.at:
                     self.to.left_out.append(f"{target.text}, which {name} hears")
-            heard = [one for target in output.targets for one in self._members(target)]
-            unit = ("m", "m/s", "m/s^2")[output.order]
-            self.to.outputs.append(Heard(f"{name} [{unit}]", heard, (), output.order, output.place))
-            return
-        links: list[int] = []
-        for target in output.targets:
+                points += self._members(target)
+                continue
             own = self.links.get((target.part, target.module), [])
             if not own or target.first == "centre":
-                self._refuse(output.place, f"{name}: the force of {target.text} is not written yet")
+                quantity = "distance" if output.is_distance else traits.quantity
+                why = f"{name}: the {quantity} of {target.text} is not written yet"
+                self._refuse(output.place, why)
                 continue
             links += own[target.first : target.first + target.count]
-        self.to.outputs.append(Heard(f"{name} [N]", (), links, 0, output.place))
+        named = f"{name} [{traits.unit.replace('²', '^2')}]"
+        self.to.outputs.append(Heard(named, points, links, traits.order, output.place))
 
     # --- the first step ---
 
