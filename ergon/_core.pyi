@@ -1654,6 +1654,7 @@ class Mixer:
         curve: Sequence[tuple[int, float, bool]] | None = None,
         pan: tuple[Sequence[tuple[int, float, bool]], bool] | None = None,
         to_room: bool = False,
+        squared: bool = False,
     ) -> None:
         """Add gain · output to a channel or a room (from 0).
 
@@ -1665,7 +1666,8 @@ class Mixer:
         smoothly or linearly), between two points by its level in dB. `pan` are places from -1 to
         1 between two channels in the same way, between two points by the angle whose cosine and
         sine are the gains, and whether this is the second channel. `set_gain` changes the gain of
-        a `group` of routes. Raises EngineError.
+        a `group` of routes. With `squared` the square of the output is heard. Raises
+        EngineError.
         """
     def room(
         self,

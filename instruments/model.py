@@ -147,8 +147,8 @@ class Output:
 
     @property
     def is_movement(self) -> bool:
-        """Whether the movement of masses is heard, not a force or a distance."""
-        return self.traits.sources == "masses" and not self.is_distance
+        """Whether the movement of masses is heard, not a force, a distance or an energy."""
+        return self.traits.is_movement and not self.is_distance
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.kinds.outputs import OUTPUTS
+from ergon.instruments.kinds.outputs import OUTPUTS, OutputKind
 from ergon.instruments.module_kinds import tables
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
@@ -50,11 +50,15 @@ DISTANCE = Record(
     "the distance of two points in space, of which the position, speed or acceleration is heard",
     (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
 )
-_SHAPES: dict[str, Shape] = {
-    "masses": Either(_HEARD.item, DISTANCE, _HEARD),
-    "links": Either(_HEARD.item, _SOF, _HEARD),
-}
-_LISTENERS = {name: _SHAPES[kind.sources] for name, kind in OUTPUTS.items()}
+
+
+def _names(kind: OutputKind) -> Shape:
+    if kind.is_energy:
+        return _HEARD
+    return Either(_HEARD.item, DISTANCE if kind.is_movement else _SOF, _HEARD)
+
+
+_LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
 
 
 def _listening(values: Values) -> Any:
@@ -111,7 +115,7 @@ class Outputs(Shape):
 
     def words(self) -> str:
         """In words."""
-        example = {"masses": "m", "links": "b"}
+        example = {"mats": "m", "links": "b"}
         each = (f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items())
         return f"{''.join(each)}or names, each with such a one"
 

@@ -204,7 +204,7 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        family = "point" if output.is_distance else "mats" if output.is_movement else "links"
+        family = "point" if output.is_distance else output.traits.sources
         names: tuple[Any, ...] = output.targets
         each = (one for name in names for one in _each(name, part, part_names))
         found = (_output_target(name, family, who, part, part_names) for name in each)

@@ -16,16 +16,22 @@ class OutputKind:
 
     `reference` [`unit`] is heard at the reference level, -20 dBFS. `order` is how often positions
     are differentiated with respect to time. With `radiates` it is what the pressure of a small
-    source follows.
+    source follows. An energy is that of the masses' motion, ½·m·v² of each.
     """
 
     name: str
     quantity: str
     unit: str
     reference: float
-    sources: Literal["masses", "links"] = "masses"
+    sources: Literal["mats", "links"] = "mats"
     order: int = 0
     radiates: bool = False
+    is_energy: bool = False
+
+    @property
+    def is_movement(self) -> bool:
+        """Whether it is linear in the positions of masses."""
+        return self.sources == "mats" and not self.is_energy
 
 
 # SOX, SOV and SOA are at the reference level by one movement at 1.6 kHz (10,000 rad/s).
@@ -33,8 +39,9 @@ _ALL = (
     OutputKind("SOX", "position", "m", 1e-4),
     OutputKind("SOV", "speed", "m/s", 1.0, order=1),
     OutputKind("SOA", "acceleration", "m/s²", 1e4, order=2, radiates=True),
+    OutputKind("SOE", "energy", "J", 1e-3, order=1, is_energy=True),
     OutputKind("SOF", "force", "N", 1e-2, sources="links"),
 )
 OUTPUTS = {kind.name: kind for kind in _ALL}
-_moving = [kind.name for kind in _ALL if kind.sources == "masses"]
+_moving = [kind.name for kind in _ALL if kind.is_movement]
 MOVEMENTS = f"{', '.join(_moving[:-1])} or {_moving[-1]}"  # for messages

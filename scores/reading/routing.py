@@ -99,9 +99,9 @@ def _check_route(
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
-    forces = [out.kind for out in heard if out.traits.sources == "links"]
+    others = [out.kind for out in heard if not out.traits.is_movement]
     if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
-        heard_as = forces[0] if forces else "a distance"
+        heard_as = others[0] if others else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
             f"{route.part} gives {heard_as}"

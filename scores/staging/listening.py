@@ -7,7 +7,7 @@ from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import repeat
-from math import floor
+from math import floor, sqrt
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
@@ -38,6 +38,7 @@ class Way:
     channel: int
     gain: float
     quantity: float
+    is_squared: bool
     highpass: float | None
     room: int | None = None  # in place of the channel
     delay: int = 0  # frames
@@ -107,6 +108,7 @@ class Listening:
                     curve=way.fade,
                     pan=way.pan,
                     to_room=way.room is not None,
+                    squared=way.is_squared,
                 )
         return mixer
 
@@ -134,6 +136,7 @@ class Listening:
                 way.tones,
                 way.echo,
                 way.pan,
+                *(("squared",) if way.is_squared else ()),
             )
             for way in self.ways
             if parts is None or way.part in parts
@@ -180,7 +183,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
         fade=_curve(piece, master.fade) if master else (),
         silent=silent,
     )
-    taps: dict[tuple[str, str], int] = {}
+    taps: dict[tuple[str, str], list[int]] = {}
     alone = Counter(route for route, *_ in all_heard)
     position: dict[Route, int] = {}
     for route, instrument, output in all_heard:
@@ -190,12 +193,13 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
         else:
             name = instrument.name, output.name
             if name not in taps:
-                taps[name] = _tap(listening, assembly, name, output)
+                taps[name] = _taps(listening, assembly, name, output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
             is_one_each = alone[route] == len(route.to) and not route.is_panned
             channels = route.to[index : index + 1] if is_one_each else route.to
-            _ways(listening, piece, taps[name], (c - 1 for c in channels), route, output)
+            for tap in taps[name]:
+                _ways(listening, piece, tap, [c - 1 for c in channels], route, output)
     used = [way.channel + 1 for way in listening.ways]
     used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *used, 1)
@@ -224,7 +228,10 @@ def _ways(
         gain *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
-    way = Way(route.part, tap, 0, gain, quantity, route.highpass, None, delay, fade, route.tones)
+    way = Way(
+        *(route.part, tap, 0, gain, quantity, output.traits.is_energy),
+        *(route.highpass, None, delay, fade, route.tones),
+    )
     if route.echo is not None:
         frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
         way = replace(way, delay=delay + frames, echo=(frames, ratio) if ratio and frames else None)
@@ -267,6 +274,26 @@ def _frame(piece: Piece, position: Position) -> int:
     tempo = piece.tempo_map
     instant = tempo.seconds(tempo.resolve(position))
     return floor(max(-_NEVER, min(instant, _NEVER)) * piece.rate + 0.5)
+
+
+def _taps(
+    listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output
+) -> list[int]:
+    """Add taps for an output: the sum of its targets, or √(m/2)·v of each mass, whose square is its
+    energy.
+    """
+    if not output.traits.is_energy:
+        return [_tap(listening, assembly, name, output)]
+    own = assembly.network.elements(list({target.part for target in output.targets}))
+    masses = dict(zip(own.mats, own.masses, strict=True))
+    taps = []
+    for mat in (mat for target in output.targets for mat in assembly.members(target)):
+        listening.outputs.append(".".join(filter(None, (*name, str(len(taps) + 1)))))
+        weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
+        heard = [] if name[0] in listening.silent else [weighted]
+        named, order = listening.outputs[-1], output.traits.order
+        taps.append(assembly.network.listen(named, positions=heard, order=order))
+    return taps
 
 
 def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:

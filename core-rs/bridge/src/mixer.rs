@@ -44,11 +44,12 @@ impl Mixer {
     }
 
     /// Add gain · output to a channel or a room (from 0). `highpass` [Hz] is a Butterworth of order 2, `tones` are
-    /// filters after it: (what, frequency [Hz], level [dB]). `delay` is in frames, `echo` what of it goes in again: (frames, ratio). `curve` is a gain
-    /// over the frames of the piece: (frame, ratio, whether it is reached smoothly), `pan` a place between two channels
-    /// in the same way, and whether this is the second. `set_gain` changes the gain of a `group` of routes.
+    /// filters after it: (what, frequency [Hz], level [dB]). `delay` is in frames, `echo` what of it goes in again:
+    /// (frames, ratio). `curve` is a gain over the frames of the piece: (frame, ratio, whether it is reached smoothly),
+    /// `pan` a place between two channels in the same way, and whether this is the second. `set_gain` changes the gain
+    /// of a `group` of routes. With `squared` the square of the output is heard.
     #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0, *, tones = Vec::new(), delay = 0,
-        echo = None, curve = None, pan = None, to_room = false))]
+        echo = None, curve = None, pan = None, to_room = false, squared = false))]
     #[expect(clippy::too_many_arguments)]
     fn route(
         &mut self,
@@ -63,6 +64,7 @@ impl Mixer {
         curve: Option<Points>,
         pan: Option<(Points, bool)>,
         to_room: bool,
+        squared: bool,
     ) -> PyResult<()> {
         let to = if to_room {
             mixer::To::Room(channel)
@@ -78,6 +80,7 @@ impl Mixer {
             Pan::new(points_of(places), side)
         });
         let treatment = mixer::Treatment {
+            is_squared: squared,
             tones: highpass.into_iter().chain(tones).collect::<PyResult<_>>()?,
             delay,
             echo: echo.map(|(frames, ratio)| Echo { frames, ratio }),

@@ -97,6 +97,8 @@ pub enum To {
 /// What a route does to its signal besides the gain.
 #[derive(Clone, Debug, Default)]
 pub struct Treatment {
+    /// Whether the square of the signal is heard; everything else acts on the square.
+    pub is_squared: bool,
     /// Filters, one after the other.
     pub tones: Vec<Tone>,
     /// Delay [frames].
@@ -113,6 +115,7 @@ pub(super) struct Route {
     pub(super) to: To,
     pub(super) group: usize,
     pub(super) gain: f64,
+    pub(super) is_squared: bool,
     pub(super) filters: Box<[Filter]>,
     pub(super) delay: Option<Delay>,
     pub(super) curve: Option<Curve>,
@@ -137,6 +140,7 @@ impl Route {
         treatment: Treatment,
     ) -> Result<Self, RouteError> {
         let Treatment {
+            is_squared,
             tones,
             delay,
             echo,
@@ -160,6 +164,7 @@ impl Route {
             to,
             group,
             gain,
+            is_squared,
             filters: tones
                 .into_iter()
                 .map(|tone| Filter::new(tone, rate))
@@ -176,6 +181,7 @@ impl Route {
     /// Whether it does the same, by whatever values, as the route `before` of an old mixer, whose output is now `out`.
     pub(super) fn is_like(&self, before: &Self, out: Option<usize>) -> bool {
         (out, before.to, before.group) == (Some(self.out), self.to, self.group)
+            && self.is_squared == before.is_squared
             && self.delay.is_some() == before.delay.is_some()
             && self.pairs(before, Filter::is_of_kind)
     }
@@ -236,6 +242,20 @@ impl Route {
     /// Add the route's signal to its target; `first` is the first frame in the piece, `gains` are those of its curve
     /// from there on, if they are known.
     pub(super) fn add<'a>(
+        &mut self,
+        gains: (&Glide, Option<&[f64]>),
+        first: u64,
+        from: impl Iterator<Item = f64>,
+        to: impl Iterator<Item = &'a mut f64>,
+    ) {
+        if self.is_squared {
+            self.add_signal(gains, first, from.map(|x| x * x), to);
+        } else {
+            self.add_signal(gains, first, from, to);
+        }
+    }
+
+    fn add_signal<'a>(
         &mut self,
         (group, gains): (&Glide, Option<&[f64]>),
         first: u64,

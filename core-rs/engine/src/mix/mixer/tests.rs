@@ -172,6 +172,7 @@ fn hall() -> Mixer {
             vec![point(0, -0.5), point(4000, 0.9)],
             Side::Second,
         ))),
+        ..Treatment::default()
     };
     mixer
         .treated(0, 1, To::Channel(0), 0.5, treatment.clone())
