@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,20 +51,12 @@ class State:
         return f"{self.bar}|{int(self.beat)}"
 
 
-class Suggestion(Protocol):
+class Suggestion(NamedTuple):
     """A completion: `text` replaces the characters from column `start` to the cursor."""
 
-    @property
-    def text(self) -> str:
-        """The text to insert."""
-
-    @property
-    def start(self) -> int:
-        """The column at which it begins."""
-
-    @property
-    def hint(self) -> str:
-        """A few words about it."""
+    text: str
+    start: int
+    hint: str
 
 
 class SessionProtocol(Protocol):

@@ -58,27 +58,8 @@ _COMMON = [
     "M-045",
     "UH+180",
 ]
-# Bits of a mask, from the lowest on.
-_MASKED = [
-    "M+030",
-    "M-030",
-    "M+000",
-    "LFE",
-    "M+135",
-    "M-135",
-    "M+022",
-    "M-022",
-    "M+180",
-    "M+090",
-    "M-090",
-    "T+000",
-    "U+030",
-    "U+000",
-    "U-030",
-    "U+135",
-    "U+180",
-    "U-135",
-]
+# Bits of a mask, from the lowest on: the same, with the back ones further back.
+_MASKED = [label.replace("110", "135") for label in _COMMON[:18]]
 _SIDES, _BACKS = 0x600, 0x30  # without sides, the back ones are those of 5.1
 _AT_110 = {"M+135": "M+110", "M-135": "M-110"}
 

@@ -41,20 +41,6 @@ class InputPort(Protocol):
         """Pass on nothing any more."""
 
 
-class OutputPort(Protocol):
-    """Where messages go to."""
-
-    @property
-    def name(self) -> str:
-        """The name that the system gives it."""
-
-    def send(self, data: bytes) -> None:
-        """Send a message now; one that cannot be sent is lost."""
-
-    def close(self) -> None:
-        """Send nothing any more."""
-
-
 class ProcessPort:
     """Both ends of a port inside this process: a sent message is kept and passed on at once."""
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon.scores.staging.probes import FrictionLink
+    from ergon.scores.staging.probes import ProbedLink
 
 _STICK_TIME_MIN = 5e-4  # [s] that ends must stay together to count as sticking
 _SPEED_MAX = 10.0  # [m/s] up to which friction is examined
@@ -23,7 +23,7 @@ class Sliding:
     [m/s].
     """
 
-    rubbing: FrictionLink
+    rubbing: ProbedLink
     low: float
     high: float
     has_slipped: bool = False
@@ -48,7 +48,7 @@ class Sliding:
                 self.has_stuck = self.has_stuck or self._held >= least
 
 
-def sticking_detector(rubbing: FrictionLink) -> Sliding | None:
+def sticking_detector(rubbing: ProbedLink) -> Sliding | None:
     """A detector for a link whose friction falls beyond a maximum, as a bow's does; None for other
     links.
     """

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon.scores.staging.probes import Contact, Point, ProbedPiece
+    from ergon.scores.staging.probes import Point, ProbedLink, ProbedPiece
 
 # Frames of a block: few enough that 256 points fit into the processor's cache.
 _BLOCK = 1024
@@ -38,7 +38,7 @@ class ContactClosings:
     the ends of the contact are swapped.
     """
 
-    contact: Contact
+    contact: ProbedLink
     times: int = 0
     first: int | None = None
     last: int | None = None

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from ergon.notation.text.errors import TextError
 from ergon.repl.language.grammar import Hints, read_command
 from ergon.repl.language.lines import MAX_LINE, Line, comment_start, is_continued, lines
 from ergon.repl.language.scope import Scope
+from ergon.repl.session_protocol import Suggestion
 
 MAX_SUGGESTIONS = 200  # in a menu; with more, another letter narrows them
 
 _SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
-
-
-class Suggestion(NamedTuple):
-    """A completion: it replaces the characters from `start` to the cursor."""
-
-    text: str
-    start: int
-    hint: str
 
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:

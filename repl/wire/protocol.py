@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from ergon.common.errors import ErgonError
@@ -57,15 +56,6 @@ REQUESTS: dict[str, dict[str, type]] = {
 
 # Optional fields and their defaults.
 OPTIONAL_FIELDS: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
-
-
-@dataclass(frozen=True, slots=True)
-class RemoteSuggestion:
-    """A completion of a line."""
-
-    text: str
-    start: int
-    hint: str
 
 
 def encode(**fields: Any) -> bytes:

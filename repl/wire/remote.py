@@ -18,7 +18,6 @@ from .local_socket import SocketError
 from .protocol import (
     MAX_TEXT,
     ProtocolError,
-    RemoteSuggestion,
     decode_reply,
     decode_state,
     too_long,
@@ -138,7 +137,7 @@ class RemoteSession:
         found: list[tuple[str, int, str]] = self._ask_briefly(
             [], "complete", line=line, cursor=cursor
         )
-        return [RemoteSuggestion(text, start, hint) for text, start, hint in found]
+        return [Suggestion(text, start, hint) for text, start, hint in found]
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""

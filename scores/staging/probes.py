@@ -27,22 +27,12 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
-    """A BUT, or one point of a BUT over a range: `a` strikes `b`.
+class ProbedLink:
+    """A BUT whose `a` strikes `b`, or an LNL with friction, in SI units; or one point of such a
+    link over a range.
 
-    `whole` is the name of the BUT as it is written.
+    `whole` is the name of the link as it is written. Its elongation is x_b - x_a.
     """
-
-    name: str
-    whole: str
-    module: Module
-    a: Point
-    b: Point
-
-
-@dataclass(frozen=True, slots=True)
-class FrictionLink:
-    """An LNL with friction, in SI units; its elongation is x_b - x_a."""
 
     name: str
     whole: str
@@ -59,9 +49,9 @@ class ProbedPiece:
 
     piece: Piece
     points: tuple[Point, ...]
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ProbedLink, ...]
     left_out: int
-    rubbings: tuple[FrictionLink, ...] = ()
+    rubbings: tuple[ProbedLink, ...] = ()
 
 
 def probed(piece: Piece) -> ProbedPiece:
@@ -81,12 +71,12 @@ def probed(piece: Piece) -> ProbedPiece:
     for name, whole, module in contacts:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            measured.append(Contact(name, whole, module, a, b))
+            measured.append(ProbedLink(name, whole, module, a, b))
     rubbed = []
     for name, whole, module in rubbings:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            rubbed.append(FrictionLink(name, whole, module, a, b))
+            rubbed.append(ProbedLink(name, whole, module, a, b))
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(kept)

@@ -11,20 +11,12 @@ import json
 import sys
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 from ergon.repl.prompt.run import run
-from ergon.repl.session_protocol import Reply, State
+from ergon.repl.session_protocol import Reply, State, Suggestion
 
 VERBS = {"play": "start", "plays": "a player begins", "hush": "no more ergons", "help": "this"}
-
-
-@dataclass(frozen=True)
-class Suggestion:
-    text: str
-    start: int
-    hint: str
 
 
 class Acted:

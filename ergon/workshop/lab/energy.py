@@ -5,40 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, log10
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-
-class Ledger(Protocol):
-    """Joules since frame 0, as `_core.Energy` has them."""
-
-    @property
-    def start(self) -> float:
-        """Energy at frame 0."""
-
-    @property
-    def stored(self) -> float:
-        """Energy now."""
-
-    @property
-    def injected(self) -> float:
-        """Work of hands and strikes."""
-
-    @property
-    def lost(self) -> float:
-        """Heat."""
-
-    @property
-    def produced(self) -> float:
-        """Energy made by explicit contacts and laws; negative if they destroy energy."""
-
-    @property
-    def residual(self) -> float:
-        """The change of energy that the other terms do not explain."""
+if TYPE_CHECKING:
+    from ergon import _core
 
 
-def production_db(ledger: Ledger) -> float:
+def production_db(ledger: _core.Energy) -> float:
     """10·log10 of the energy made or missing over the energy given; -inf if there is none."""
     wrong = abs(ledger.produced) + abs(ledger.residual)
     given = abs(ledger.start) + abs(ledger.injected)
@@ -60,7 +35,7 @@ class Drift:
     worst: float
 
 
-def drift(t: Sequence[float], ledgers: Sequence[Ledger]) -> Drift:
+def drift(t: Sequence[float], ledgers: Sequence[_core.Energy]) -> Drift:
     """Follow (stored + lost)/(start + injected) through instants t [s]; 0 dB is exact."""
     ratios = np.array(
         [(one.stored + one.lost) / max(one.start + one.injected, 1e-300) for one in ledgers]
