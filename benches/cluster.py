@@ -32,7 +32,8 @@ def cluster() -> list[Row]:
     """
     from ergon.api import score as scores
     from ergon.api.cluster import Cluster, job_of, open_cluster, share_work
-    from ergon.api.render import RenderOptions, prepare
+    from ergon.api.options import RenderOptions
+    from ergon.api.render import prepare
     from ergon.common.report import Report
     from ergon.rendering.render import render_array
 

@@ -46,7 +46,7 @@ def demo(
                 console.data(f"{path.stem:<20} {score_title(path)}\n")
         return
     path = _chosen(scores, name)
-    from ergon.api.render import FileOptions
+    from ergon.api.options import FileOptions
 
     from .render import render_file
 

@@ -167,7 +167,8 @@ def _for_workstation(
     force: bool,
     trust: bool,
 ) -> None:
-    from ergon.api.render import FileOptions, prepare, write
+    from ergon.api.options import FileOptions
+    from ergon.api.render import prepare, write
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, file_group
 

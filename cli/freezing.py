@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from ergon.api.freeze import FreezeOptions, PreparedFreeze, prepare, write
-from ergon.api.render import FileOptions
+from ergon.api.options import FileOptions
 
 from .console import Console, plural
 from .outcome import Refused

@@ -11,7 +11,7 @@ from ergon.common.regular import read_bounded
 
 from . import options
 from .console import Console
-from .emulate import Quantity
+from .options import Quantity
 from .outcome import Refused
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from ergon.common.regular import file_digest
 
 from . import options
 from .console import Console
-from .emulate import Quantity
+from .options import Quantity
 from .outcome import Findings, Refused
 from .recording import read
 

@@ -12,7 +12,7 @@ import click
 
 from . import metrology_fit, metrology_score, options
 from .console import Console
-from .emulate import Quantity
+from .options import Quantity
 from .outcome import DeviceMissing, Refused
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import click
 
 from . import metrology_score, options
 from .console import Console
-from .emulate import Quantity
 from .metrology_compare import calibration
 from .metrology_fit import gesture, write_texts
+from .options import Quantity
 from .outcome import Refused
 from .view import serve_shown
 
@@ -133,8 +133,8 @@ def _drawn(found: Replay, width: int | None) -> str:
 
 def _show(console: Console, found: Replay, at: str | None) -> None:
     """Show force, real motion, model and residual in a browser, until Ctrl-C."""
+    from ergon.api.options import FileOptions
     from ergon.api.pages import ANYWHERE
-    from ergon.api.render import FileOptions
     from ergon.api.viewing import render_view
     from ergon.common.report import Report
     from ergon.workshop.metrology.replay_scene import write_scene

@@ -1,7 +1,8 @@
-"""Options that several commands share."""
+"""Options of commands, made from what the library declares, and those that only commands have."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import re
@@ -11,11 +12,33 @@ from typing import Any, TypeVar
 
 import click
 
+from ergon.api.options import (
+    AccuracyOptions,
+    FileOptions,
+    PerformanceOptions,
+    ReadOptions,
+    RenderOptions,
+)
+from ergon.common import option as declared
+
 from .bundled import ScorePath
 from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
 _HAS_UNIT = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
+
+
+def _quantity(
+    text: str, dimension: str, param: click.Parameter | None, ctx: click.Context | None
+) -> float:
+    """The SI value of a number with a unit. Raises click.BadParameter."""
+    from ergon.notation.tables import quantities
+    from ergon.notation.text.errors import TextError
+
+    try:
+        return quantities.quantity(text, getattr(quantities, dimension))
+    except TextError as error:
+        raise click.BadParameter(error.message, ctx, param) from None
 
 
 class Number(click.FloatRange):
@@ -43,7 +66,7 @@ class Number(click.FloatRange):
     ) -> float:
         """The number that was written, in SI units. Raises click.BadParameter."""
         if self.dimension is not None and isinstance(value, str) and _HAS_UNIT.search(value):
-            value = self._quantity(value, self.dimension, param, ctx)
+            value = _quantity(value, self.dimension, param, ctx)
         try:
             number: float = super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -51,17 +74,6 @@ class Number(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a number that can be used here.", param, ctx)
         return number
-
-    def _quantity(
-        self, text: str, name: str, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        from ergon.notation.tables import quantities
-        from ergon.notation.text.errors import TextError
-
-        try:
-            return quantities.quantity(text, getattr(quantities, name))
-        except TextError as error:
-            self.fail(error.message, param, ctx)
 
     def _with_units(
         self, error: click.BadParameter, param: click.Parameter | None, ctx: click.Context | None
@@ -76,31 +88,50 @@ class Number(click.FloatRange):
         return click.BadParameter(message, ctx, param)
 
 
-force = click.option(
-    "-f",
-    "--force",
-    is_flag=True,
-    help="Also overwrite files that ergon did not write, or that were edited since.",
-)
+class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
+    """A number with a unit, as in a score."""
+
+    name = "quantity"
+
+    def __init__(self, dimension: str) -> None:
+        """`dimension` is one of the dimensions in `notation.tables.quantities`."""
+        self.dimension = dimension
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The SI value."""
+        return value if isinstance(value, float) else _quantity(value, self.dimension, param, ctx)
+
+
+class Quantities(click.ParamType):  # type: ignore[type-arg] # older clicks' is not generic
+    """Several numbers with units in one word, separated by spaces."""
+
+    name = "quantities"
+
+    def __init__(self, example: str, *dimensions: str) -> None:
+        """`dimensions` are from `notation.tables.quantities`; `example` shows all the numbers."""
+        self.example = example
+        self.parts = [Quantity(dimension) for dimension in dimensions]
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """The SI values."""
+        if isinstance(value, tuple):
+            return value
+        words = str(value).split()
+        if len(words) != len(self.parts):
+            self.fail(
+                f"'{value}' is not {len(self.parts)} numbers, such as '{self.example}'", param, ctx
+            )
+        return tuple(
+            part.convert(word, param, ctx) for part, word in zip(self.parts, words, strict=True)
+        )
+
+
 dry_run = click.option(
     "-n", "--dry-run", "dry", is_flag=True, help="Print what would be written; write nothing."
-)
-trust = click.option(
-    "--trust", is_flag=True, help="Allow the score to name files outside its folder."
-)
-frozen = click.option(
-    "--frozen",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Read these parts (from `ergon render --freeze`) instead of computing them.",
-)
-seed = click.option(
-    "--seed", type=int, help="Seed of every chance operation, instead of the score's."
-)
-on = click.option(
-    "--on",
-    metavar="WHERE",
-    help="Share the work: local:N processes here, or the Dask scheduler tcp://HOST:PORT.",
 )
 score = click.argument("score_path", metavar="SCORE", type=ScorePath())
 
@@ -135,124 +166,77 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
-# Accuracy, in place of the score's own.
-accuracy = several(
-    click.option(
-        "--method",
-        metavar="NAME",
-        help="Compute all parts by one method: ca, modal, ca2p, bm4 or ieq.",
-    ),
-    click.option(
-        "--error",
-        metavar="LEVEL",
-        help="Largest error of the waveform, below the sound's own level, such as -60dB.",
-    ),
-    click.option("--cents", type=Number(0.01, 1200), help="Largest error of a pitch, in cents."),
-    click.option(
-        "--plan", metavar="FILE", help="Compute by the plan in this file (from `ergon plan -o`)."
-    ),
-)
-draft = click.option(
-    "--draft",
-    is_flag=True,
-    help="Begin at once, by the cheapest methods that are stable; the accuracy is not searched.",
-)
+def of(options: Any, names: str = "") -> Callable[[F], F]:
+    """Options of a command from fields of a dataclass of options: from those in `names`, in that
+    order, or from all.
+    """
+    fields = {field.name: field for field in dataclasses.fields(options)}
+    return several(*(_option(fields[name]) for name in names.split() or fields))
 
+
+def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
+    own: declared.Option = field.metadata["option"]
+    flag = f"--{field.name.strip('_').replace('_', '-')}"
+    flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
+    more: dict[str, Any] = {}
+    match own.accepts:
+        case declared.Switch():
+            flags = (f"{flag}/--no{flag[1:]}",)
+        case declared.Text(if_alone=str() as value):
+            more = {"is_flag": False, "flag_value": value}
+        case declared.Choice(values=values):
+            by_text = {str(value): value for value in values}
+            more = {"callback": lambda _context, _parameter, text: by_text.get(text, text)}
+    if field.default is False:
+        more["is_flag"] = True
+    else:
+        is_several = field.default == ()
+        default = None if is_several else field.default
+        more |= {"multiple": is_several, "default": default, "type": _type(own.accepts)}
+        more |= {"metavar": own.metavar, "show_default": own.shown}
+    return click.option(*flags, field.name, help=own.help, **more)
+
+
+_SHORT = {"--force": "-f"}
+
+
+def _type(accepts: declared.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic
+    match accepts:
+        case declared.Whole(low=None, high=None):
+            return click.INT
+        case declared.Whole(low=low, high=high):
+            return click.IntRange(low, high)
+        case declared.Number():
+            return Number(accepts.low, accepts.high, accepts.dimension, min_open=accepts.is_open)
+        case declared.Choice(values=values):
+            return click.Choice([str(value) for value in values])
+        case declared.Path(kind=kind, must_exist=must_exist):
+            is_file = kind == "file"
+            return click.Path(
+                exists=must_exist, file_okay=is_file, dir_okay=not is_file, path_type=Path
+            )
+        case declared.Quantities(dimensions=(dimension,)):
+            return Quantity(dimension)
+        case declared.Quantities(dimensions=dimensions, example=example):
+            return Quantities(example, *dimensions)
+    return None
+
+
+trust = of(ReadOptions, "trust")
+seed = of(AccuracyOptions, "seed")
+accuracy = of(AccuracyOptions, "method error cents plan")
+draft = of(AccuracyOptions, "draft")
+on = of(RenderOptions, "on")
+bits = of(RenderOptions, "bits")
+force = of(FileOptions, "force")
 # Sound output of a performance.
-sound = several(
-    click.option(
-        "--audio",
-        default="auto",
-        show_default=True,
-        metavar="WHERE",
-        help="Where the sound goes: jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
-    ),
-    click.option(
-        "--audio-in",
-        default="auto",
-        show_default=True,
-        metavar="WHERE",
-        help="Where inputs are heard: jack[:PORTS], pulse[:SOURCE], none or auto.",
-    ),
-    click.option(
-        "--block",
-        type=click.IntRange(16, 8192),
-        help="Frames that the sound card takes at a time.",
-    ),
-    click.option(
-        "--ahead",
-        type=click.IntRange(64, 1 << 20),
-        help="Frames computed before the sound card asks for them.",
-    ),
-    click.option(
-        "--gain",
-        metavar="LEVEL",
-        help="Gain of the sound, such as -12dB, in place of what `normalise` would measure.",
-    ),
-    click.option(
-        "--to",
-        metavar="WHERE",
-        help="Fold the score's layout: binaural, stereo, ambix1 … ambix7, or another layout.",
-    ),
-    click.option("--head", metavar="FILE.sofa", help="Another head for --to binaural."),
-)
-
+sound = of(PerformanceOptions, "audio audio_in block ahead gain to head")
+frozen = of(PerformanceOptions, "frozen")
 # OSC with other programs during a performance.
-osc = several(
-    click.option(
-        "--osc",
-        metavar="[HOST:]PORT",
-        help="Accept OSC requests at this port; without HOST from your programs here alone.",
-    ),
-    click.option(
-        "--osc-to", metavar="HOST:PORT", help="Send by OSC what is played, and when it is heard."
-    ),
-)
-
-view_at = click.option(
-    "--view-at",
-    metavar="HOST:PORT",
-    help="Show it here. Default: any free port of this machine. The address has a key.",
-)
-
+osc = of(PerformanceOptions, "osc osc_to")
+view_at = of(PerformanceOptions, "view_at")
 # Pages that show a performance.
-view = several(
-    click.option("--view", is_flag=True, help="Show in a browser what moves while it plays."),
-    view_at,
-)
-
-see = click.option(
-    "--see",
-    type=click.Choice(["all"]),
-    help="With --view: all computes what nobody hears too.",
-)
-
+view = of(PerformanceOptions, "view view_at")
+see = of(PerformanceOptions, "see")
 # Real hands of a performance, and limits that protect them.
-hands = several(
-    click.option(
-        "--live",
-        multiple=True,
-        metavar="PLAYER=DEVICE",
-        help="Play a player's key by a device, such as remi=firefader:/dev/ttyACM0#1, or without "
-        "one, such as remi=page:; repeatable.",
-    ),
-    click.option(
-        "--unchecked",
-        is_flag=True,
-        help="Do not try the direction of each motor before it plays.",
-    ),
-    click.option("--force-max", type=Number(0, 200, "FORCE"), help="Largest force on a hand [N]."),
-)
-
-
-def parse_bits(context: click.Context, parameter: click.Parameter, value: str | None) -> Any:
-    """`--bits` as a number, or the word float."""
-    return int(value) if value in ("16", "24") else value
-
-
-bits = click.option(
-    "--bits",
-    type=click.Choice(["16", "24", "float"]),
-    callback=parse_bits,
-    help="Bits of a sample, or float; without this option as the score says.",
-)
+hands = of(PerformanceOptions, "live unchecked force_max")

@@ -6,39 +6,19 @@ from typing import Any
 
 import click
 
+from ergon.api.options import PlayOptions
+
 from . import options
 from .console import Console
 
 # The options that `play` and `duet` share.
 _playing = options.several(
-    click.option(
-        "--from",
-        "from_",
-        metavar="POSITION",
-        help="Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
-    ),
-    click.option("--until", metavar="POSITION", help="Where to stop, such as '5|1'."),
-    options.sound,
-    click.option(
-        "--record-input",
-        metavar="FILE.wav",
-        help="Write what inputs hear into a new file, for `ergon render --input`.",
-    ),
-    options.frozen,
-    click.option(
-        "--loop",
-        is_flag=True,
-        help="Begin again at the end, until Ctrl-C; with --until again at --from.",
-    ),
+    options.of(PlayOptions, "from_ until audio audio_in block ahead gain to head"),
+    options.of(PlayOptions, "record_input frozen loop"),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
-    options.osc,
-    options.view,
-    options.see,
+    options.of(PlayOptions, "osc osc_to view view_at see"),
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
-    options.seed,
-    options.accuracy,
-    options.draft,
-    options.trust,
+    options.of(PlayOptions, "seed method error cents plan draft trust"),
     options.speaking,
 )
 
@@ -60,8 +40,6 @@ def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
     if not watch:
         _play(console, score_path, **given)
         return
-    from ergon.api.play import PlayOptions
-
     from .play_watch import play_watched
 
     strict = given.pop("strict")
@@ -71,20 +49,7 @@ def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
 
 @click.command()
 @options.score
-@options.hands
-@click.option(
-    "--guide",
-    multiple=True,
-    metavar="PLAYER[=K]",
-    help="Pull the real key along the player's written part, by a spring of K [N/m].",
-)
-@click.option(
-    "--standin",
-    multiple=True,
-    metavar="PLAYER=TAKE",
-    help="Play this take or gesture where the player has no device; repeatable.",
-)
-@click.option("--record", metavar="FILE.take", help="Record what the hands do into a new file.")
+@options.of(PlayOptions, "live unchecked force_max guide standin record")
 @_playing
 def duet(console: Console, score_path: str, **given: Any) -> None:
     """Play a score with real hands beside written ones.
@@ -102,7 +67,7 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
     from dataclasses import replace
     from functools import partial
 
-    from ergon.api.play import PlayOptions, begin, prepare, warn_of_scaled_forces
+    from ergon.api.play import begin, prepare, warn_of_scaled_forces
 
     from .performance import ShownPerformance
 

@@ -16,7 +16,7 @@ from .console import Console
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from ergon.api.play import PlayOptions
+    from ergon.api.options import PlayOptions
     from ergon.repl.session_protocol import SessionProtocol
 
 _LOOK = 0.1  # [s] between two looks for messages

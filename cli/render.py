@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ergon.api import score
-from ergon.api.render import THREADS, FileOptions, prepare, target, write
+from ergon.api.options import FileOptions
+from ergon.api.render import prepare, target, write
 from ergon.common.report import Progress
-from ergon.exchange.wave_header import CHANNELS_MAX
 
 from . import options
 from .bundled import ScorePath
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from ergon.api.render import Completed
     from ergon.scores.reading.load import Loaded
 
-_BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
-
 
 @click.command()
 @click.argument("score_paths", metavar="SCORE...", nargs=-1, required=True, type=ScorePath())
@@ -31,73 +29,16 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
     "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
     "several scores: the folder of their files."
 )
-@click.option(
-    "--from",
-    "from_",
-    metavar="POSITION",
-    help="First position to write, such as '3|1' (in quotes), B+2 or 12.5s.",
-)
-@click.option("--to", metavar="POSITION", help="Position to write up to.")
-@click.option(
-    "--stems",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="DIR",
-    help="Also write one file for each player or instrument, into this folder.",
-)
-@click.option(
-    "--only", metavar="NAME[,NAME]", help="Hear these instruments alone; all others move, silent."
-)
-@click.option("--except", "except_", metavar="NAME[,NAME]", help="Hear all instruments but these.")
-@click.option(
-    "--channels",
-    type=click.IntRange(1, CHANNELS_MAX),
-    help="Channels of the file; with n, channel c of the piece goes to channel c modulo n.",
-)
-@options.bits
-@options.seed
-@click.option(
-    "--rate",
-    type=options.Number(1_000, 768_000, "RATE"),
-    help="Frames a second of the file [Hz], instead of the score's; the physics stay the same.",
-)
-@click.option(
-    "--threads",
-    type=click.IntRange(1, 1024),
-    default=THREADS,
-    help="Number of threads; the bytes are the same for any number.",
-)
-@click.option(
-    "--block",
-    type=click.IntRange(1, _BLOCK_MAX),
-    default=4096,
-    help="Frames computed at once; the bytes are the same for any number.",
-)
-@click.option(
-    "--hands",
-    metavar="FILE.take",
-    help="Play the live hands of this recording (from `ergon duet --record`), at its level.",
-)
-@click.option(
-    "--input",
-    metavar="FILE.wav",
-    help="Let inputs hear this file (from `ergon play --record-input`), at the level of `play`.",
+@options.of(
+    FileOptions,
+    "from_ to stems only except_ channels bits seed rate threads block hands input",
 )
 @click.option(
     "--freeze",
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
-@click.option(
-    "--motion", is_flag=True, help="Also write what moves, beside the WAV file as FILE.motion."
-)
-@click.option(
-    "--see",
-    type=click.Choice(["all"]),
-    help="What --motion shows; all also computes parts that are not heard.",
-)
-@options.on
-@options.accuracy
-@options.draft
+@options.of(FileOptions, "motion see on method error cents plan draft")
 @options.dry_run
 @options.force
 @click.option("--strict", is_flag=True, help="Exit with code 1 when the file is silent.")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from ergon.api.options import SessionOptions
 
 from . import options
 from .bundled import ScorePath, is_pack
@@ -18,46 +19,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath(opens=False))
-@options.hands
-@options.sound
-@click.option(
-    "--journal",
-    type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("session.jsonl"),
-    show_default=True,
-    metavar="FILE",
-    help="File that keeps every line typed; where it exists, the next free name is taken.",
-)
-@click.option(
-    "--resume",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Continue the session of this journal, where it ends.",
-)
-@options.frozen
-@click.option(
-    "--midi",
-    multiple=True,
-    metavar="PORT",
-    help="Hear MIDI from the input whose name contains this, or `virtual`; repeatable.",
-)
-@click.option(
-    "--midi-clock-from",
-    metavar="PORT",
-    help="Follow the MIDI clock of this input: its start and stop, its tempo and its beat.",
-)
-@click.option("--midi-clock-to", metavar="PORT", help="Send MIDI clock to this output.")
-@options.osc
-@options.view
-@options.see
-@click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
-@click.option(
-    "--socket",
-    is_flag=False,
-    flag_value="",
-    metavar="[PATH]",
-    help="Run the engine as a process of its own at this socket, or join the one that runs there.",
-)
+@options.of(SessionOptions, "live unchecked force_max audio audio_in block ahead gain to head")
+@options.of(SessionOptions, "journal resume frozen midi midi_clock_from midi_clock_to")
+@options.of(SessionOptions, "osc osc_to view view_at see watch socket")
 @click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
 @click.option(
     "--plain",
@@ -83,7 +47,6 @@ def repl(
     """
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
-    from ergon.api.options import SessionOptions
 
     asked = SessionOptions(**given)
     if score_path is not None and is_pack(score_path):

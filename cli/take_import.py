@@ -8,7 +8,7 @@ import click
 
 from . import options, recording
 from .console import Console
-from .emulate import Quantity
+from .options import Quantity
 from .outcome import Refused
 
 

@@ -139,7 +139,7 @@ def shown_of(
         )
     if is_motion:
         return _of_motion(console, path, sound, folder)
-    from ergon.api.render import FileOptions
+    from ergon.api.options import FileOptions
     from ergon.api.viewing import render_view
 
     rendered = FileOptions(motion=True, trust=trust, **options)  # type: ignore[arg-type]

@@ -25,9 +25,15 @@ if TYPE_CHECKING:
     from ergon.api.freeze import FreezeOptions, freeze
     from ergon.api.modes import ModesOptions, PartModes, modes
     from ergon.api.open_session import Session, open_session
-    from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
+    from ergon.api.options import (
+        AccuracyOptions,
+        FileOptions,
+        ReadOptions,
+        RenderOptions,
+        SessionOptions,
+    )
     from ergon.api.plan import Plan, plan
-    from ergon.api.render import FileOptions, Render, RenderOptions, render
+    from ergon.api.render import Render, render
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
     from ergon.api.sweep import Sweep, SweepOptions, sweep
     from ergon.api.sweep_table import SweepRow
@@ -127,7 +133,7 @@ _PLACES = {
     "DivergedError": "api.errors",
     "EngineExitError": "api.errors",
     "ErgonError": "common.errors",
-    "FileOptions": "api.render",
+    "FileOptions": "api.options",
     "FoldError": "api.fold",
     "FoldOptions": "api.fold",
     "Folded": "api.fold",
@@ -150,7 +156,7 @@ _PLACES = {
     "ReadOptions": "api.options",
     "FileRefusedError": "exchange.safe",
     "Render": "api.render",
-    "RenderOptions": "api.render",
+    "RenderOptions": "api.options",
     "RenderedFile": "rendering.job",
     "RenderedFiles": "rendering.job",
     "Reply": "repl.session_protocol",

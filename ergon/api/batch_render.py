@@ -29,7 +29,8 @@ from ergon.rendering.remote import ClusterError, chain_count
 from . import score as scores
 from .cluster_worker import MODULES_MAX
 from .errors import OptionError, ScoreError
-from .render import Completed, FileOptions, PreparedRender, check_shared, prepare, target, write
+from .options import FileOptions
+from .render import Completed, PreparedRender, check_shared, prepare, target, write
 from .render_journal import JOURNAL
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from ergon.common.report import Report
 
 from . import score as scores
-from .render import FileOptions, prepare, target, write
+from .options import FileOptions
+from .render import prepare, target, write
 from .render_journal import JOURNAL, render_journal
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from ergon.common.shown_paths import is_from_pack
 
 from . import score as scores
 from .errors import OptionError
-from .options import AccuracyOptions
-from .render import THREADS
+from .options import THREADS, AccuracyOptions
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Frozen, Source, VerifiedStem

@@ -1,29 +1,39 @@
-"""Options that several calls share; each has a default."""
+"""Options of calls, each declared once: the command line makes its own from these fields."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.option import Choice, Number, Text, Whole, documented, option
+from ergon.common.option import Path as PathTo
+from ergon.exchange.wave_header import CHANNELS_MAX
+
 from .errors import OptionError
 
 if TYPE_CHECKING:
     from ergon.exchange.plan_file import PlanFile
+    from ergon.exchange.wave_header import Bits
     from ergon.scores.reading.piece import Accuracy
 
 
+THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
+_BLOCK_MAX = 1 << 20  # frames: 24 s; more takes memory and gains nothing
+
+
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions:
     """How a score is read.
 
-    `text` is the text of the score; its path then gives only its name and folder. With `trust` a
-    score may name files outside its folder.
+    `text` is the text of the score; its path then gives only its name and folder.
     """
 
     text: str | None = None
-    trust: bool = False
+    trust: bool = option(False, "Allow the score to name files outside its folder.")
 
 
 def check_seed(seed: int | None) -> None:
@@ -35,23 +45,33 @@ def check_seed(seed: int | None) -> None:
         raise OptionError("seed", reason, value=str(seed))
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyOptions(ReadOptions):
     """How exactly a score is computed; None leaves a value to the score.
 
-    At most one of three is given: `method` ("ca", "modal", "ca2p", "bm4", "ieq"),
-    `error`, the largest error of the waveform (-60.0 [dB] or "-60dB"), and `cents`, the largest
-    error of a pitch. `plan` is the file of an earlier plan, which is followed. A `draft` is
-    computed by the cheapest methods that are stable, without trials. `seed` is the seed of every
-    chance operation.
+    At most one of `method`, `error` (-60.0 [dB] or "-60dB") and `cents` is given.
     """
 
-    method: str | None = None
-    error: float | str | None = None
-    cents: float | None = None
-    plan: Path | str | None = None
-    draft: bool = False
-    seed: int | None = None
+    method: str | None = option(
+        None, "Compute all parts by one method: ca, modal, ca2p, bm4 or ieq.", metavar="NAME"
+    )
+    error: float | str | None = option(
+        None,
+        "Largest error of the waveform, below the sound's own level, such as -60dB.",
+        metavar="LEVEL",
+    )
+    cents: float | None = option(None, "Largest error of a pitch, in cents.", Number(0.01, 1200))
+    plan: Path | str | None = option(
+        None, "Compute by the plan in this file (from `ergon plan -o`).", metavar="FILE"
+    )
+    draft: bool = option(
+        False,
+        "Begin at once, by the cheapest methods that are stable; the accuracy is not searched.",
+    )
+    seed: int | None = option(
+        None, "Seed of every chance operation, instead of the score's.", Whole()
+    )
 
     def accuracy(self, of_score: Accuracy, followed: PlanFile | None = None) -> Accuracy:
         """The accuracy that a piece is computed with. Raises OptionError.
@@ -113,35 +133,163 @@ class AccuracyOptions(ReadOptions):
             raise OptionError("plan", str(error), value=str(self.plan)) from None
 
 
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderOptions(AccuracyOptions):
+    """What is rendered of a score; None leaves a value to the score.
+
+    `bits` (16, 24 or "float") decide the level too: "float" is in SI units if the score gives no
+    level, and is not high-passed. `on`, `threads` and `block` change no sample.
+    """
+
+    from_: str | None = option(
+        None,
+        "First position to write, such as '3|1' (in quotes), B+2 or 12.5s.",
+        metavar="POSITION",
+    )
+    to: str | None = option(None, "Position to write up to.", metavar="POSITION")
+    only: str | None = option(
+        None,
+        "Hear these instruments alone; all others move, silent.",
+        metavar="NAME[,NAME]",
+    )
+    except_: str | None = option(None, "Hear all instruments but these.", metavar="NAME[,NAME]")
+    channels: int | None = option(
+        None,
+        "Channels of the file; with n, channel c of the piece goes to channel c modulo n.",
+        Whole(1, CHANNELS_MAX),
+    )
+    bits: Bits | None = option(
+        None,
+        "Bits of a sample, or float; without this option as the score says.",
+        Choice((16, 24, "float")),
+    )
+    rate: float | None = option(
+        None,
+        "Frames a second of the file [Hz], instead of the score's; the physics stay the same.",
+        Number(1_000, 768_000, "RATE"),
+    )
+    threads: int = option(
+        THREADS,
+        "Number of threads; the bytes are the same for any number.",
+        Whole(1, 1024),
+    )
+    block: int = option(
+        4096,
+        "Frames computed at once; the bytes are the same for any number.",
+        Whole(1, _BLOCK_MAX),
+    )
+    hands: Path | str | None = option(
+        None,
+        "Play the live hands of this recording (from `ergon duet --record`), at its level.",
+        metavar="FILE.take",
+    )
+    input: Path | str | None = option(
+        None,
+        "Let inputs hear this file (from `ergon play --record-input`), at the level of `play`.",
+        metavar="FILE.wav",
+    )
+    on: str | None = option(
+        None,
+        "Share the work: local:N processes here, or the Dask scheduler tcp://HOST:PORT.",
+        metavar="WHERE",
+    )
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that are read in addition to the score's."""
+        given = (self.plan, self.hands, self.input)
+        return tuple(Path(one) for one in given if one is not None)
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileOptions(RenderOptions):
+    """What is rendered of a score into files."""
+
+    stems: Path | str | None = option(
+        None,
+        "Also write one file for each player or instrument, into this folder.",
+        PathTo("folder"),
+        metavar="DIR",
+    )
+    force: bool = option(
+        False, "Also overwrite files that ergon did not write, or that were edited since."
+    )
+    motion: bool = option(False, "Also write what moves, beside the WAV file as FILE.motion.")
+    see: str | None = option(
+        None,
+        "What --motion shows; all also computes parts that are not heard.",
+        Choice(("all",)),
+    )
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class PerformanceOptions:
     """How a score is played on hardware.
 
-    `live` lists PLAYER=DEVICE, the devices under the players' keys. With `unchecked` the
-    directions of motors are not tried first. `force_max` [N] is the largest force on a hand.
-    `audio` says where the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or
-    "auto". `audio_in` says where inputs are heard: "jack[:PORTS]", "pulse[:SOURCE]", "none" or
-    "auto". The sound card takes `block` frames at a time, and `ahead` frames are computed before
-    it asks for them. `gain` ("-12dB") is the gain of the sound; without it one is measured by
-    computing the piece unheard. `to` folds the loudspeakers of the score's layout as
-    `FoldOptions.to` does, with the `head` of a SOFA file if it is binaural. With `view`, pages
-    in browsers show what is played; `view_at` (HOST:PORT) says where they are served, and `see`
-    "all" also computes parts that nobody hears.
+    Without `gain` one is measured by computing the piece unheard.
     """
 
-    live: Sequence[str] = ()
-    unchecked: bool = False
-    force_max: float | None = None
-    audio: str = "auto"
-    audio_in: str = "auto"
-    block: int | None = None
-    ahead: int | None = None
-    gain: str | None = None
-    to: str | None = None
-    head: str | Path | None = None
-    view: bool = False
-    view_at: str | None = None
-    see: str | None = None
+    live: Sequence[str] = option(
+        (),
+        "Play a player's key by a device, such as remi=firefader:/dev/ttyACM0#1, or without one, "
+        "such as remi=page:; repeatable.",
+        metavar="PLAYER=DEVICE",
+    )
+    unchecked: bool = option(False, "Do not try the direction of each motor before it plays.")
+    force_max: float | None = option(None, "Largest force on a hand [N].", Number(0, 200, "FORCE"))
+    audio: str = option(
+        "auto",
+        "Where the sound goes: jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
+        metavar="WHERE",
+        shown=True,
+    )
+    audio_in: str = option(
+        "auto",
+        "Where inputs are heard: jack[:PORTS], pulse[:SOURCE], none or auto.",
+        metavar="WHERE",
+        shown=True,
+    )
+    block: int | None = option(None, "Frames that the sound card takes at a time.", Whole(16, 8192))
+    ahead: int | None = option(
+        None, "Frames computed before the sound card asks for them.", Whole(64, 1 << 20)
+    )
+    gain: str | None = option(
+        None,
+        "Gain of the sound, such as -12dB, in place of what `normalise` would measure.",
+        metavar="LEVEL",
+    )
+    to: str | None = option(
+        None,
+        "Fold the score's layout: binaural, stereo, ambix1 … ambix7, or another layout.",
+        metavar="WHERE",
+    )
+    head: str | Path | None = option(None, "Another head for --to binaural.", metavar="FILE.sofa")
+    frozen: Path | str | None = option(
+        None,
+        "Read these parts (from `ergon render --freeze`) instead of computing them.",
+        PathTo("folder"),
+        metavar="DIR",
+    )
+    osc: str | None = option(
+        None,
+        "Accept OSC requests at this port; without HOST from your programs here alone.",
+        metavar="[HOST:]PORT",
+    )
+    osc_to: str | None = option(
+        None, "Send by OSC what is played, and when it is heard.", metavar="HOST:PORT"
+    )
+    view: bool = option(False, "Show in a browser what moves while it plays.")
+    view_at: str | None = option(
+        None,
+        "Show it here. Default: any free port of this machine. The address has a key.",
+        metavar="HOST:PORT",
+    )
+    see: str | None = option(
+        None, "With --view: all computes what nobody hears too.", Choice(("all",))
+    )
 
     @property
     def card(self) -> str:
@@ -149,27 +297,74 @@ class PerformanceOptions:
         return self.audio if self.block is None else f"{self.audio},block={self.block}"
 
 
+@documented
+@dataclass(frozen=True, kw_only=True)
+class PlayOptions(AccuracyOptions, PerformanceOptions):
+    """How a score is played from beginning to end."""
+
+    from_: str | None = option(
+        None,
+        "Where to begin, such as '3|1' (in quotes), B+2 or 12.5s.",
+        metavar="POSITION",
+    )
+    until: str | None = option(None, "Where to stop, such as '5|1'.", metavar="POSITION")
+    loop: bool = option(
+        False, "Begin again at the end, until Ctrl-C; with --until again at --from."
+    )
+    guide: Sequence[str] = option(
+        (),
+        "Pull the real key along the player's written part, by a spring of K [N/m].",
+        metavar="PLAYER[=K]",
+    )
+    standin: Sequence[str] = option(
+        (),
+        "Play this take or gesture where the player has no device; repeatable.",
+        metavar="PLAYER=TAKE",
+    )
+    record: str | None = option(
+        None, "Record what the hands do into a new file.", metavar="FILE.take"
+    )
+    record_input: str | None = option(
+        None,
+        "Write what inputs hear into a new file, for `ergon render --input`.",
+        metavar="FILE.wav",
+    )
+
+
+@documented
 @dataclass(frozen=True, kw_only=True)
 class SessionOptions(PerformanceOptions):
-    """How a session is opened.
+    """How a session is opened."""
 
-    `journal` is the file that keeps every line. `resume` is an earlier journal, whose session
-    continues where it ends. With `watch` the score is read again whenever it is saved. With a
-    `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
-    score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual".
-    `midi_clock_from` is an input whose clock is followed, `midi_clock_to` an output that gets one.
-    `frozen` is a folder of parts that were computed beforehand.
-    OSC requests are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT).
-    """
-
-    journal: Path | str = Path("session.jsonl")
-    resume: Path | str | None = None
-    frozen: Path | str | None = None
-    watch: bool = False
-    socket: str | None = None
-    trust: bool = False
-    midi: Sequence[str] = ()
-    midi_clock_from: str | None = None
-    midi_clock_to: str | None = None
-    osc: str | None = None
-    osc_to: str | None = None
+    journal: Path | str = option(
+        Path("session.jsonl"),
+        "File that keeps every line typed; where it exists, the next free name is taken.",
+        PathTo("file"),
+        metavar="FILE",
+        shown=True,
+    )
+    resume: Path | str | None = option(
+        None,
+        "Continue the session of this journal, where it ends.",
+        PathTo("file"),
+        metavar="FILE",
+    )
+    watch: bool = option(False, "Reload the score whenever it is saved.")
+    socket: str | None = option(
+        None,
+        "Run the engine as a process of its own at this socket, or join the one that runs there.",
+        Text(if_alone=""),
+        metavar="[PATH]",
+    )
+    trust: bool = option(False, "Allow the score to name files outside its folder.")
+    midi: Sequence[str] = option(
+        (),
+        "Hear MIDI from the input whose name contains this, or `virtual`; repeatable.",
+        metavar="PORT",
+    )
+    midi_clock_from: str | None = option(
+        None,
+        "Follow the MIDI clock of this input: its start and stop, its tempo and its beat.",
+        metavar="PORT",
+    )
+    midi_clock_to: str | None = option(None, "Send MIDI clock to this output.", metavar="PORT")

@@ -17,7 +17,7 @@ from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
 from .hands import boards_of, calibrated_board, guide_stiffnesses, led_hands, no_player_message
-from .options import AccuracyOptions, PerformanceOptions
+from .options import PlayOptions
 from .osc import osc_of
 from .pages import pages_of, sees_all
 
@@ -32,31 +32,6 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _NOT_HERE = ("N401",)  # a note that a live hand is absent: `play` shows that itself
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlayOptions(AccuracyOptions, PerformanceOptions):
-    """How a score is played.
-
-    `from_` is the position to begin at, `until` the one to stop at; with `loop` the piece
-    begins again at its end, or what lies between the two does. OSC requests are accepted at
-    `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
-    PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
-    PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
-    hands do, `record_input` the new WAVE file of what inputs hear, `frozen` the folder of
-    frozen parts.
-    """
-
-    from_: str | None = None
-    until: str | None = None
-    loop: bool = False
-    osc: str | None = None
-    osc_to: str | None = None
-    guide: Sequence[str] = ()
-    standin: Sequence[str] = ()
-    record: str | None = None
-    record_input: str | None = None
-    frozen: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +65,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
     if options.frozen is not None:
-        frozen = freeze.read(written, options.frozen, options.seed, report)
+        frozen = freeze.read(written, Path(options.frozen), options.seed, report)
         freeze.are_free(piece, frozen, real)
     boards = [calibrated_board(board, options.unchecked, report) for board in boards]
     stage = scores.stage_piece(
@@ -105,7 +80,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     _refuse_felt_automation(stage, real)
     stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
-        stems = freeze.verified(stage, frozen, options.frozen)
+        stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
     hands = led_hands(boards, report)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,7 @@ from . import score as scores
 from .chosen_routes import choose_routes
 from .errors import OptionError, ScoreError
 from .layouts import chunks_of_layout
-from .options import AccuracyOptions
+from .options import FileOptions, RenderOptions
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,56 +35,6 @@ if TYPE_CHECKING:
     from .cluster import Cluster
 
 _FAINT = 0.01  # -40 dBFS
-THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RenderOptions(AccuracyOptions):
-    """What is rendered of a score; None leaves a value to the score.
-
-    `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
-    "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16,
-    24 or "float") decide the level too: "float" is in SI units if the score gives no level, and
-    is not high-passed. `only` and `except_` are instruments, with commas between them, whose routes
-    alone are heard, or are not. `hands` is the file of a recording of live hands, `input` the WAVE
-    file that inputs heard. `on` names processes that compute islands: "local:N", or the Dask
-    scheduler "tcp://HOST:PORT". `threads` is the number of threads and `block` the number of
-    frames computed at once; these three change no sample.
-    """
-
-    from_: str | None = None
-    to: str | None = None
-    channels: int | None = None
-    bits: Bits | None = None
-    rate: float | None = None
-    hands: Path | str | None = None
-    input: Path | str | None = None
-    only: str | None = None
-    except_: str | None = None
-    on: str | None = None
-    threads: int = THREADS
-    block: int = 4096
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Files that are read in addition to the score's."""
-        given = (self.plan, self.hands, self.input)
-        return tuple(Path(one) for one in given if one is not None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileOptions(RenderOptions):
-    """What is rendered of a score into files.
-
-    `stems` is a folder, which gets one more file for each instrument. With `force`, files that
-    ergon did not write are overwritten. With `motion`, the motion is written to FILE.motion
-    beside the sound; with `see` "all" it includes parts that nobody hears.
-    """
-
-    stems: Path | str | None = None
-    force: bool = False
-    motion: bool = False
-    see: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +62,7 @@ class PreparedRender:
     stage: Stage
     job: RenderJob
     plan_s: float
-    options: RenderOptions = RenderOptions()
+    options: RenderOptions = field(default_factory=RenderOptions)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ from ergon.common.report import Report
 from . import score as scores
 from .errors import DivergedError, OptionError
 from .layouts import chunks_of_layout
-from .render import Completed, FileOptions
+from .options import FileOptions
+from .render import Completed
 
 JOURNAL = ".jsonl"  # how the name of a journal ends
 # Options whose values the journal itself decides.

@@ -16,7 +16,8 @@ from ergon.common.report import Report
 
 from . import score as scores
 from .errors import DivergedError
-from .render import RenderOptions, prepare
+from .options import RenderOptions
+from .render import prepare
 from .score_bundle import ScoreBundle, unpack, with_local_paths
 
 if TYPE_CHECKING:

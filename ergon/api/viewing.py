@@ -13,7 +13,8 @@ from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat
 from . import score as scores
 from .film import SUFFIX
 from .fold import FoldError, FoldOptions, fold_file
-from .render import FileOptions, prepare, write
+from .options import FileOptions
+from .render import prepare, write
 
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import WaveInfo

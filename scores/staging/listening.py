@@ -286,7 +286,7 @@ def _taps(
         return [_tap(listening, assembly, name, output)]
     own = assembly.network.elements(list({target.part for target in output.targets}))
     masses = dict(zip(own.mats, own.masses, strict=True))
-    taps = []
+    taps: list[int] = []
     for mat in (mat for target in output.targets for mat in assembly.members(target)):
         listening.outputs.append(".".join(filter(None, (*name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))

@@ -10,7 +10,8 @@ import pytest
 from motions import Piece
 
 from ergon import _core
-from ergon.api.render import FileOptions, render
+from ergon.api.options import FileOptions
+from ergon.api.render import render
 from ergon.api.viewing import for_two_ears, render_view, sound_beside
 from ergon.common.report import Report
 from ergon.exchange import sound

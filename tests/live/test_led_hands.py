@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from ergon import _core
 from ergon.api.errors import OptionError
 from ergon.api.open_session import open_session
-from ergon.api.options import SessionOptions
-from ergon.api.play import PlayOptions, PreparedPlay, begin, prepare
+from ergon.api.options import PlayOptions, SessionOptions
+from ergon.api.play import PreparedPlay, begin, prepare
 from ergon.common.report import Report
 from ergon.live.boards import BoardError, boards
 from ergon.live.datagrams import encode_message

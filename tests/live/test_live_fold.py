@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from sweep import few
 
 from ergon import _core
-from ergon.api.play import PlayOptions, PreparedPlay, prepare
+from ergon.api.options import PlayOptions
+from ergon.api.play import PreparedPlay, prepare
 from ergon.cli import app
 from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS

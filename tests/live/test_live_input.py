@@ -17,8 +17,9 @@ from servers import Jack, Pulse, jack_name
 
 from ergon import _core
 from ergon.api.errors import OptionError
-from ergon.api.play import PlayOptions, begin, prepare
-from ergon.api.render import RenderOptions, render
+from ergon.api.options import PlayOptions, RenderOptions
+from ergon.api.play import begin, prepare
+from ergon.api.render import render
 from ergon.common.report import Report
 
 RATE = 48_000

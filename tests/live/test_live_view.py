@@ -15,7 +15,8 @@ from emulators import emulator
 from one_bell import SCORE
 from patience import until
 
-from ergon.api.play import PlayOptions, begin, prepare
+from ergon.api.options import PlayOptions
+from ergon.api.play import begin, prepare
 from ergon.common.report import Report
 from tests.live.test_duet_lockstep import COUPLED, written
 from tests.repl.test_repl_live import ok, session_on

@@ -13,7 +13,8 @@ from duets import recorded, said, sound
 from patience import until
 
 from ergon import _core
-from ergon.api.play import PlayOptions, PreparedPlay, begin, prepare
+from ergon.api.options import PlayOptions
+from ergon.api.play import PreparedPlay, begin, prepare
 from ergon.common.report import Report
 from tests.live.test_led_hands import SCORE
 

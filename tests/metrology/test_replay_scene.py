@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ergon import _core
-from ergon.api.render import FileOptions
+from ergon.api.options import FileOptions
 from ergon.api.viewing import render_view
 from ergon.common.report import Report
 from ergon.workshop.metrology.comparison import Replay

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from sweep import few
 
 import ergon
-from ergon.api.render import FileOptions, Render, RenderOptions
+from ergon.api.options import FileOptions, RenderOptions
+from ergon.api.render import Render
 from ergon.api.score import read, stage_piece
 from ergon.rendering import memory, resumed, stretches
 

@@ -19,7 +19,8 @@ from ergon import _core
 from ergon.api import cluster, cluster_worker
 from ergon.api import score as scores
 from ergon.api.cluster_worker import Job
-from ergon.api.render import PreparedRender, RenderOptions, prepare
+from ergon.api.options import RenderOptions
+from ergon.api.render import PreparedRender, prepare
 from ergon.common.report import Report
 from ergon.exchange.stretch_store import StretchStore
 from ergon.rendering import stretches

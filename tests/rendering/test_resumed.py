@@ -13,7 +13,7 @@ from patience import PATIENCE
 from sweep import few
 
 import ergon
-from ergon.api.render import RenderOptions
+from ergon.api.options import RenderOptions
 from ergon.exchange.stretch_store import Stretch, StretchStore
 from ergon.rendering import resumed, stretches
 

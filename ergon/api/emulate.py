@@ -1,0 +1,278 @@
+"""An emulated force-feedback device, for trying scores and drivers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ergon.common.errors import ErgonError
+from ergon.common.option import Number, Quantities, Switch, Whole, documented, option
+from ergon.common.option import Path as PathTo
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon import _core
+
+DeviceName = Literal["firefader", "frame", "haply"]
+Transport = Literal["pty", "udp", "ws"]
+
+
+class EmulationError(ErgonError):
+    """Options that contradict each other, or the device."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Device:
+    """A device: its axes, the greatest force of its motors [N], and a URL scheme for each way."""
+
+    axes: int
+    force: float
+    ways: dict[Transport, str]
+
+
+DEVICES: dict[DeviceName, _Device] = {
+    "firefader": _Device(2, 1.56, {"pty": "firefader"}),
+    "frame": _Device(1, 20.0, {"pty": "frame", "udp": "frame+udp"}),
+    "haply": _Device(3, 10.0, {"ws": "haply"}),
+}
+_TICK = 44100 / 44  # periods a second: a tick of 44 samples
+_CEL = 0.05, 0.0, 1.0  # mass [kg], stiffness [N/m] and damping [N·s/m] of a key
+
+
+def _quantity(default: float | None, shown: str, dimension: str, help: str) -> Any:
+    return option(default, help, Quantities((dimension,)), shown=shown)
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EmulationOptions:
+    """What an emulated device is made of, in SI units, and how it is served."""
+
+    pty: bool = option(False, "Serve at a pseudo-terminal, as at a serial port.")
+    udp: int | None = option(
+        None,
+        "Serve by datagrams at this UDP port; 0 is any free port.",
+        Whole(0, 65535),
+        metavar="PORT",
+    )
+    ws: int | None = option(
+        None,
+        "Serve by a WebSocket at this TCP port; 0 is any free port.",
+        Whole(0, 65535),
+        metavar="PORT",
+    )
+    axes: int | None = option(None, "Number of keys; for a frame alone.", Whole(1, 16))
+    mass: float = _quantity(_CEL[0], "50g", "MASS", "Mass of each key.")
+    stiffness: float = _quantity(_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
+    damping: float = _quantity(_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
+    calib: Path | None = option(
+        None,
+        "Make each key that of a score with this calibration file: its mass, spring, damping, "
+        "rest, dry friction and modes, stepped once a period as a score steps them.",
+        PathTo("file", must_exist=True),
+        metavar="FILE",
+    )
+    weight: float = _quantity(0.0, "0N", "PUSH", "Constant force on each key, downwards.")
+    dry: float | None = _quantity(None, "none", "FORCE", "Dry friction of each key.")
+    presliding: float | None = _quantity(
+        None, "rigid", "STIFFNESS", "Stiffness of dry friction before the key slides."
+    )
+    static: tuple[float, float] | None = option(
+        None,
+        "Dry friction near rest, and the speed at which it has fallen, such as '80mN 4mm/s'.",
+        Quantities(("FORCE", "SPEED"), "80mN 4mm/s"),
+        metavar="'FORCE SPEED'",
+    )
+    mode: Sequence[tuple[float, float, float]] = option(
+        (),
+        "A part that swings on each key: its mass, frequency and damping ratio, such as "
+        "'20g 180Hz 0.02'; repeatable.",
+        Quantities(("MASS", "FREQUENCY", "RATIO"), "20g 180Hz 0.02"),
+        metavar="'MASS FREQUENCY RATIO'",
+    )
+    delay: float | None = _quantity(None, "none", "DURATION", "Delay of each motor's force.")
+    travel: float = _quantity(0.1, "100mm", "POSITION", "Travel of each key, from end to end.")
+    force_max: float | None = _quantity(
+        None, "20N", "FORCE", "Largest force of each motor; for a frame alone."
+    )
+    resolution: float = _quantity(0.0, "exact", "POSITION", "Resolution of each position sensor.")
+    noise: float = _quantity(0.0, "none", "POSITION", "Noise of each position sensor, as its rms.")
+    seed: int = option(0, "Seed of the noise.", Whole(0), shown=True)
+    force_step: float | None = _quantity(
+        None, "exact", "FORCE", "Resolution of each motor's force."
+    )
+    rate: float = _quantity(_TICK, "1002Hz", "FREQUENCY", "Periods a second of the device.")
+    gesture: Sequence[str] = option(
+        (),
+        "Gesture of a hand on the next key, such as '0mm@0 6mm@1/8 0mm@1/2'; repeatable.",
+        metavar="NOTATION",
+    )
+    tempo: float = option(60.0, "Beats a minute of the gestures.", Number(1, 1000), shown=True)
+    hand: float = _quantity(400.0, "400N/m", "STIFFNESS", "Spring by which a hand pulls its key.")
+    grip: float = _quantity(4.0, "4Ns/m", "DAMPING", "Damping of a hand on its key.")
+    free: bool = option(False, "Leave the keys that have no gesture without a hand.")
+    gate: bool | None = option(
+        None,
+        "Whether a motor gives force only while a hand touches the key; as the device does.",
+        Switch(),
+    )
+    watchdog: float = _quantity(
+        0.05, "50ms", "DURATION", "Time without a packet after which the force is zero."
+    )
+    lockstep: bool = option(
+        False, "Advance one period for each packet, instead of by the wall clock."
+    )
+    seconds: float | None = option(
+        None,
+        "End after this many seconds.",
+        Number(0, dimension="DURATION", is_open=True),
+    )
+    once: bool = option(False, "End when the host has disconnected.")
+
+    @property
+    def friction(self) -> tuple[float, float, float, float]:
+        """Dry friction, its stiffness, and what it is near rest, up to which speed."""
+        return self.dry or 0.0, self.presliding or 0.0, *(self.static or (0.0, 0.0))
+
+
+def emulate(
+    device: DeviceName, options: EmulationOptions, tell: Callable[[str, str], object]
+) -> None:
+    """Serve an emulated device until Ctrl-C.
+
+    `tell(event, text)` is called with "ready" and the URL, "let-go", "host-gone", and "over" with
+    periods, packets and the hash of all positions. Raises EmulationError and EngineError.
+    """
+    from ergon import _core
+
+    usual = DEVICES[device]
+    _check(device, options)
+    transport, port = _way(device, options)
+    axes = options.axes or usual.axes
+    suffix = "?lockstep" if options.lockstep else ""
+
+    def told(event: str, text: str) -> None:
+        is_ready = event == "ready"
+        tell(event, f"{usual.ways[transport]}:{text}{suffix}" if is_ready else text)
+
+    _core.emulate(
+        device,
+        transport,
+        told,
+        port=port,
+        paths=_paths(options, 0 if options.free else axes),
+        hand=(options.hand, options.grip),
+        axes=axes,
+        force_max=usual.force if options.force_max is None else options.force_max,
+        model=_model(options),
+        network=None if options.calib is None else _measured(options.calib),
+        force_step=options.force_step or 0.0,
+        touch_gate=device == "firefader" if options.gate is None else options.gate,
+        mass=options.mass,
+        stiffness=options.stiffness,
+        damping=options.damping,
+        travel=options.travel,
+        resolution=options.resolution,
+        noise=options.noise,
+        seed=options.seed,
+        rate=options.rate,
+        watchdog=options.watchdog,
+        lockstep=options.lockstep,
+        seconds=options.seconds,
+        once=options.once,
+    )
+
+
+def _check(device: DeviceName, options: EmulationOptions) -> None:
+    """Refuse options that contradict each other, or the device. Raises EmulationError."""
+    usual = DEVICES[device]
+    if options.axes not in (None, usual.axes) and device != "frame":
+        raise EmulationError(f"a {device} has {usual.axes} axes")
+    if options.force_max is not None and device != "frame":
+        raise EmulationError(
+            f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
+        )
+    axes = options.axes or usual.axes
+    if len(options.gesture) > axes:
+        raise EmulationError(f"{len(options.gesture)} gestures are given for {axes} keys")
+    if options.noise < 0:
+        raise EmulationError("--noise must not be negative")
+    if options.dry is None and (options.presliding or options.static):
+        raise EmulationError(
+            "--presliding and --static say how dry friction begins; give --dry too"
+        )
+    is_cel = (options.mass, options.stiffness, options.damping) == _CEL
+    others = options.weight, *options.friction, options.mode, options.delay
+    if options.calib is not None and (not is_cel or any(others)):
+        raise EmulationError(
+            "--calib says what the key is made of; leave the other options of it out"
+        )
+
+
+def _model(options: EmulationOptions) -> NDArray[np.float64] | None:
+    """The parameters of the model of a key (`_core.key_path`); None if the key is a plain CEL."""
+    weight, friction, delay = options.weight, options.friction, options.delay or 0.0
+    if not (weight or any(friction) or options.mode or delay):
+        return None
+    import numpy as np
+
+    rest = -weight / options.stiffness if options.stiffness else 0.0
+    dry, *others = friction
+    cel = options.mass, options.stiffness, options.damping
+    modes = (number for mode in options.mode for number in mode)
+    return np.array([*cel, weight, dry, rest, delay, *others, *modes])
+
+
+def _measured(calib: Path) -> tuple[_core.Network, int]:
+    """The network of a key from a calibration file, and the MAT that ergons strike."""
+    from ergon.instruments.assemble import Assembly
+    from ergon.scores.reading.load import load
+
+    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}}}}}\n"
+    loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
+    if loaded.piece is None:
+        raise EmulationError(f"{calib}: {'; '.join(found.message for found in loaded.diagnostics)}")
+    key = loaded.piece.keys["k"]
+    assembly = Assembly()
+    assembly.part(key.name, key.modules)
+    assembly.joins(key.name, key.modules)
+    return assembly.network, assembly.mats[key.name, key.struck]
+
+
+def _way(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]:
+    """The transport asked for, or the device's own, and its port."""
+    ways = DEVICES[device].ways
+    ports: dict[Transport, int | None] = {
+        "pty": 0 if options.pty else None,
+        "udp": options.udp,
+        "ws": options.ws,
+    }
+    asked = [(name, port) for name, port in ports.items() if port is not None]
+    if len(asked) > 1:
+        raise EmulationError("--pty, --udp and --ws exclude each other; give one")
+    name, port = asked[0] if asked else (next(iter(ways)), 10001 if "ws" in ways else 0)
+    if name not in ways:
+        raise EmulationError(f"a {device} is emulated by --{' or --'.join(ways)}")
+    return name, port
+
+
+def _paths(options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
+    """The positions (n,) [m] of each hand; then an empty path for each finger that rests."""
+    import numpy as np
+
+    from ergon.notation.text.errors import TextError
+    from ergon.scores.gesture import notation
+    from ergon.scores.gesture.sampled import sampled
+
+    paths = []
+    for text in options.gesture:
+        try:
+            paths.append(sampled(notation.parse(text).points, 60 / options.tempo, options.rate))
+        except TextError as error:
+            raise EmulationError(f"--gesture: {error.message}: {text}") from None
+    return paths + [np.empty(0)] * (fingers - len(paths))

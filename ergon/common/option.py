@@ -1,0 +1,106 @@
+"""Options of a call, declared once: their defaults, what they mean, and what they accept.
+
+The command line makes its own options from these declarations, and documentation its lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """A whole number within bounds."""
+
+    low: int | None = None
+    high: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number within bounds; one with a dimension of `notation.tables.quantities` may have a
+    unit. With `is_open` it is above `low`.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    dimension: str | None = None
+    is_open: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Quantities:
+    """Numbers that need their units, as in a score; several in one word, such as `example`."""
+
+    dimensions: tuple[str, ...]
+    example: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One of some values."""
+
+    values: tuple[int | str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A path; an existing one must be what it says."""
+
+    kind: Literal["file", "folder"]
+    must_exist: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """Yes or no, where the default is another."""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Any text; the option alone stands for `if_alone`, if that is a text."""
+
+    if_alone: str | None = None
+
+
+Accepted = Whole | Number | Quantities | Choice | Path | Switch | Text
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """What a field of options means, and what it accepts.
+
+    `metavar` stands for the value in help. The default is shown there as `shown`.
+    """
+
+    help: str
+    accepts: Accepted = Text()
+    metavar: str | None = None
+    shown: str | bool = False
+
+
+def option(
+    default: Any,
+    help: str,
+    accepts: Accepted = Text(),
+    *,
+    metavar: str | None = None,
+    shown: str | bool = False,
+) -> Any:
+    """A field of a dataclass of options.
+
+    One whose default is False is a flag, one whose default is empty may be given several times.
+    """
+    declared = Option(help, accepts, metavar, shown)
+    return field(default=default, metadata={"option": declared})
+
+
+def documented(options: type[T]) -> type[T]:
+    """The class, with what its fields mean behind its docstring."""
+    own = [one for one in fields(options) if one.name in options.__annotations__]  # type: ignore[arg-type]
+    lines = [f"    {one.name}: {one.metadata['option'].help}" for one in own if one.metadata]
+    options.__doc__ = "\n".join([f"{options.__doc__}", *lines])
+    return options
