@@ -114,9 +114,11 @@ def _zsh() -> str:
 
 def _fish() -> str:
     from .app import COMMANDS
+    from .lazy import row
 
     lines = [_FISH]
-    for name, (_, _, text) in COMMANDS.items():
+    for name in COMMANDS:
+        text = row(COMMANDS, name)[2]
         lines.append(f"complete -c ergon -n __fish_use_subcommand -f -a {name} -d {_quoted(text)}")
     for name, parameters in _table().items():
         seen = f"-n '__fish_seen_subcommand_from {name}'"

@@ -10,11 +10,17 @@ import click
 
 from . import examples, habits
 
-# name → (module, attribute, one line of help). The help is in the table so that `--help` imports no
-# command.
-Table = Mapping[str, tuple[str, str, str]]
+# name → (module, attribute, one line of help), or the help alone where all three names are one. The
+# help is in the table so that `--help` imports no command.
+Table = Mapping[str, str | tuple[str, str, str]]
 ROOT = "ergon"  # the name of the group of all commands
 _ALL = "`ergon help` lists all commands"
+
+
+def row(table: Table, name: str) -> tuple[str, str, str]:
+    """The module of a command, its attribute there, and its line of help."""
+    own = table[name]
+    return (name, name, own) if isinstance(own, str) else own
 
 
 class LazyGroup(click.Group):
@@ -42,7 +48,7 @@ class LazyGroup(click.Group):
         """Import and return a command; None when there is no such name."""
         if cmd_name not in self.table:
             return None
-        module, attribute, _ = self.table[cmd_name]
+        module, attribute, _ = row(self.table, cmd_name)
         command = getattr(import_module(f"ergon.cli.{module}"), attribute)
         assert isinstance(command, click.Command)
         if command.epilog is None:
@@ -111,4 +117,6 @@ class LazyGroup(click.Group):
         width = max(len(name) for name in self.table)
         for title, names in self.sections.items():
             with formatter.section(title):
-                formatter.write_dl([(f"{name:{width}}", self.table[name][2]) for name in names])
+                formatter.write_dl(
+                    [(f"{name:{width}}", row(self.table, name)[2]) for name in names]
+                )

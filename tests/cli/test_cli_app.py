@@ -19,7 +19,7 @@ from ergon.api.options import SessionOptions
 from ergon.cli import app, take
 from ergon.cli.colour import may_colour
 from ergon.cli.console import Console, line
-from ergon.cli.lazy import LazyGroup
+from ergon.cli.lazy import LazyGroup, row
 from ergon.cli.outcome import Diverged, Findings, Refused
 from ergon.cli.units import loudness_of
 from ergon.exchange.safe import FileRefusedError
@@ -61,7 +61,8 @@ def test_every_command_says_what_it_does_without_the_engine() -> None:
 @pytest.mark.parametrize("group", [app.group, take.take], ids=["ergon", "take"])
 def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
     context = click.Context(group)
-    for name, (_, _, text) in group.table.items():
+    for name in group.table:
+        _, _, text = row(group.table, name)
         command = group.get_command(context, name)
         assert command is not None
         assert command.name == name
