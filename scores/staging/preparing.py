@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
@@ -38,10 +38,19 @@ from ergon.scores.staging.travel import check_travel
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
-    from ergon.scores.staging.stage import Stage
 
 LONGEST_TAIL = 60.0  # [s] of a score whose tail is `auto`
 MAX_SECONDS = 24 * 3600.0  # a day; a longer piece is a mistake
+
+
+class EarlierStage(Protocol):
+    """A stage that was prepared before, whose results may be reused."""
+
+    built: BuiltNetwork
+    takes: Mapping[Hashable, _core.Take]
+    paths: Mapping[Where, Points]
+    paths_until: float
+    memory: StageMemory
 
 
 class Span(NamedTuple):
@@ -79,7 +88,7 @@ def prepare(
     real: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
-    like: Stage | None = None,
+    like: EarlierStage | None = None,
     start: int = 0,
 ) -> PreparedPiece:
     """Build the network and the timeline of a piece. Raises StageError with every mistake found.
