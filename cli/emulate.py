@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("device", type=click.Choice(list(api.DEVICES)))
-@options.of(api.EmulationOptions)
+@options.declared(api.EmulationOptions)
 @options.speaking
 def emulate(console: Console, device: api.DeviceName, **given: Any) -> None:
     """Emulate a force-feedback device, for trying scores and drivers.

@@ -19,8 +19,8 @@ _ALL = "`ergon help` lists all commands"
 
 def row(table: Table, name: str) -> tuple[str, str, str]:
     """The module of a command, its attribute there, and its line of help."""
-    own = table[name]
-    return (name, name, own) if isinstance(own, str) else own
+    entry = table[name]
+    return (name, name, entry) if isinstance(entry, str) else entry
 
 
 class LazyGroup(click.Group):

@@ -19,7 +19,7 @@ from ergon.api.options import (
     ReadOptions,
     RenderOptions,
 )
-from ergon.common import option as declared
+from ergon.common import option as kinds
 
 from .bundled import ScorePath
 from .console import Console
@@ -166,7 +166,7 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
-def of(options: Any, names: str = "") -> Callable[[F], F]:
+def declared(options: Any, names: str = "") -> Callable[[F], F]:
     """Options of a command from fields of a dataclass of options: from those in `names`, in that
     order, or from all.
     """
@@ -175,16 +175,16 @@ def of(options: Any, names: str = "") -> Callable[[F], F]:
 
 
 def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
-    own: declared.Option = field.metadata["option"]
+    option: kinds.Option = field.metadata["option"]
     flag = f"--{field.name.strip('_').replace('_', '-')}"
     flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
     more: dict[str, Any] = {}
-    match own.accepts:
-        case declared.Switch():
+    match option.accepts:
+        case kinds.Switch():
             flags = (f"{flag}/--no{flag[1:]}",)
-        case declared.Text(if_alone=str() as value):
+        case kinds.Text(if_alone=str() as value):
             more = {"is_flag": False, "flag_value": value}
-        case declared.Choice(values=values):
+        case kinds.Choice(values=values):
             by_text = {str(value): value for value in values}
             more = {"callback": lambda _context, _parameter, text: by_text.get(text, text)}
     if field.default is False:
@@ -192,51 +192,45 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
     else:
         is_several = field.default == ()
         default = None if is_several else field.default
-        more |= {"multiple": is_several, "default": default, "type": _type(own.accepts)}
-        more |= {"metavar": own.metavar, "show_default": own.shown}
-    return click.option(*flags, field.name, help=own.help, **more)
+        more |= {"multiple": is_several, "default": default, "type": _type(option.accepts)}
+        more |= {"metavar": option.metavar, "show_default": option.shown}
+    return click.option(*flags, field.name, help=option.help, **more)
 
 
 _SHORT = {"--force": "-f"}
 
 
-def _type(accepts: declared.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic
+def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic
     match accepts:
-        case declared.Whole(low=None, high=None):
+        case kinds.Whole(low=None, high=None):
             return click.INT
-        case declared.Whole(low=low, high=high):
+        case kinds.Whole(low=low, high=high):
             return click.IntRange(low, high)
-        case declared.Number():
+        case kinds.Number():
             return Number(accepts.low, accepts.high, accepts.dimension, min_open=accepts.is_open)
-        case declared.Choice(values=values):
+        case kinds.Choice(values=values):
             return click.Choice([str(value) for value in values])
-        case declared.Path(kind=kind, must_exist=must_exist):
+        case kinds.Path(kind=kind, must_exist=must_exist):
             is_file = kind == "file"
             return click.Path(
                 exists=must_exist, file_okay=is_file, dir_okay=not is_file, path_type=Path
             )
-        case declared.Quantities(dimensions=(dimension,)):
+        case kinds.Quantities(dimensions=(dimension,)):
             return Quantity(dimension)
-        case declared.Quantities(dimensions=dimensions, example=example):
+        case kinds.Quantities(dimensions=dimensions, example=example):
             return Quantities(example, *dimensions)
     return None
 
 
-trust = of(ReadOptions, "trust")
-seed = of(AccuracyOptions, "seed")
-accuracy = of(AccuracyOptions, "method error cents plan")
-draft = of(AccuracyOptions, "draft")
-on = of(RenderOptions, "on")
-bits = of(RenderOptions, "bits")
-force = of(FileOptions, "force")
+trust = declared(ReadOptions, "trust")
+seed = declared(AccuracyOptions, "seed")
+accuracy = declared(AccuracyOptions, "method error cents plan")
+draft = declared(AccuracyOptions, "draft")
+on = declared(RenderOptions, "on")
+bits = declared(RenderOptions, "bits")
+force = declared(FileOptions, "force")
+view_at = declared(PerformanceOptions, "view_at")
 # Sound output of a performance.
-sound = of(PerformanceOptions, "audio audio_in block ahead gain to head")
-frozen = of(PerformanceOptions, "frozen")
-# OSC with other programs during a performance.
-osc = of(PerformanceOptions, "osc osc_to")
-view_at = of(PerformanceOptions, "view_at")
-# Pages that show a performance.
-view = of(PerformanceOptions, "view view_at")
-see = of(PerformanceOptions, "see")
+sound = declared(PerformanceOptions, "audio audio_in block ahead gain to head")
 # Real hands of a performance, and limits that protect them.
-hands = of(PerformanceOptions, "live unchecked force_max")
+hands = declared(PerformanceOptions, "live unchecked force_max")

@@ -45,7 +45,7 @@ _HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left
     help="Explain the plan of one part or module, such as bell or gong.12.",
 )
 @options.on
-@options.of(AccuracyOptions, "method error cents plan seed")
+@options.declared(AccuracyOptions, "method error cents plan seed")
 @options.force
 @options.trust
 @options.speaking

@@ -13,12 +13,13 @@ from .console import Console
 
 # The options that `play` and `duet` share.
 _playing = options.several(
-    options.of(PlayOptions, "from_ until audio audio_in block ahead gain to head"),
-    options.of(PlayOptions, "record_input frozen loop"),
+    options.declared(PlayOptions, "from_ until"),
+    options.sound,
+    options.declared(PlayOptions, "record_input frozen loop"),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
-    options.of(PlayOptions, "osc osc_to view view_at see"),
+    options.declared(PlayOptions, "osc osc_to view view_at see"),
     click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
-    options.of(PlayOptions, "seed method error cents plan draft trust"),
+    options.declared(PlayOptions, "seed method error cents plan draft trust"),
     options.speaking,
 )
 
@@ -49,7 +50,8 @@ def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
 
 @click.command()
 @options.score
-@options.of(PlayOptions, "live unchecked force_max guide standin record")
+@options.hands
+@options.declared(PlayOptions, "guide standin record")
 @_playing
 def duet(console: Console, score_path: str, **given: Any) -> None:
     """Play a score with real hands beside written ones.

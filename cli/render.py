@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav. Of "
     "several scores: the folder of their files."
 )
-@options.of(
+@options.declared(
     FileOptions,
     "from_ to stems only except_ channels bits seed rate threads block hands input",
 )
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     metavar="PART[,PART]",
     help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
-@options.of(FileOptions, "motion see on method error cents plan draft")
+@options.declared(FileOptions, "motion see on method error cents plan draft")
 @options.dry_run
 @options.force
 @click.option("--strict", is_flag=True, help="Exit with code 1 when the file is silent.")

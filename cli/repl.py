@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("score_path", metavar="[SCORE]", required=False, type=ScorePath(opens=False))
-@options.of(SessionOptions, "live unchecked force_max audio audio_in block ahead gain to head")
-@options.of(SessionOptions, "journal resume frozen midi midi_clock_from midi_clock_to")
-@options.of(SessionOptions, "osc osc_to view view_at see watch socket")
+@options.hands
+@options.sound
+@options.declared(SessionOptions, "journal resume frozen midi midi_clock_from midi_clock_to")
+@options.declared(SessionOptions, "osc osc_to view view_at see watch socket")
 @click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
 @click.option(
     "--plain",

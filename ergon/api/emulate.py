@@ -156,14 +156,14 @@ def emulate(
     axes = options.axes or usual.axes
     suffix = "?lockstep" if options.lockstep else ""
 
-    def told(event: str, text: str) -> None:
+    def tell_url(event: str, text: str) -> None:
         is_ready = event == "ready"
         tell(event, f"{usual.ways[transport]}:{text}{suffix}" if is_ready else text)
 
     _core.emulate(
         device,
         transport,
-        told,
+        tell_url,
         port=port,
         paths=_paths(options, 0 if options.free else axes),
         hand=(options.hand, options.grip),

@@ -100,7 +100,7 @@ def option(
 
 def documented(options: type[T]) -> type[T]:
     """The class, with what its fields mean behind its docstring."""
-    own = [one for one in fields(options) if one.name in options.__annotations__]  # type: ignore[arg-type]
-    lines = [f"    {one.name}: {one.metadata['option'].help}" for one in own if one.metadata]
+    new = [each for each in fields(options) if each.name in options.__annotations__]  # type: ignore[arg-type]
+    lines = [f"    {each.name}: {each.metadata['option'].help}" for each in new if each.metadata]
     options.__doc__ = "\n".join([f"{options.__doc__}", *lines])
     return options

@@ -101,10 +101,10 @@ def _check_route(
         part_names.collector.error("E304", message, route.place, help=help)
     others = [out.kind for out in heard if not out.traits.is_movement]
     if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
-        heard_as = others[0] if others else "a distance"
+        quantity = others[0] if others else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "
-            f"{route.part} gives {heard_as}"
+            f"{route.part} gives {quantity}"
         )
         help = f"name channels, `to: [1, 2]`, or listen to masses by {MOVEMENTS}"
         part_names.collector.error("E304", message, route.place, help=help)

@@ -284,15 +284,15 @@ def _taps(
     """
     if not output.traits.is_energy:
         return [_tap(listening, assembly, name, output)]
-    own = assembly.network.elements(list({target.part for target in output.targets}))
-    masses = dict(zip(own.mats, own.masses, strict=True))
+    elements = assembly.network.elements(list({target.part for target in output.targets}))
+    masses = dict(zip(elements.mats, elements.masses, strict=True))
     taps: list[int] = []
     for mat in (mat for target in output.targets for mat in assembly.members(target)):
         listening.outputs.append(".".join(filter(None, (*name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
-        heard = [] if name[0] in listening.silent else [weighted]
+        positions = [] if name[0] in listening.silent else [weighted]
         named, order = listening.outputs[-1], output.traits.order
-        taps.append(assembly.network.listen(named, positions=heard, order=order))
+        taps.append(assembly.network.listen(named, positions=positions, order=order))
     return taps
 
 

@@ -33,22 +33,22 @@ def declared(declaring: type) -> dict[str, Option]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_declared_option_is_one_of_its_command(name):
+def test_every_declared_declarationis_one_of_its_command(name):
     shown = parameters(name)
-    for field, own in declared(COMMANDS[name]).items():
+    for field, declaration in declared(COMMANDS[name]).items():
         if field not in ELSEWHERE.get(name, ()):
-            assert shown[field].help == own.help, field
+            assert shown[field].help == declaration.help, field
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_and_library_have_the_same_defaults(name):
     shown = parameters(name)
-    for own in fields(COMMANDS[name]):
-        if own.metadata and own.name in shown:
+    for field in fields(COMMANDS[name]):
+        if field.metadata and field.name in shown:
             context = click.Context(group)
-            is_several = shown[own.name].multiple
-            default = shown[own.name].get_default(context)
-            assert (() if is_several else default) == own.default, own.name
+            is_several = shown[field.name].multiple
+            default = shown[field.name].get_default(context)
+            assert (() if is_several else default) == field.default, field.name
 
 
 @pytest.mark.parametrize(
@@ -64,8 +64,8 @@ def test_command_and_library_have_the_same_defaults(name):
     ],
 )
 def test_values_are_read_as_declared(accepts, text, value):
-    own = make_dataclass("Own", [("size", object, option(None, "A value.", accepts))])
-    command = click.command()(options.of(own)(lambda size: size))
+    options_class = make_dataclass("Own", [("size", object, option(None, "A value.", accepts))])
+    command = click.command()(options.declared(options_class)(lambda size: size))
     read = command(["--size", text], standalone_mode=False)
     assert read == (value if isinstance(value, str) else pytest.approx(value))
 

@@ -98,8 +98,8 @@ def test_outputs_that_have_no_energy_are_refused():
 
 def test_an_energy_goes_to_no_loudspeaker_by_place_and_radiates_nothing():
     def messages(route: str) -> list[str]:
-        own = f"mix: {{layout: layouts/stereo.yaml, route: [{{from: bell, {route}}}]}}\n"
-        return [message for _, _, message in found(CEL + own)]
+        mix = f"mix: {{layout: layouts/stereo.yaml, route: [{{from: bell, {route}}}]}}\n"
+        return [message for _, _, message in found(CEL + mix)]
 
     nearest = "route: `nearest` needs masses, which have positions, and bell gives SOE"
     assert messages("to: nearest") == [nearest]
@@ -113,5 +113,5 @@ def test_an_energy_is_refused_by_exports():
 
 
 def test_blocks_and_threads_change_no_sample():
-    whole = energy(FREE)
-    assert np.array_equal(energy(FREE, block=37, threads=2), whole)
+    sound = energy(FREE)
+    assert np.array_equal(energy(FREE, block=37, threads=2), sound)
