@@ -51,6 +51,7 @@ class EarlierStage(Protocol):
     paths: Mapping[Where, Points]
     paths_until: float
     memory: StageMemory
+    drawn: Sequence[DrawnNote]
 
 
 class Span(NamedTuple):
