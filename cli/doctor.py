@@ -34,6 +34,13 @@ if TYPE_CHECKING:
     help="Measure how soon this device replies; repeatable.",
 )
 @click.option(
+    "--hands",
+    "hands",
+    multiple=True,
+    metavar="ADDRESS",
+    help="Measure how positions arrive from this input, such as page: or midi:cc2; repeatable.",
+)
+@click.option(
     "--seconds",
     type=options.Number(0.1, 3600, "DURATION"),
     default=3.0,
@@ -51,6 +58,7 @@ def doctor(
     no_audio: bool,
     audio: str,
     devices: tuple[str, ...],
+    hands: tuple[str, ...],
     seconds: float,
     safety: bool,
 ) -> None:
@@ -61,12 +69,18 @@ def doctor(
     and how soon devices reply. A line says what to do where a result is poor. No
     device gets a force.
 
+    With --hands nothing else is measured: the inputs wait until you move them, and what comes
+    during the measurement is counted: positions a second, jitter and time on the way.
+
     With --safety no machine is measured and no device opened: every fault is made on every emulated
     device, in virtual time. Exits 1 when a force lasts longer, is greater or grows faster than it
     may.
     """
     if safety:
         _safety(console)
+        return
+    if hands:
+        _hands(console, hands, seconds)
         return
     for finding in _findings(audio, no_audio, seconds):
         _tell(console, finding)
@@ -101,6 +115,16 @@ def _safety(console: Console) -> None:
             "a force lasts longer, is greater or grows faster than its "
             f"bound: {'; '.join(exceeding)}"
         )
+
+
+def _hands(console: Console, addresses: tuple[str, ...], seconds: float) -> None:
+    from ergon.api.hand_checks import measure_hands
+
+    findings = measure_hands(addresses, seconds, console)
+    for finding in findings:
+        _tell(console, finding)
+    if missing := [f"{f.numbers['url']}: nothing came" for f in findings if not f.numbers["taken"]]:
+        raise DeviceMissing("; ".join(missing))
 
 
 def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:

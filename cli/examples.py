@@ -54,6 +54,7 @@ EXAMPLES: Mapping[str, tuple[Example, ...]] = {
     "doctor": (
         ("ergon doctor", "the machine and its sound"),
         ("ergon doctor --no-audio --device emul:", "how soon a device replies"),
+        ("ergon doctor --hands page:", "how positions of a pointer arrive"),
     ),
     "emulate": (("ergon emulate frame --udp 9001", "a device for trying scores"),),
     "metrology measure": (("ergon metrology measure tgr0", "by pushing the key tgr0"),),

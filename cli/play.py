@@ -26,6 +26,7 @@ _playing = options.several(
 
 @click.command()
 @options.score
+@options.hands
 @_playing
 @click.option(
     "--watch",
@@ -35,8 +36,9 @@ _playing = options.several(
 def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
     """Play a score through the loudspeakers.
 
-    A player with a live hand plays its stand-in: its written part, or a take. `ergon duet` plays
-    it by a device. Ctrl-C ends the performance within 10 ms.
+    A player with a live hand plays its stand-in, which is its written part or a take, unless
+    `--live` connects a device or a page (as for `ergon duet`). Ctrl-C ends the performance within
+    10 ms.
     """
     if not watch:
         _play(console, score_path, **given)

@@ -97,13 +97,13 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
 def _hands(live: tuple[str, ...]) -> LedHands:
     from dataclasses import replace
 
-    from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
+    from ergon.live.boards import PAGE_KINDS, BoardError, boards, device_urls, parse_live_options
     from ergon.live.calibration import known_axes
     from ergon.live.led_hands import open_led_hands
 
     try:
         found = boards(parse_live_options(_named(live)), device_urls())
-        if any(board.kind == "page" for board in found):
+        if any(board.kind in PAGE_KINDS for board in found):
             raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
         return open_led_hands(
             [replace(board, calibrations=known_axes(board.url)) for board in found]

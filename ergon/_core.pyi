@@ -1773,19 +1773,25 @@ class Lead:
         *,
         finger: tuple[float, float, float],
         delay: float,
-        travel: float,
+        range: tuple[float, float],
+        spring: tuple[float, float] = (0.0, 0.0),
         lockstep: bool = False,
         present: bool = True,
+        traced_ticks: int = 0,
     ) -> Self:
         """`finger` is its spring [N/m] and damper [N·s/m] to the pointer, and its mass [kg].
 
-        `delay` [s] is that of the path, `travel` [m] the length of the key's, whose middle is at 0.
-        In lockstep time is that of the ticks. A key whose player is not `present` is played by its
-        stand-in. Raises EngineError for impossible numbers, or a name that is in use.
+        `delay` [s] is that of the path, `range` [m] the key's two ends, `spring` its stiffness
+        [N/m] about a rest [m]. In lockstep time is that of the ticks. A key whose player is not
+        `present` is played by its stand-in. The first `traced_ticks` ticks are kept. Raises EngineError for impossible
+        numbers, or a name that is in use.
         """
     @property
     def name(self) -> str:
         """The URL of the device."""
+    @property
+    def range(self) -> tuple[float, float]:
+        """The two ends of the key's travel [m]."""
     def now(self) -> float:
         """Time of the stream's clock [s]; not for lockstep."""
     def place(self, time: float, x: float, firmness: float = 1.0) -> bool:
@@ -1803,6 +1809,20 @@ class Lead:
         """The player has come or gone; without one the stand-in plays."""
     def close(self) -> None:
         """Give the name back: another stream may have it."""
+    def trace(self) -> _Floats:
+        """What happened in each tick that is kept, (n_ticks, 6).
+
+        Columns: the pointer at its beginning and its end [m] and the factor of the finger's
+        stiffness, NaN without a finger; the force on the key [N]; finger and key at its end [m].
+        """
+    def discard(self) -> None:
+        """Discard the positions that wait, where no performance reads them."""
+    def arrival_times(self, part: float) -> tuple[float, float, float]:
+        """The quantile `part` of the gaps between positions while the pointer moves, of the times
+        from stamp to arrival, and of the delays that the path would need [s].
+
+        Each is rounded up to 0.25 ms; 0 where nothing came.
+        """
     @property
     def tally(self) -> dict[str, float]:
         """Numbers of positions `taken`, `refused`, `misdated` and `late`; the mean `gap` between

@@ -13,8 +13,11 @@ from .errors import DeviceError, OptionError
 if TYPE_CHECKING:
     from ergon.live.boards import Board
     from ergon.live.calibration import Axis
+    from ergon.live.led_address import LedKey
     from ergon.live.led_hands import LedHands
-    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.piece import Key, Piece
+
+_STIFFEST = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
 
 
 def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
@@ -36,8 +39,8 @@ def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
         raise OptionError("live", str(error)) from None
 
 
-def led_hands(boards: Sequence[Board], report: Report) -> LedHands:
-    """Open what leads the fingers on keys without a device. Raises OptionError."""
+def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands:
+    """Open what leads the fingers on keys of a piece without a device. Raises OptionError."""
     from ergon.live.boards import BoardError
     from ergon.live.led_address import is_led
     from ergon.live.led_hands import LedHands, open_led_hands
@@ -45,12 +48,30 @@ def led_hands(boards: Sequence[Board], report: Report) -> LedHands:
     if not any(is_led(board.url) for board in boards):
         return LedHands(boards)
     try:
-        opened = open_led_hands(boards)
+        keys = {
+            player: _led_key(piece.keys[piece.players[player].key])
+            for board in boards
+            for _, player in board.axes
+        }
+        opened = open_led_hands(boards, keys)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     for sentence in opened.sentences:
         report.say(sentence)
     return opened
+
+
+def _led_key(key: Key) -> LedKey:
+    """Travel, spring and rest of a key of the score, for one that is played without a device."""
+    from ergon.live.led_address import LedKey
+    from ergon.scores.staging.version_glides import ties
+
+    travel = key.travel or LedKey().travel
+    (struck,) = (module for module in key.modules if module.name == key.struck)
+    if struck.kind != "CEL":
+        return LedKey(travel)
+    stiffness, _, _ = ties(struck.fields)
+    return LedKey(travel, min(stiffness, _STIFFEST), float(struck.fields.get("rest") or 0.0))
 
 
 def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:

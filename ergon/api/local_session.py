@@ -73,7 +73,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
-    led = led_hands(boards, report)
+    led = led_hands(piece, boards, report)
     try:
         pages = pages_of(options, report, led.page_leads)
         journal = Journal.begin(Path(options.journal))

@@ -83,7 +83,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
     config = _config(piece, stage, boards, options, stems, report)
-    hands = led_hands(boards, report)
+    hands = led_hands(piece, boards, report)
     try:
         pages = pages_of(options, report, hands.page_leads)
     except OptionError:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # The name of a device in the user's file, with an optional axis, such as tgr0.3.
 _DEVICE_NAME = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
-LED_KINDS = ("page", "midi", "osc", "gamepad")  # keys that are played without a device
+PAGE_KINDS = ("page", "keys")  # keys that a page plays, by a pointer or by letters
+LED_KINDS = (*PAGE_KINDS, "midi", "osc", "gamepad")  # keys that are played without a device
 _MAX_BYTES = 1 << 18  # a list of devices is small; what is larger is another file
 
 
@@ -115,7 +116,8 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     names: dict[str, str] = {}
     for player, text in asked.items():
         url, axis = resolve(text, known)
-        if url.partition("?")[0] == "page:":  # each player has a key of the page
+        kind, _, what = url.partition("?")[0].partition(":")
+        if kind in PAGE_KINDS and not what:  # each player has a key of the page
             url = url.replace(":", f":{player}", 1)
         if ":" not in text and (named := _DEVICE_NAME.match(text)):
             names.setdefault(url, named["name"])

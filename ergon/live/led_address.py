@@ -25,8 +25,12 @@ OSC_PORT = 9001  # of 127.0.0.1, where positions are expected
 _CONTROLLER = re.compile(r"cc(\d{1,3})\Z")
 _OSC_ADDRESS = re.compile(r"/[A-Za-z0-9_./-]{1,80}\Z")
 _CONTROLLERS = range(120)  # above are messages to whole channels
+# [N/m/kg] at which a finger is still computed well: below half of what the core takes, for a pen's
+# pressure doubles the spring and the fingertip is one more.
+_STIFFNESS_PER_MASS_MAX = 2e7
 _DELAY_MAX = 0.5  # [s] that a player could still play with
 _FIELDS = {"K": "stiffness", "Z": "damping", "M": "mass", "travel": "travel", "delay": "delay"}
+_TRACE = "trace"  # an option for tests, not listed
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,26 +50,40 @@ class Finger:
 class LedAddress:
     """A key's source of positions: its kind, which of its values, and how they lead the finger.
 
-    `delay` [s] is that of the path, `travel` [m] the length of the key's, `port` the OSC port,
-    `source` a MIDI input or the file of a gamepad, `channel` (1 to 16) a MIDI channel; None is
-    any. In lockstep, which is for tests, time is that of the ticks.
+    `delay` [s] is that of the path, `travel` [m] the length of the key's about 0 (None: that of the
+    score's key), `port` the OSC port, `source` a MIDI input or the file of a gamepad, `channel` (1
+    to 16) a MIDI channel; None is any. For tests, in lockstep time is that of the ticks, and ticks
+    are kept for about `trace` [s].
     """
 
     kind: str
     what: str
     finger: Finger
     delay: float = 0.02
-    travel: float = 0.1
+    travel: float | None = None
     port: int = OSC_PORT
     source: str = ""
     channel: int | None = None
     lockstep: bool = False
+    trace: float = 0.0
 
     @property
     def controller(self) -> int | None:
         """The number of the MIDI controller; None for other values."""
         controller = _CONTROLLER.match(self.what)
         return int(controller[1]) if controller else None
+
+
+@dataclass(frozen=True, slots=True)
+class LedKey:
+    """The key under a led finger: the two ends of its travel, and its spring [N/m] about a rest.
+
+    Positions are in metres.
+    """
+
+    travel: tuple[float, float] = (-0.05, 0.05)
+    stiffness: float = 0.0
+    rest: float = 0.0
 
 
 def is_led(url: str) -> bool:
@@ -84,8 +102,8 @@ def parse_led_address(url: str) -> LedAddress:
         name, has_value, text = option.partition("=")
         if option == "lockstep":
             others["lockstep"] = True
-        elif name in _FIELDS and has_value:
-            numbers[_FIELDS[name]] = _quantity(url, name, text)
+        elif name in (*_FIELDS, _TRACE) and has_value:
+            numbers[_FIELDS.get(name, name)] = _quantity(url, name, text)
         elif (kind, name) in _SPECIAL and has_value:
             field, read = _SPECIAL[kind, name]
             others[field] = read(url, text)
@@ -94,6 +112,12 @@ def parse_led_address(url: str) -> LedAddress:
     finger = Finger(**{name: numbers.pop(name) for name in tuple(numbers) if name in _FINGER})
     if numbers.get("delay", 0.0) > _DELAY_MAX:
         raise BoardError(f"{url}: a delay is at most {_DELAY_MAX * 1e3:g} ms")
+    if finger.stiffness > _STIFFNESS_PER_MASS_MAX * finger.mass:
+        raise BoardError(
+            f"{url}: the finger is too light for its spring: M has to be at least "
+            f"{finger.stiffness / _STIFFNESS_PER_MASS_MAX * 1e3:.2g} g for K = "
+            f"{finger.stiffness:g} N/m"
+        )
     return LedAddress(kind, what, finger, **numbers, **others)  # type: ignore[arg-type]
 
 
@@ -130,6 +154,7 @@ def _quantity(url: str, name: str, text: str) -> float:
         "M": quantities.MASS,
         "travel": quantities.SIZE,
         "delay": quantities.DURATION,
+        _TRACE: quantities.DURATION,
     }
     try:
         value = quantities.quantity(text, dimensions[name])

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from .boards import BoardError
 from .led_address import GAMEPAD_AXES
+from .led_sources import position
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -44,10 +45,10 @@ class GamepadValues:
     def receive(self, value: int, instant: float) -> None:
         """Take a value that came at an instant [s, time.monotonic; in lockstep, of the ticks]."""
         low, high = self.range
-        share = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
+        side = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
         is_lockstep = self._address.lockstep
         when = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(when, 0.5 * self._address.travel * share)
+        self._lead.place(when, position(self._lead, side))
 
     def leave(self) -> None:
         """The gamepad is gone: the stand-in plays."""

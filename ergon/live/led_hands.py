@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from ergon import _core
 
-from .boards import Board, BoardError
-from .led_address import LedAddress, is_led, parse_led_address
+from .boards import PAGE_KINDS, Board, BoardError
+from .led_address import LedAddress, LedKey, is_led, parse_led_address
 from .led_gamepad import GamepadPort, GamepadValues, pad_path
 from .led_sources import MidiValues, OscPort, OscValues, open_midi_input
 from .midi_ports import VIRTUAL, InputPort, SystemInput
@@ -17,6 +17,8 @@ from .midi_ports import VIRTUAL, InputPort, SystemInput
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+_NO_KEYS: Mapping[str, LedKey] = {}
+_TRACED_RATE = 1100  # ticks a second, or a little more
 _FAST = 10.0  # [m/s²], the acceleration of a fast hand, for which a path's error is stated
 
 
@@ -37,7 +39,9 @@ class LedHands:
     def page_leads(self) -> list[_core.Lead]:
         """The leads of keys that pages play."""
         return [
-            board.lead for board in self.boards if board.lead is not None and board.kind == "page"
+            board.lead
+            for board in self.boards
+            if board.lead is not None and board.kind in PAGE_KINDS
         ]
 
     def close(self) -> None:
@@ -56,19 +60,23 @@ class LedHands:
 
 
 def open_led_hands(
-    boards: Sequence[Board], make_midi: Callable[[str], InputPort] = SystemInput
+    boards: Sequence[Board],
+    keys: Mapping[str, LedKey] = _NO_KEYS,
+    make_midi: Callable[[str], InputPort] = SystemInput,
 ) -> LedHands:
     """Open what leads the fingers on keys without a device; other boards stay as they are.
 
-    Raises BoardError, and then nothing stays open.
+    `keys` has the keys of players; others have the usual one. Raises BoardError, and then nothing
+    stays open.
     """
+    players = {board.url: player for board in boards for _, player in board.axes}
     addresses = {board.url: parse_led_address(board.url) for board in boards if is_led(board.url)}
     leads: dict[str, _core.Lead] = {}
     sources: list[_Source] = []
     sentences: list[str] = []
     try:
         for url, address in addresses.items():
-            leads[url] = _lead(url, address)
+            leads[url] = _lead(url, address, keys.get(players[url], LedKey()))
         for port, values in _osc_values(addresses, leads).items():
             osc = OscPort(port)
             sources.append(osc)
@@ -93,16 +101,20 @@ def open_led_hands(
     return LedHands(led, sources, sentences)
 
 
-def _lead(url: str, address: LedAddress) -> _core.Lead:
-    finger = address.finger
+def _lead(url: str, address: LedAddress, key: LedKey) -> _core.Lead:
+    finger, ends = address.finger, key.travel
+    if address.travel is not None:
+        ends = (-0.5 * address.travel, 0.5 * address.travel)
     try:
         return _core.Lead(
             url,
             finger=(finger.stiffness, finger.damping, finger.mass),
             delay=address.delay,
-            travel=address.travel,
+            range=ends,
+            spring=(key.stiffness, key.rest),
             lockstep=address.lockstep,
-            present=address.kind != "page",
+            traced_ticks=int(address.trace * _TRACED_RATE),
+            present=address.kind not in PAGE_KINDS,
         )
     except _core.EngineError as error:
         raise BoardError(str(error)) from None

@@ -49,7 +49,7 @@ class MidiValues:
             return
         share = self._share(parse_message(data))
         if share is not None:
-            x = self._address.travel * (share - 0.5)
+            x = position(self._lead, 2.0 * (share - 0.5))
             self._lead.place(_lead_time(self._address, self._lead, instant), x)
 
     def _share(self, message: Message | None) -> float | None:
@@ -99,7 +99,13 @@ class OscValues:
             return
         numbers = [_finite(argument) for argument in arguments[:2]]
         x, pressure = numbers[0], numbers[1] if len(numbers) > 1 else 0.5
-        self._lead.place(time_, 0.5 * self._address.travel * x, 2.0 * pressure)
+        self._lead.place(time_, position(self._lead, x), 2.0 * pressure)
+
+
+def position(lead: _core.Lead, side: float) -> float:
+    """A position [m] of a key, -1 at the lower end of its travel and 1 at the upper."""
+    low, high = lead.range
+    return 0.5 * (low + high) + 0.5 * (high - low) * side
 
 
 def _finite(argument: object) -> float:

@@ -60,6 +60,8 @@ SHARES = np.where(VALUES < 0x2000, VALUES / 0x4000, 0.5 + 0.5 * (VALUES - 0x2000
 class NotedLead:
     """A lead that notes where a pointer was."""
 
+    range = (-0.5 * TRAVEL, 0.5 * TRAVEL)
+
     def __init__(self) -> None:
         self.placed: list[float] = []
         self.is_present = True
@@ -84,9 +86,11 @@ class Played:
     sentences: list[str]
 
 
-def led(url: str, feed: Callable[[PreparedPlay], None], name: str = "h") -> Played:
+def led(
+    url: str, feed: Callable[[PreparedPlay], None], name: str = "h", score: str = SCORE
+) -> Played:
     """What a piece is if a hand plays it by a source in lockstep."""
-    Path("s.yaml").write_text(SCORE)
+    Path("s.yaml").write_text(score)
     take, target = Path(f"{name}.take"), Path(f"{name}.wav")
     options = PlayOptions(
         live=[f"remi={url}"], record=str(take), gain="0dB", audio=f"file:{target}"
@@ -193,6 +197,43 @@ def test_a_lifted_finger_leaves_the_key_where_it_was(own_folder: Path):
     assert "; 2 refused" in played.sentences[0]
 
 
+SPRUNG = SCORE.replace(
+    "k: {M: 50g, K: 0N/m, Z: 1Ns/m}",
+    "k: {M: 50g, K: 60N/m, Z: 1Ns/m, rest: 1mm, X0: 1mm, travel: -10mm..15mm}",
+)
+
+
+def test_key_thrown_and_let_go(own_folder: Path):
+    """It swings back by the spring of the score's key, and never passes that key's travel."""
+
+    def feed(ready: PreparedPlay) -> None:
+        lead = lead_of(ready)
+        for time in np.arange(0.0, 1.0, 0.004):
+            lead.place(time, 1e-3 - 2.0 * max(0.0, time - 0.98))
+        lead.lift(1.0)
+
+    played = led("osc:/x?lockstep", feed, score=SPRUNG)
+    x = played.positions
+    assert x[0] == pytest.approx(1e-3)
+    assert x.min() >= -0.01
+    assert x[: int(1.1 / TICK)].min() < -0.009
+    assert np.max(np.abs(x[int(2.0 / TICK) : int(3.0 / TICK)] - 1e-3)) < 1e-5
+
+
+def test_pulled_key_against_its_spring(own_folder: Path):
+    """A finger of 400 N/m on a key of 60 N/m: it stands where both springs balance."""
+
+    def feed(ready: PreparedPlay) -> None:
+        for time in np.arange(0.0, 3.0, 0.01):
+            lead_of(ready).place(time, -8e-3)
+
+    played = led("osc:/x?lockstep", feed, score=SPRUNG)
+    chain = 1.0 / (1.0 / 400.0 + 1.0 / PULP[0])
+    wanted = (chain * -8e-3 + 60.0 * 1e-3) / (chain + 60.0)
+    assert played.positions[int(2.5 / TICK)] == pytest.approx(wanted, abs=1e-7)
+    assert played.forces.min() == 0.0, "nothing else acts there"
+
+
 def test_no_pull_moves_the_key_beyond_its_travel(own_folder: Path):
     def feed(ready: PreparedPlay) -> None:
         lead = lead_of(ready)
@@ -293,6 +334,7 @@ def test_an_address_says_finger_delay_and_travel():
         ("osc:x", "such as osc:/x"),
         ("osc:/x?K=0N/m", "without a spring nothing leads the finger"),
         ("osc:/x?K=400g", "K: "),
+        ("osc:/x?M=1mg", "M has to be at least 0.02 g for K = 400 N/m"),
         ("osc:/x?delay=2s", "a delay is at most 500 ms"),
         ("osc:/x?channel=3", "unknown option 'channel=3'; the options are K, Z, M, travel"),
         ("midi:bend?channel=17", "'17' is not a number from 1 to 16"),

@@ -10,6 +10,7 @@ import browser
 import numpy as np
 import pytest
 from duets import recorded, said, sound
+from hands_page import HandsPage
 from patience import until
 
 from ergon import _core
@@ -47,17 +48,33 @@ class Playing:
         return event in self.events
 
     def tally(self, player: str) -> dict[str, float]:
-        (lead,) = [b.lead for b in self.ready.hands.boards if b.url == f"page:{player}" and b.lead]
-        return lead.tally
+        return self.lead(player).tally
+
+    def lead(self, player: str) -> _core.Lead:
+        boards = self.ready.hands.boards
+        (lead,) = [board.lead for board in boards if board.axes[0][1] == player]
+        assert lead is not None
+        return lead
+
+    def lifted(self, player: str) -> bool:
+        trace = self.lead(player).trace()
+        return len(trace) > 0 and bool(np.isnan(trace[-1, 0]))
+
+    def highest(self, player: str) -> float:
+        """The highest place of the pointer so far [m]."""
+        return float(np.nanmax(self.lead(player).trace()[:, 1]))
 
     def key(self, hand: int) -> float:
         return self.performance.status().hands[hand].position
 
 
 @contextmanager
-def playing(record: str | None = None, audio: str = "null") -> Iterator[Playing]:
+def playing(
+    record: str | None = None, audio: str = "null", first: str = "page:"
+) -> Iterator[Playing]:
     Path("s.yaml").write_text(SCORE.replace("tail: 500ms", "tail: 900s"))
-    options = PlayOptions(live=["remi=page:", "ada=page:"], record=record, audio=audio, gain="0dB")
+    live = [f"remi={first}?trace=60s", "ada=page:"]
+    options = PlayOptions(live=live, record=record, audio=audio, gain="0dB")
     ready = prepare("s.yaml", options, Report())
     performance = begin(ready.stage, ready.config, Report())
     try:
@@ -66,47 +83,6 @@ def playing(record: str | None = None, audio: str = "null") -> Iterator[Playing]
         performance.stop()
         performance.close(10.0)
         ready.close()
-
-
-class HandsPage:
-    """The page with its lanes."""
-
-    def __init__(self, page: browser.Page, url: str) -> None:
-        self.page = page
-        self.show()
-        page.call("Page.navigate", url=f"{url}hands.html")
-        until(lambda: len(self.sentences()) == 2, "two lanes")
-        until(lambda: all("stand-in" in text for text in self.sentences()), "a connection")
-
-    def show(self) -> None:
-        """Bring it to the front: a browser draws no hidden page."""
-        self.page.call("Page.bringToFront")
-
-    def sentences(self) -> list[str]:
-        script = "[...document.querySelectorAll('figcaption')].map((it) => it.textContent)"
-        texts: list[str] = self.page.run(script)
-        return texts
-
-    def middle(self, lane: int) -> tuple[float, float]:
-        box = self.page.run(
-            f"document.querySelectorAll('#hands canvas')[{lane}].getBoundingClientRect().toJSON()"
-        )
-        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-    def mouse(self, kind: str, x: float, y: float) -> None:
-        self.page.call(
-            "Input.dispatchMouseEvent",
-            type=kind,
-            x=x,
-            y=y,
-            button="left",
-            buttons=0 if kind == "mouseReleased" else 1,
-            clickCount=1,
-        )
-
-    def touch(self, kind: str, *points: tuple[int, float, float]) -> None:
-        rows = [{"id": number, "x": x, "y": y} for number, x, y in points]
-        self.page.call("Input.dispatchTouchEvent", type=kind, touchPoints=rows)
 
 
 def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
@@ -196,4 +172,63 @@ def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, own_
         page.open(piece.url)
         lanes = "document.querySelectorAll('#hands canvas').length"
         until(lambda: page.run(lanes) == 2, "two lanes beside the picture")
+        assert page.errors == []
+
+
+def test_letters_play_a_key(chromium: browser.Browser, own_folder: Path):
+    """A letter pulls the finger to its place in the travel; the next one leads it on."""
+    with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
+        hands = HandsPage(page, piece.url)
+        hands.letter("keyDown", "KeyL")
+        until(lambda: piece.has("took over"), "a hand from the next bar on")
+        until(lambda: piece.key(0) > 0.01, "the key above, where the bell pushes it back")
+        hands.letter("keyDown", "KeyA")
+        until(lambda: piece.key(0) < -0.04, "the key below")
+        hands.letter("keyUp", "KeyA")
+        until(lambda: piece.key(0) > 0.01, "the letter that is still pressed")
+        hands.letter("keyUp", "KeyL")
+        until(lambda: piece.lifted("remi"), "a lifted finger")
+        # L is the last of nine letters: the middle of the last ninth of the travel.
+        assert np.isclose(piece.highest("remi"), 0.1 * (8.5 / 9 - 0.5), atol=1e-6)
+        assert page.errors == []
+
+
+def test_letters_of_another_lane_do_nothing(chromium: browser.Browser, own_folder: Path):
+    with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
+        hands = HandsPage(page, piece.url)
+        hands.letter("keyDown", "KeyQ")  # of the second lane, which a pointer plays
+        hands.letter("keyDown", "KeyG")
+        until(lambda: piece.tally("remi")["taken"] > 0, "a position")
+        assert piece.tally("ada") == dict.fromkeys(piece.tally("ada"), 0.0)
+        hands.choose(1, "letters")
+        hands.letter("keyDown", "KeyE")
+        until(lambda: piece.tally("ada")["taken"] > 0, "a position of the second lane")
+
+
+PAD = """
+var buttons = Array.from({length: 8}, () => ({value: 0}));
+window.pad = {connected: true, timestamp: 0, axes: [0, 0, 0, 0], buttons};
+navigator.getGamepads = () => [null, window.pad];
+"""
+
+
+def test_a_stick_of_a_gamepad_plays_a_key(chromium: browser.Browser, own_folder: Path):
+    """The browser's Gamepad API, which a script answers here in place of a gamepad."""
+
+    def push(axis: int, value: float) -> None:
+        page.run(f"pad.axes[{axis}] = {value}; pad.timestamp = performance.now(); 0")
+
+    with playing() as piece, chromium.page(WIDTH, HEIGHT) as page:
+        hands = HandsPage(page, piece.url)
+        page.run(PAD + "0")
+        hands.choose(0, "gamepad ly")
+        push(1, 0.1)  # a stick that is hardly moved takes no key
+        push(1, -0.8)
+        until(lambda: piece.has("took over"), "a hand from the next bar on")
+        until(lambda: piece.key(0) > 0.01, "pushed away is up")
+        push(1, 0.5)
+        until(lambda: piece.key(0) < -0.02, "pulled is down")
+        piece.events.clear()
+        page.run("pad.connected = false; 0")
+        until(lambda: piece.has("gone"), "a stand-in for an unplugged gamepad")
         assert page.errors == []

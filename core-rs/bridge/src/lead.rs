@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ergon_live::lead::path::{PathReader, Placed};
-use ergon_live::lead::{Finger, Lead as Stream, LeadOptions};
-use numpy::{PyArray1, PyReadonlyArray1};
+use ergon_live::lead::{Finger, HeldKey, Lead as Stream, LeadOptions, TRACE_COLUMNS};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::error::{module_error, plain_error};
+
+const IMPOSSIBLE: &str = "masses, the finger's stiffness and the length of the travel must be above zero, dampings, \
+    the key's stiffness and the delay at least zero; per kilogram no spring may have more than 1e8 N/m";
 
 /// A stream of positions that leads the finger on a key.
 #[pyclass(frozen, module = "ergon._core")]
@@ -17,37 +20,39 @@ pub(crate) struct Lead(pub(crate) Arc<Stream>);
 #[pymethods]
 impl Lead {
     #[new]
-    #[pyo3(signature = (name, *, finger, delay, travel, lockstep=false, present=true))]
+    #[pyo3(signature = (name, *, finger, delay, range, spring=(0.0, 0.0), lockstep=false, present=true, traced_ticks=0))]
     fn new(
         name: String,
         finger: (f64, f64, f64),
         delay: f64,
-        travel: f64,
+        range: (f64, f64),
+        spring: (f64, f64),
         lockstep: bool,
         present: bool,
+        traced_ticks: usize,
     ) -> PyResult<Self> {
         let (stiffness, damping, mass) = finger;
-        let numbers = [stiffness, damping, mass, delay, travel];
-        let is_possible = numbers.iter().all(|x| x.is_finite() && *x >= 0.0)
-            && stiffness > 0.0
-            && mass > 0.0
-            && travel > 0.0;
-        if !is_possible {
-            return Err(module_error(
-                "finger",
-                "stiffness, mass and travel must be above zero, damping and delay at least zero",
-            ));
+        let finger = Finger {
+            stiffness,
+            damping,
+            mass,
+        };
+        let key = HeldKey {
+            stiffness: spring.0,
+            rest: spring.1,
+            range: [range.0, range.1],
+            ..HeldKey::default()
+        };
+        if !(finger.is_possible() && key.is_possible() && delay.is_finite() && delay >= 0.0) {
+            return Err(module_error("finger", IMPOSSIBLE));
         }
         let options = LeadOptions {
             name,
-            finger: Finger {
-                stiffness,
-                damping,
-                mass,
-            },
+            finger,
             delay,
-            travel,
+            key,
             lockstep,
+            traced_ticks,
         };
         let refused = format!("{} is in use", options.name);
         let stream = Stream::new(options, present);
@@ -57,6 +62,13 @@ impl Lead {
     #[getter]
     fn name(&self) -> &str {
         &self.0.options().name
+    }
+
+    /// The two ends of the key's travel [m].
+    #[getter]
+    fn range(&self) -> (f64, f64) {
+        let [low, high] = self.0.options().key.range;
+        (low, high)
     }
 
     /// Time of the stream's clock [s].
@@ -91,6 +103,27 @@ impl Lead {
     /// Give the name back: another stream may have it.
     fn close(&self) {
         self.0.close();
+    }
+
+    /// What happened in each tick so far, (n_ticks, 6).
+    fn trace<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let rows: Vec<Vec<f64>> = self.0.trace().iter().map(|row| row.to_vec()).collect();
+        if rows.is_empty() {
+            return PyArray2::zeros(py, [0, TRACE_COLUMNS], false);
+        }
+        PyArray2::from_vec2(py, &rows).expect("rows of equal length")
+    }
+
+    /// Discard the positions that wait, where no performance reads them.
+    fn discard(&self) {
+        let _ = self.0.forget();
+    }
+
+    /// The quantile `part` of the gap between positions while the pointer moves, of the time from stamp to arrival, and of
+    /// the delay that a path would need [s], to 0.25 ms upwards.
+    fn arrival_times(&self, part: f64) -> (f64, f64, f64) {
+        let times = self.0.arrival_times(part);
+        (times.gap, times.wait, times.need)
     }
 
     /// Counts of positions, and mean and deviation of the gaps between them [s].

@@ -4,9 +4,13 @@
 //! [`Lead`] takes the stream from any thread. [`path`] makes an even path of it, [`finger`] moves finger and key, and
 //! `device::led` is the driver, through which the key is a device like all others.
 
+mod arrival;
 pub mod finger;
 pub mod path;
 mod stream;
+mod trace;
 
-pub use finger::Finger;
+pub use arrival::ArrivalTimes;
+pub use finger::{Finger, HeldKey};
 pub use stream::{Lead, LeadOptions, LeadTally, Refusal, find};
+pub use trace::TRACE_COLUMNS;

@@ -14,7 +14,7 @@ const REMEMBERED = "ergon hands"; // keys that this page holds, for when it is l
 
 class Hands {
   constructor(element, keys) {
-    this.lanes = keys.map((key, number) => new Lane(element, key, (what, rows) => this.send(number, what, rows)));
+    this.lanes = keys.map((key, number) => new Lane(element, number, key, (what, rows) => this.send(number, what, rows)));
     this.offset = null; // [s] from this page's clock to the server's
     addEventListener("visibilitychange", () => document.hidden && this.lanes.forEach((lane) => lane.lift()));
     this.open();

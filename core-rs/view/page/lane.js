@@ -1,6 +1,8 @@
 // One key to play: a lane in which a pointer drags it, with pointer, finger and key as three points, and the spring
 // between pointer and finger, whose length and colour show its force.
 
+import { inputsOf } from "./inputs.js";
+
 const [MINE, ANOTHERS] = [1, 2]; // who holds a key; 0: nobody
 const MARGIN = 24; // [px] above and below the travel
 const COILS = 7;
@@ -9,11 +11,12 @@ const ORDINARY = 0.5; // pressure of a pointer that measures none
 
 export class Lane {
   /** `send(what, rows)` sends what happens to the server. */
-  constructor(parent, { name, travel }, send) {
-    Object.assign(this, { name, travel, send });
+  constructor(parent, number, { name, input, low, high }, send) {
+    Object.assign(this, { name, low, high, send }); // the ends of its travel [m]
     this.status = null; // who holds the key; null: no connection
     this.points = null;
-    this.drag = null; // {id, y [px], x [m], target: where the pointer is [m]}
+    this.drag = null; // {id: of the pointer, y [px], x [m], target: where the pointer is [m]}
+    this.input = null; // letters or a stick, beside the pointer
     this.canvas = document.createElement("canvas");
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("aria-label", `Key of ${name}: drag it up and down`);
@@ -22,11 +25,27 @@ export class Lane {
     this.button.textContent = "let go";
     this.button.onclick = () => this.leave();
     const figure = document.createElement("figure");
-    figure.append(this.words, this.canvas, this.button);
+    figure.append(this.words, this.canvas, this.choice(number, input), this.button);
     parent.append(figure);
     this.listen();
     this.isDirty = true;
     requestAnimationFrame(() => this.draw());
+  }
+
+  /** A list of what may play the lane beside a pointer. */
+  choice(number, input) {
+    const inputs = inputsOf(number);
+    const list = document.createElement("select");
+    list.setAttribute("aria-label", `What plays the key of ${this.name}`);
+    list.append(...inputs.map(([value, words]) => new Option(words, value)));
+    list.onchange = () => {
+      this.input?.close();
+      this.input = inputs[list.selectedIndex][2](this);
+      list.blur(); // letters play the lane, and choose nothing here
+    };
+    list.selectedIndex = Math.max(0, inputs.findIndex(([value]) => value === (input === "keys" ? "letters" : "pointer")));
+    list.onchange();
+    return list;
   }
 
   listen() {
@@ -59,11 +78,30 @@ export class Lane {
     this.place(events.length ? events : [event]);
   }
 
+  /** Letters or a stick take the lane, with the finger where the key is; false if a pointer has it. */
+  beginHere() {
+    if (this.drag) return false;
+    this.hold();
+    this.drag = { id: null, target: this.points?.key ?? 0 };
+    return true;
+  }
+
+  /** Where the pointer of letters or a stick is, as a share of the travel, at `time` [ms]. */
+  target(share, time) {
+    if (this.drag?.id !== null) return;
+    this.drag.target = this.low + (this.high - this.low) * share;
+    this.send("move", [{ time, x: this.drag.target, pressure: ORDINARY }]);
+    this.isDirty = true;
+  }
+
+  get share() {
+    return ((this.drag?.target ?? this.points?.key ?? 0) - this.low) / (this.high - this.low);
+  }
+
   place(events) {
     const { drag } = this;
     const rows = events.map((event) => {
-      const half = this.travel / 2;
-      drag.target = Math.max(-half, Math.min(half, drag.x + (drag.y - event.clientY) / this.scale));
+      drag.target = Math.max(this.low, Math.min(this.high, drag.x + (drag.y - event.clientY) / this.scale));
       const pressure = event.pointerType === "pen" && event.pressure > 0 ? event.pressure : ORDINARY;
       return { time: event.timeStamp, x: drag.target, pressure };
     });
@@ -84,6 +122,7 @@ export class Lane {
 
   leave() {
     this.lift();
+    this.input?.wasLeft?.();
     this.send("leave");
   }
 
@@ -118,7 +157,7 @@ export class Lane {
 
   /** Pixels of a metre. */
   get scale() {
-    return Math.max(1, this.canvas.clientHeight - 2 * MARGIN) / this.travel;
+    return Math.max(1, this.canvas.clientHeight - 2 * MARGIN) / (this.high - this.low);
   }
 
   draw() {
@@ -137,9 +176,9 @@ export class Lane {
     const pen = canvas.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    const [middle, y] = [width / 2, (x) => height / 2 - x * this.scale];
+    const [middle, y] = [width / 2, (x) => MARGIN + (this.high - x) * this.scale];
     pen.fillStyle = "#2a3550";
-    pen.fillRect(middle - 1, y(this.travel / 2), 2, this.travel * this.scale);
+    pen.fillRect(middle - 1, y(this.high), 2, (this.high - this.low) * this.scale);
     if (!this.points) return;
     const { finger, key, force } = this.points;
     pen.fillStyle = this.status === MINE ? "#e7d9a8" : "#6b7080";

@@ -26,8 +26,12 @@ impl PageKey for Noted {
         "ada \"the first\""
     }
 
-    fn travel(&self) -> f64 {
-        0.1
+    fn input(&self) -> &str {
+        "keys"
+    }
+
+    fn range(&self) -> [f64; 2] {
+        [-0.05, 0.05]
     }
 
     fn hold(&self) -> bool {
@@ -267,5 +271,8 @@ fn page_lists_keys() {
     let (_, mut stream) = answer(&server, &format!("/{KEY}/hands"), "");
     let mut body = String::new();
     stream.read_to_string(&mut body).unwrap();
-    assert_eq!(body, r#"[{"name": "ada \"the first\"", "travel": 0.1}]"#);
+    assert_eq!(
+        body,
+        r#"[{"name": "ada \"the first\"", "input": "keys", "low": -0.05, "high": 0.05}]"#
+    );
 }

@@ -7,8 +7,7 @@ use std::time::Instant;
 use super::emulated::exact_spec;
 use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Url};
 use crate::device::MAX_AXES;
-use crate::emulate::Key;
-use crate::lead::finger::{FingerMotion, HeldKey, Pull};
+use crate::lead::finger::{FingerMotion, Pull};
 use crate::lead::path::PathReader;
 use crate::lead::{self, Lead};
 use crate::safety::SafeForce;
@@ -37,24 +36,20 @@ impl Led {
     pub(super) fn open(url: &Url, period: f64, again: bool) -> Result<Self, DeviceError> {
         let lead = lead::find(url.led_name());
         let lead = lead.ok_or_else(|| url.closed("nothing leads this key"))?;
-        if again {
-            if !lead.is_present() {
-                return Err(url.closed("nobody plays this key"));
-            }
-            lead.forget();
+        if again && !lead.is_present() {
+            return Err(url.closed("nobody plays this key"));
         }
-        Ok(Self::new(lead, period))
+        let mut led = Self::new(lead, period);
+        // What the pointer did meanwhile moved nothing, but it may still be down.
+        if again && let Some(placed) = led.lead.forget() {
+            led.path.begin_at(placed);
+        }
+        Ok(led)
     }
 
     fn new(lead: Arc<Lead>, period: f64) -> Self {
         let options = lead.options();
-        let half = 0.5 * options.travel;
-        let usual = Key::default();
-        let key = HeldKey {
-            mass: usual.mass,
-            damping: usual.damping,
-            range: [-half, half],
-        };
+        let key = options.key;
         Self {
             path: PathReader::new(options.delay),
             motion: FingerMotion::new(options.finger, key, period),
@@ -102,6 +97,10 @@ impl Led {
         self.pointer = to;
         self.motion.advance(force, pull);
         let motion = &self.motion;
+        let [from, to, firmness] =
+            pull.map_or([f64::NAN; 3], |pull| [pull.from, pull.to, pull.firmness]);
+        let tick = [from, to, firmness, force, motion.finger(), motion.key()];
+        self.lead.trace_tick(tick);
         let led = |x: f64| if motion.is_held() { x } else { f64::NAN };
         let points = [
             led(motion.pointer()),

@@ -31,6 +31,7 @@ impl Kind {
         ("haply", Self::Haply),
         ("emul", Self::Emul),
         ("page", Self::Led),
+        ("keys", Self::Led),
         ("midi", Self::Led),
         ("osc", Self::Led),
         ("gamepad", Self::Led),

@@ -5,10 +5,16 @@
 //! mechanical impedance at the human finger tip", J. Biomech. Eng. 119 (1997); that its stiffness grows with the force
 //! of the muscles is why a pen's pressure scales it here.
 
+use crate::emulate::Key;
+
 /// Longest step of the computation [s]: at the usual constants, the square of frequency times step is below 5e-4.
 const STEP_MAX: f64 = 25e-6;
+/// Greatest factor of a finger's stiffness.
+pub(super) const FIRMEST: f64 = 2.0;
 /// Time in which a finger that lands on a key goes from there to its pointer [s].
 const LANDING: f64 = 0.1;
+/// Greatest spring for each kilogram that it moves [N/m/kg]: the square of frequency times step is then below a tenth.
+const STIFFNESS_PER_MASS_MAX: f64 = 1e8;
 
 /// The constants of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +40,21 @@ impl Default for Finger {
     }
 }
 
+impl Finger {
+    /// Whether it can be computed in the steps here.
+    pub fn is_possible(&self) -> bool {
+        self.damping.is_finite()
+            && self.damping >= 0.0
+            && self.stiffness > 0.0
+            && bears(self.mass, FIRMEST * self.stiffness + PULP.0)
+    }
+}
+
+/// Whether a mass [kg] between springs [N/m] swings slowly enough for the steps.
+fn bears(mass: f64, stiffness: f64) -> bool {
+    mass.is_finite() && stiffness <= STIFFNESS_PER_MASS_MAX * mass
+}
+
 /// The constants of the key that a finger holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldKey {
@@ -41,8 +62,49 @@ pub struct HeldKey {
     pub mass: f64,
     /// Damper to the ground [N·s/m].
     pub damping: f64,
+    /// Spring to the ground [N/m].
+    pub stiffness: f64,
+    /// Where that spring has no force [m].
+    pub rest: f64,
     /// Its two ends [m].
     pub range: [f64; 2],
+}
+
+/// The light fader that is emulated too.
+impl Default for HeldKey {
+    fn default() -> Self {
+        let Key {
+            mass,
+            stiffness,
+            damping,
+            range,
+        } = Key::default();
+        Self {
+            mass,
+            damping,
+            stiffness,
+            rest: 0.0,
+            range,
+        }
+    }
+}
+
+impl HeldKey {
+    /// Whether it can be computed in the steps here.
+    pub fn is_possible(&self) -> bool {
+        let [low, high] = self.range;
+        let numbers = [self.damping, self.stiffness, self.rest, low, high];
+        numbers.iter().all(|x| x.is_finite())
+            && low < high
+            && self.damping >= 0.0
+            && self.stiffness >= 0.0
+            && bears(self.mass, self.stiffness + PULP.0)
+    }
+
+    /// Force of its spring at `x` [N].
+    fn spring(&self, x: f64) -> f64 {
+        -self.stiffness * (x - self.rest)
+    }
 }
 
 /// The pointer during a tick: its positions at both ends [m], and the factor of the finger's stiffness.
@@ -74,18 +136,19 @@ pub struct FingerMotion {
 }
 
 impl FingerMotion {
-    /// A key at rest in the middle, without a finger, in ticks of `period` [s].
+    /// A key at rest, without a finger, in ticks of `period` [s].
     pub fn new(finger: Finger, key: HeldKey, period: f64) -> Self {
-        let middle = 0.5 * (key.range[0] + key.range[1]);
+        let [low, high] = key.range;
+        let start = key.rest.clamp(low, high);
         Self {
             finger,
             key,
             period,
             steps: (period / STEP_MAX).ceil().max(1.0) as u32,
-            x: [middle; 2],
+            x: [start; 2],
             v: [0.0; 2],
             landed: None,
-            pointer: middle,
+            pointer: start,
             force: 0.0,
         }
     }
@@ -126,6 +189,7 @@ impl FingerMotion {
     fn move_free_key(&mut self, force: f64, h: f64) {
         let HeldKey { mass, damping, .. } = self.key;
         self.x[1] += 0.5 * h * self.v[1];
+        let force = force + self.key.spring(self.x[1]);
         self.v[1] += h * (force - damping * self.v[1]) / (mass + 0.5 * h * damping);
         self.x[1] += 0.5 * h * self.v[1];
         self.stop_at_ends();
@@ -146,7 +210,7 @@ impl FingerMotion {
         let pulp = pulp_k * (x - x_key) + pulp_z * (v - v_key);
         let pushed = [
             h * (k * (pointer - x) + z * (speed - v) - pulp),
-            h * (force + pulp - key.damping * v_key),
+            h * (force + pulp + key.spring(x_key) - key.damping * v_key),
         ];
         // (mass + h/2 · damping) · change = pushed, a system of two equations.
         let (a, b) = (mass + half * (z + pulp_z), -half * pulp_z);
@@ -211,6 +275,8 @@ mod tests {
     const KEY: HeldKey = HeldKey {
         mass: 0.05,
         damping: 1.0,
+        stiffness: 0.0,
+        rest: 0.0,
         range: [-0.05, 0.05],
     };
 
@@ -257,6 +323,49 @@ mod tests {
             motion.advance(-20.0, (tick % 700 < 500).then_some(pull(0.05)).flatten());
             assert!(motion.key().abs() <= 0.05, "{}", motion.key());
         }
+    }
+
+    /// A thrown key swings about its rest as a free CEL does, and never passes its travel.
+    #[test]
+    fn key_after_the_finger_lifts() {
+        let key = HeldKey {
+            stiffness: 60.0,
+            rest: 1e-3,
+            range: [-0.015, 0.01],
+            ..KEY
+        };
+        let mut motion = FingerMotion::new(Finger::default(), key, 1e-3);
+        let mut throw = |speed: f64| {
+            for tick in 0..40_u32 {
+                let to = speed * 1e-3 * f64::from(tick);
+                let pull = Pull {
+                    from: to,
+                    to: to + speed * 1e-3,
+                    firmness: 1.0,
+                };
+                motion.advance(0.0, Some(pull));
+            }
+            let mut path = vec![(motion.x[1], motion.v[1])];
+            for _ in 0..2_000 {
+                motion.advance(0.0, None);
+                path.push((motion.x[1], motion.v[1]));
+            }
+            path
+        };
+        let slow = throw(-0.05);
+        let sigma = 0.5 * KEY.damping / KEY.mass;
+        let omega = (60.0 / KEY.mass - sigma * sigma).sqrt();
+        let (x, v) = (slow[0].0 - key.rest, slow[0].1);
+        for (tick, (found, _)) in slow.iter().enumerate() {
+            let t = 1e-3 * tick as f64;
+            let swing = x * (omega * t).cos() + (v + sigma * x) / omega * (omega * t).sin();
+            let exact = key.rest + (-sigma * t).exp() * swing;
+            assert!((found - exact).abs() < 1e-7, "{tick}: {found} {exact}");
+        }
+        let fast = throw(-2.0);
+        assert!(fast.iter().any(|(x, _)| *x == -0.015), "it meets its end");
+        assert!(fast.iter().all(|(x, _)| (-0.015..=0.01).contains(x)));
+        assert!((fast[2_000].0 - key.rest).abs() < 1e-6);
     }
 
     /// A step twice as long has four times the error: the computation is of second order.

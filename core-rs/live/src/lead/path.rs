@@ -39,6 +39,11 @@ impl PathReader {
         }
     }
 
+    /// The pointer already is somewhere: it led nothing so far.
+    pub fn begin_at(&mut self, placed: Placed) {
+        self.before = Some(placed);
+    }
+
     /// Position and firmness at `time` [s]; `None` while no finger is on the key. `next` gives the following positions
     /// in the order of their time stamps.
     pub fn read(

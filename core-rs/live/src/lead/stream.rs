@@ -7,8 +7,10 @@ use std::time::Instant;
 
 use ergon_view::serve::{PageKey, PagePoints};
 
-use super::finger::Finger;
+use super::arrival::{ArrivalTimes, Arrivals};
+use super::finger::{FIRMEST, Finger, HeldKey};
 use super::path::Placed;
+use super::trace::{TRACE_COLUMNS, Trace};
 
 /// Positions that wait for the real-time thread: at 1,000 a second, those of four seconds.
 const WAITING_MAX: usize = 4_096;
@@ -21,7 +23,7 @@ const NEWEST: f64 = 0.005;
 /// Least distance of two time stamps [s].
 const APART: f64 = 1e-6;
 /// Range of the factor of a finger's stiffness.
-const FIRMNESS: (f64, f64) = (0.1, 2.0);
+const FIRMNESS: (f64, f64) = (0.1, FIRMEST);
 /// Gaps between positions that are longer are pauses of the player, not the rate of the pointer [s].
 const PAUSE: f64 = 0.1;
 /// The word for a lift in place of a firmness.
@@ -36,10 +38,12 @@ pub struct LeadOptions {
     pub finger: Finger,
     /// Delay with which the path is read [s].
     pub delay: f64,
-    /// Length of the key's travel [m]; its middle is at 0.
-    pub travel: f64,
+    /// The key that the finger holds.
+    pub key: HeldKey,
     /// Whether time is that of the ticks; otherwise it is that of the wall.
     pub lockstep: bool,
+    /// Number of ticks that are kept for measurements.
+    pub traced_ticks: usize,
 }
 
 /// Counts of positions, and the statistics of their arrival.
@@ -85,6 +89,7 @@ pub struct Lead {
     late: AtomicU64,
     /// Pointer, finger and key [m], and the force of the pointer on the finger [N]; not a number: no finger there.
     points: [AtomicU64; 4],
+    trace: Trace,
 }
 
 #[derive(Debug, Default)]
@@ -95,6 +100,7 @@ struct Feeder {
     tally: LeadTally,
     /// Number, sum and sum of squares of gaps.
     gaps: [f64; 3],
+    arrivals: Arrivals,
 }
 
 /// The leads of this process by their names, so that a driver finds its stream as it would find a port.
@@ -119,6 +125,7 @@ impl Lead {
         }
         let name = options.name.clone();
         let lead = Arc::new(Self {
+            trace: Trace::new(options.traced_ticks),
             options,
             epoch: Instant::now(),
             feeder: Mutex::new(Feeder {
@@ -174,9 +181,9 @@ impl Lead {
             feeder.tally.refused += 1;
             return Err(Refusal::NotFinite);
         }
-        let mut time = placed.time;
+        let (mut time, mut now) = (placed.time, placed.time);
         if !self.options.lockstep {
-            let now = self.now();
+            now = self.now();
             feeder.tokens = (feeder.tokens + RATE_MAX * (now - feeder.filled)).min(BURST_MAX);
             feeder.filled = now;
             if !(now - OLDEST..=now + NEWEST).contains(&time) {
@@ -197,11 +204,13 @@ impl Lead {
             for (sum, power) in feeder.gaps.iter_mut().zip([1.0, gap, gap * gap]) {
                 *sum += power;
             }
+            let last = feeder.last;
+            feeder.arrivals.count(last, time, now);
         }
         time = time.max(feeder.last + APART);
         feeder.last = time;
         feeder.tally.taken += 1;
-        let half = 0.5 * self.options.travel;
+        let [low, high] = self.options.key.range;
         let place = &self.places[(written % WAITING_MAX as u64) as usize];
         let firmness = match placed.firmness {
             Some(firmness) => firmness.clamp(FIRMNESS.0, FIRMNESS.1),
@@ -209,7 +218,7 @@ impl Lead {
         };
         for (place, number) in place
             .iter()
-            .zip([time, placed.x.clamp(-half, half), firmness])
+            .zip([time, placed.x.clamp(low, high), firmness])
         {
             place.store(number.to_bits(), Ordering::Relaxed);
         }
@@ -231,9 +240,14 @@ impl Lead {
         Some(Placed { time, x, firmness })
     }
 
-    /// Forget the positions that wait.
-    pub(crate) fn forget(&self) {
-        while self.next().is_some() {}
+    /// Forget the positions that wait; the key's driver is the one reader, so only where it does not run.
+    /// Returns the last of them: the pointer is still there.
+    pub fn forget(&self) -> Option<Placed> {
+        let mut last = None;
+        while let Some(placed) = self.next() {
+            last = Some(placed);
+        }
+        last
     }
 
     /// Whether a player is there.
@@ -251,6 +265,21 @@ impl Lead {
             place.store(point.to_bits(), Ordering::Relaxed);
         }
         self.late.store(late, Ordering::Relaxed);
+    }
+
+    /// The quantile `part` of the times in which positions arrived.
+    pub fn arrival_times(&self, part: f64) -> ArrivalTimes {
+        self.feeder().arrivals.quantile(part)
+    }
+
+    pub(crate) fn trace_tick(&self, numbers: [f64; TRACE_COLUMNS]) {
+        self.trace.push(numbers);
+    }
+
+    /// What happened in each tick: the pointer at its beginning and end [m] and the factor of stiffness (not numbers: no
+    /// finger), the force on the key [N], and finger and key at the end [m].
+    pub fn trace(&self) -> Vec<[f64; TRACE_COLUMNS]> {
+        self.trace.rows()
     }
 
     /// Counts so far.
@@ -279,8 +308,13 @@ impl PageKey for Lead {
         name.split_once('?').map_or(name, |(name, _)| name)
     }
 
-    fn travel(&self) -> f64 {
-        self.options.travel
+    fn input(&self) -> &str {
+        let name = self.options.name.as_str();
+        name.split_once(':').map_or(name, |(kind, _)| kind)
+    }
+
+    fn range(&self) -> [f64; 2] {
+        self.options.key.range
     }
 
     fn hold(&self) -> bool {
@@ -330,8 +364,9 @@ mod tests {
             name: name.into(),
             finger: Finger::default(),
             delay: 0.02,
-            travel: 0.1,
+            key: HeldKey::default(),
             lockstep,
+            traced_ticks: 0,
         };
         Lead::new(options, true).expect("a new name")
     }
@@ -353,6 +388,17 @@ mod tests {
         assert_eq!(lead.next(), Some(placed(0.0, 0.01)));
         assert_eq!(lead.next(), Some(placed(0.1, 0.05)));
         assert_eq!(lead.next(), Some(placed(0.1 + APART, -0.05)), "time rises");
+        assert_eq!(lead.next(), None);
+    }
+
+    #[test]
+    fn stream_forgets_all_but_where_the_pointer_is() {
+        let lead = lead("osc:/wait", true);
+        assert_eq!(lead.forget(), None);
+        for (time, x) in [(0.0, 0.01), (0.1, 0.02), (0.2, 0.03)] {
+            lead.feed(placed(time, x)).unwrap();
+        }
+        assert_eq!(lead.forget(), Some(placed(0.2, 0.03)));
         assert_eq!(lead.next(), None);
     }
 

@@ -16,8 +16,10 @@ pub(super) const MESSAGE_MAX: usize = HEAD_BYTES + POSITIONS_MAX * POSITION_BYTE
 pub trait PageKey: Send + Sync + fmt::Debug {
     /// Its name on the page.
     fn name(&self) -> &str;
-    /// Length of its travel [m], whose middle is at 0.
-    fn travel(&self) -> f64;
+    /// By what the page plays it at first: `page` (a pointer) or `keys` (letters of the keyboard).
+    fn input(&self) -> &str;
+    /// The two ends of its travel [m].
+    fn range(&self) -> [f64; 2];
     /// A page takes the key; false if another page holds it.
     fn hold(&self) -> bool;
     /// Whether a page holds it.
@@ -86,8 +88,10 @@ pub(super) fn listed(keys: &[Arc<dyn PageKey>]) -> String {
     let rows: Vec<_> = keys
         .iter()
         .map(|key| {
-            let (name, travel) = (escaped(key.name()), key.travel());
-            format!("{{\"name\": \"{name}\", \"travel\": {travel}}}")
+            let (name, input, [low, high]) = (escaped(key.name()), key.input(), key.range());
+            format!(
+                "{{\"name\": \"{name}\", \"input\": \"{input}\", \"low\": {low}, \"high\": {high}}}"
+            )
         })
         .collect();
     format!("[{}]", rows.join(", "))

@@ -1,0 +1,94 @@
+//! How positions arrive: the gaps between them, how long each was under way, and the delay that each would have needed.
+
+/// Width of a bin [s], and number of bins; longer times are in the last.
+const BIN: f64 = 0.25e-3;
+const BINS: usize = 1_024;
+
+/// Counts of times in bins.
+#[derive(Debug)]
+struct Times(Box<[u32]>);
+
+impl Default for Times {
+    fn default() -> Self {
+        Self(vec![0; BINS].into())
+    }
+}
+
+impl Times {
+    fn count(&mut self, seconds: f64) {
+        let bin = (seconds.max(0.0) / BIN) as usize;
+        self.0[bin.min(BINS - 1)] += 1;
+    }
+
+    /// The upper edge of the bin that holds the quantile `part` [s]; 0 if nothing was counted.
+    fn quantile(&self, part: f64) -> f64 {
+        let total: u64 = self.0.iter().map(|&n| u64::from(n)).sum();
+        let wanted = ((part * total as f64).ceil() as u64).max(1);
+        let mut sum = 0;
+        let bin = self.0.iter().position(|&n| {
+            sum += u64::from(n);
+            sum >= wanted
+        });
+        bin.map_or(0.0, |bin| BIN * (bin + 1) as f64)
+    }
+}
+
+/// Times of positions on their way [s].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ArrivalTimes {
+    /// From one time stamp to the next, while the pointer moves.
+    pub gap: f64,
+    /// From the time stamp to the arrival.
+    pub wait: f64,
+    /// From the time stamp before to the arrival: with a delay of this length the path did not wait.
+    pub need: f64,
+}
+
+/// What arrived.
+#[derive(Debug, Default)]
+pub(super) struct Arrivals {
+    gaps: Times,
+    waits: Times,
+    needs: Times,
+}
+
+impl Arrivals {
+    /// A position of the instant `time` [s] arrived at `now` [s], the one before was of `last` [s].
+    pub(super) fn count(&mut self, last: f64, time: f64, now: f64) {
+        self.gaps.count(time - last);
+        self.waits.count(now - time);
+        self.needs.count(now - last);
+    }
+
+    /// The quantile `part` of each time, to 0.25 ms upwards.
+    pub(super) fn quantile(&self, part: f64) -> ArrivalTimes {
+        ArrivalTimes {
+            gap: self.gaps.quantile(part),
+            wait: self.waits.quantile(part),
+            need: self.needs.quantile(part),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_of_arrivals() {
+        let mut arrivals = Arrivals::default();
+        assert_eq!(arrivals.quantile(0.5), ArrivalTimes::default());
+        for n in 1..=100 {
+            let time = 8e-3 * f64::from(n);
+            // The last ten are under way for 5 ms, the others for 1.1 ms.
+            let wait = if n > 90 { 5e-3 } else { 1.1e-3 };
+            arrivals.count(time - 8.1e-3, time, time + wait);
+        }
+        let [usual, longest] = [0.5, 1.0].map(|part| arrivals.quantile(part));
+        assert!((usual.wait - 1.25e-3).abs() < 1e-12, "{usual:?}");
+        assert!((usual.gap - 8.25e-3).abs() < 1e-12, "{usual:?}");
+        assert!((longest.need - 13.25e-3).abs() < 1e-12, "{longest:?}");
+        arrivals.count(0.0, 0.05, 9.0);
+        assert!((arrivals.quantile(1.0).wait - 0.256).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,74 @@
+"""How positions arrive from inputs of keys without a device, measured while somebody moves them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from .errors import OptionError
+from .pages import ANYWHERE, serve
+
+if TYPE_CHECKING:
+    from ergon.live.fitness import Finding
+    from ergon.live.led_hands import LedHands
+
+_LOOK = 0.02  # [s] between two looks whether something came
+_WAIT = 120.0  # [s] for the first position
+
+
+def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> list[Finding]:
+    """Measure for some seconds after each input has sent its first position; one finding for each.
+
+    Raises OptionError for an address that is none of a key without a device, or cannot be opened.
+    """
+    from ergon.live.boards import BoardError, boards
+    from ergon.live.hand_arrivals import describe_arrivals
+    from ergon.live.led_address import is_led
+    from ergon.live.led_hands import open_led_hands
+
+    asked = {f"hand{number}": address for number, address in enumerate(addresses, 1)}
+    try:
+        found = boards(asked, {})
+        for board in found:
+            if not is_led(board.url):
+                raise BoardError(
+                    f"{board.url} has positions of its own: `ergon doctor --device {board.url}`"
+                )
+        hands = open_led_hands(found)
+    except BoardError as error:
+        raise OptionError("hands", str(error)) from None
+    server = None
+    try:
+        if hands.page_leads:
+            server = serve(ANYWHERE, "hands", report, leads=hands.page_leads)
+            report.say(f"play the keys at {server.url}hands.html")
+        for sentence in hands.sentences:
+            report.say(sentence)
+        _wait(hands, seconds, report)
+        return [
+            describe_arrivals(board, board.lead) for board in hands.boards if board.lead is not None
+        ]
+    finally:
+        if server is not None:
+            server.close()
+        hands.close()
+
+
+def _wait(hands: LedHands, seconds: float, report: Report) -> None:
+    """Wait until each input has been measured, or has sent nothing for long."""
+    leads = [board.lead for board in hands.boards if board.lead is not None]
+    report.say(f"move each input for {seconds:g} s")
+    begun: dict[str, float] = {}
+    end = time.monotonic() + _WAIT
+    while time.monotonic() < end:
+        now = time.monotonic()
+        for lead in leads:
+            if lead.name not in begun and lead.tally["taken"]:
+                begun[lead.name] = now
+            lead.discard()  # no performance reads them
+        if len(begun) == len(leads) and now >= max(begun.values()) + seconds:
+            return
+        time.sleep(_LOOK)

@@ -1,0 +1,72 @@
+"""How positions arrive from the inputs of keys without a device, and what delay they need."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .boards import PAGE_KINDS
+from .fitness import TICK_SECONDS, Finding, duration_text
+from .led_address import LedAddress, parse_led_address
+
+if TYPE_CHECKING:
+    from ergon import _core
+
+    from .boards import Board
+
+_ENOUGH = 20  # positions from which quantiles are stated
+_STAMPED = (*PAGE_KINDS, "gamepad")  # kinds whose positions say when they were taken
+_USUALLY = 0.999  # of the positions come in time with the delay that is advised
+_TOO_MUCH = 2.0  # a delay so many times the needed one is longer than useful
+
+
+def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
+    """What came for a key: rate, jitter, time on the way, and the delay of the path that fits."""
+    address = parse_led_address(board.url)
+    tally = lead.tally
+    taken = int(tally["taken"])
+    gaps, waits, needs = zip(*(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True)
+    _, _, needed = lead.arrival_times(_USUALLY)
+    numbers: dict[str, object] = {
+        "url": board.url,
+        "taken": taken,
+        "refused": int(tally["refused"]),
+        "misdated": int(tally["misdated"]),
+        "gap_s": tally["gap"],
+        "gap_deviation_s": tally["deviation"],
+        "gap_p99_s": gaps[1],
+        "gap_max_s": gaps[2],
+        "wait_p50_s": waits[0] if address.kind in _STAMPED else None,
+        "wait_p99_s": waits[1] if address.kind in _STAMPED else None,
+        "need_max_s": needs[2],
+        "delay_s": address.delay,
+    }
+    name = board.display_name
+    if taken < _ENOUGH:
+        said = f"{name}: {taken} positions came, and {_ENOUGH} are needed to measure"
+        return Finding("hands", said, "move it all the time while it is measured", numbers)
+    rate = 1.0 / tally["gap"] if tally["gap"] else 0.0
+    said = (
+        f"{name}: {rate:.0f} positions a second while it moves, one each "
+        f"{tally['gap'] * 1e3:.1f} ms ± {tally['deviation'] * 1e3:.1f} ms, p99 "
+        f"{duration_text(gaps[1])}; "
+    )
+    if address.kind in _STAMPED:
+        said += f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
+    else:
+        said += "nothing says when they were taken; "
+    total = address.delay + TICK_SECONDS
+    said += f"{duration_text(total)} from a position to the force on the finger"
+    return Finding("hands", said, _advice(address, needed, int(tally["refused"])), numbers)
+
+
+def _advice(address: LedAddress, needed: float, refused: int) -> str:
+    """What to do; empty where the delay of the path is as long as it has to be."""
+    rounded = 1e-3 * -(-needed // 1e-3)  # to a whole millisecond upwards
+    todo = []
+    if needed > address.delay:
+        todo.append(f"positions come late for its path: ?delay={rounded * 1e3:.0f}ms")
+    elif rounded * _TOO_MUCH < address.delay:
+        todo.append(f"they come early enough for ?delay={rounded * 1e3:.0f}ms")
+    if refused:
+        todo.append(f"{refused:,} positions were refused, which are no numbers or too many")
+    return "; ".join(todo)
