@@ -100,6 +100,7 @@ docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.faults docs/faults.md
 	$(BIN)/python -m docs.generators.howto_pictures
 	$(BIN)/python -m docs.generators.hand_paths docs/howto/hands.md
+	$(BIN)/python -m docs.generators.haptic
 	$(BIN)/python -m docs.generators.cards docs/instruments
 	$(BIN)/python -m docs.generators.ideas docs/ideas.md
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md

@@ -1783,8 +1783,8 @@ class Lead:
 
         `delay` [s] is that of the path, `range` [m] the key's two ends, `spring` its stiffness
         [N/m] about a rest [m]. In lockstep time is that of the ticks. A key whose player is not
-        `present` is played by its stand-in. The first `traced_ticks` ticks are kept. Raises EngineError for impossible
-        numbers, or a name that is in use.
+        `present` is played by its stand-in. The first `traced_ticks` ticks are kept. Raises
+        EngineError for impossible numbers, or a name that is in use.
         """
     @property
     def name(self) -> str:

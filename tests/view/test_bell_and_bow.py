@@ -122,8 +122,8 @@ def test_two_fingers_on_a_bell_and_a_bow(
             # Strokes of a bow to and fro, and two presses of the bell in a second.
             begun = time.monotonic()
             while (t := time.monotonic() - begun) < seconds:
-                stroke = 150.0 * math.sin(2 * math.pi * 0.7 * t)  # [px]
-                press = 130.0 * max(0.0, math.sin(2 * math.pi * 2.0 * t))
+                stroke = 110.0 * math.sin(2 * math.pi * 0.7 * t)  # [px]
+                press = 90.0 * max(0.0, math.sin(2 * math.pi * 2.0 * t))
                 hands.touch("touchMove", (1, x, y - stroke), (2, u, v - press))
             assert has("gone", 2), "both fingers stayed on their keys"
             performance.stop()
@@ -142,7 +142,7 @@ def test_two_fingers_on_a_bell_and_a_bow(
         assert tally["taken"] > 20
         assert tally["refused"] == 0
         key = trace[:, 5]
-        assert np.max(np.abs(key)) <= half
+        assert np.max(np.abs(key)) < half, "no end is met, which the reference does not have"
         assert np.ptp(key) > 0.5 * half
         wanted = reference(trace, stiffness)
         error = np.sqrt(np.mean((key - wanted) ** 2) / np.mean(wanted**2))

@@ -3,6 +3,7 @@
 //! There is one driver for each protocol; each implements [`Device`]. Signs and scales of the individual device are
 //! corrected by [`calibrate`].
 
+mod arm;
 pub mod calibrate;
 mod emulated;
 mod firefader;
@@ -96,7 +97,7 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
         return Err(url.cannot(NO_AXIS));
     }
-    Ok(device)
+    arm::with_arm(device, url)
 }
 
 /// Open the key that a stream of positions plays, in ticks of `period` [s]. It is opened `again` only while somebody

@@ -72,7 +72,8 @@ impl From<Protocol> for Kind {
 
 /// Options without a value, and options with one.
 const FLAGS: [&str; 2] = ["lockstep", "wide"];
-const VALUES: [&str; 8] = [
+const VALUES: [&str; 9] = [
+    "arm",
     "id",
     "baud",
     "axes",
@@ -303,7 +304,7 @@ mod tests {
             ("hapi:/dev/ttyACM1", "not supported yet"),
             (
                 "falcon:usb",
-                "the kinds are firefader, frame, frame+udp, haply, emul, page, midi, osc and gamepad",
+                "the kinds are firefader, frame, frame+udp, haply, emul, page, keys, midi, osc and gamepad",
             ),
             ("/dev/ttyACM0", "colon"),
             ("firefader:", "a path"),

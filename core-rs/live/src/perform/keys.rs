@@ -187,7 +187,7 @@ impl DeviceConfig {
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url
-                .cannot("the axis rotates (its unit is rad), and a key of a score needs metres"));
+                .cannot("the axis rotates (its unit is rad), and a key of a score needs metres; ?arm=0.05 says at which distance [m] from its axis a hand holds it"));
         }
         Ok(device)
     }

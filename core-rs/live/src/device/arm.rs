@@ -1,0 +1,112 @@
+//! A rotary axis as a key: a hand holds it at an arm's length from the axis, so angles are ways along the arc, and forces
+//! are torques over that length.
+
+use std::time::Instant;
+
+use super::{Device, DeviceError, Gone, LastResort, MAX_AXES, Sample, Spec, Stats, Unit, Url};
+use crate::safety::SafeForce;
+
+/// Longest arm [m]; with it a torque in N·m is not greater than the force in N.
+const ARM_MAX: f64 = 1.0;
+
+/// A device of rotary axes with an arm on each.
+struct Arm {
+    device: Box<dyn Device>,
+    length: f64,
+    spec: Spec,
+}
+
+/// The device, with the arm that its address names.
+///
+/// # Errors
+/// [`DeviceError`] for an arm on an axis that does not rotate, or one that is impossible.
+pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Device>, DeviceError> {
+    if url.text("arm").is_none() {
+        return Ok(device);
+    }
+    let length = url.number("arm", 0.0)?;
+    if device.spec().unit != Unit::Radian {
+        return Err(url.cannot("its axes do not rotate, so they have no arm; leave ?arm out"));
+    }
+    if length <= 0.0 || length > ARM_MAX {
+        return Err(url.closed(format!(
+            "arm must be above 0 and at most {ARM_MAX} m, not {length}"
+        )));
+    }
+    Ok(Box::new(Arm::new(device, length)))
+}
+
+impl Arm {
+    fn new(device: Box<dyn Device>, length: f64) -> Self {
+        let own = device.spec();
+        let spec = Spec {
+            unit: Unit::Metre,
+            pos_lsb: own.pos_lsb * length,
+            pos_range: own.pos_range.map(|angle| angle * length),
+            force_max_continuous: own.force_max_continuous / length,
+            force_max_peak: own.force_max_peak / length,
+            force_lsb: own.force_lsb / length,
+            // A moment of inertia J about the axis is a mass of J/r² at the arm's end; so is its friction.
+            inertia: own.inertia.map(|inertia| inertia / (length * length)),
+            damping: own.damping.map(|damping| damping / (length * length)),
+            ..own.clone()
+        };
+        Self {
+            device,
+            length,
+            spec,
+        }
+    }
+
+    fn torque(&self, force: &SafeForce) -> SafeForce {
+        force.with_gains(&[self.length; MAX_AXES])
+    }
+}
+
+impl Device for Arm {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn range(&self, axis: usize) -> [f64; 2] {
+        self.device.range(axis).map(|angle| angle * self.length)
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        let torque = self.torque(force);
+        self.device.send(&torque)
+    }
+
+    fn switch_off(&mut self) -> Result<(), Gone> {
+        self.device.switch_off()
+    }
+
+    fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
+        let torques = self.device.on_wire(&self.torque(force));
+        torques.map(|torque| torque / self.length)
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        let fresh = self.device.receive(into, deadline)?;
+        for position in &mut into.position {
+            *position *= self.length;
+        }
+        Ok(fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.device.in_lockstep()
+    }
+
+    fn zero(&mut self) {
+        self.device.zero();
+    }
+
+    fn stats(&self) -> Stats {
+        self.device.stats()
+    }
+
+    fn last_resort(&self) -> Option<LastResort> {
+        self.device.last_resort()
+    }
+}
