@@ -80,8 +80,8 @@ def import_take(
     path = Path(file)
     if path.suffix.lower() == ".gms":
         raise Refused(
-            f"{file}: GMS files are not read: how their bytes lie is written in no public place "
-            "that we know; export CSV from the program that made it"
+            f"{file}: GMS files are not read yet: ACROE describes what they hold, and ergon's "
+            "authors have no table of their bytes; export CSV from the program that made it"
         )
     if path.suffix.lower() == recording.SUFFIX:
         raise Refused(f"{file} is a recording already")

@@ -1792,6 +1792,9 @@ class Lead:
     @property
     def range(self) -> tuple[float, float]:
         """The two ends of the key's travel [m]."""
+    @property
+    def force(self) -> float:
+        """The force of the pointer on the finger at the end of the last tick [N]."""
     def now(self) -> float:
         """Time of the stream's clock [s]; not for lockstep."""
     def place(self, time: float, x: float, firmness: float = 1.0) -> bool:

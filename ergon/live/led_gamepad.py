@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from .boards import BoardError
 from .led_address import GAMEPAD_AXES
 from .led_sources import position
+from .rumble import Rumble
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -28,6 +29,7 @@ _GET_RANGE = 0x80184540  # EVIOCGABS(0)
 _SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
 _EVENTS_AT_ONCE = 64
 _LOOK = 0.2  # [s] between two looks whether a thread is to end
+_FEEL = 0.05  # [s] between two forces that the motors tell of
 _USUAL_RANGE = (-32768, 32767)  # of files of events, which have no device to ask
 _PADS = Path("/dev/input/by-id")
 _PAD_NAMES = "*-event-joystick"
@@ -49,6 +51,11 @@ class GamepadValues:
         is_lockstep = self._address.lockstep
         when = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
         self._lead.place(when, position(self._lead, side))
+
+    @property
+    def force(self) -> float:
+        """The force of the pointer on its finger [N], without a sign."""
+        return abs(self._lead.force)
 
     def leave(self) -> None:
         """The gamepad is gone: the stand-in plays."""
@@ -73,17 +80,27 @@ def pad_path(named: str) -> Path:
     raise BoardError(f"which gamepad? ?in=PATH says so; there is {there}")
 
 
+def _opened(path: Path) -> int:
+    """The file of a gamepad, for writing too where that is allowed: then it may rumble."""
+    if path.is_char_device():  # a pipe of events that is open for writing would never end
+        with contextlib.suppress(PermissionError):
+            return os.open(path, os.O_RDWR | os.O_NONBLOCK)
+    return os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+
+
 class GamepadPort:
     """An open gamepad, whose events are passed on by their axes."""
 
     def __init__(self, path: Path, values: Sequence[GamepadValues]) -> None:
         """Open a gamepad. Raises BoardError."""
         try:
-            self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+            self._file = _opened(path)
         except OSError as error:
             raise BoardError(f"the gamepad {path} cannot be opened: {error.strerror}") from None
         self._values = values
+        self._rumble = Rumble(self._file)
         self._over = threading.Event()
+        self._felt = 0.0  # when [s]
         self._prepare()
         self._thread = threading.Thread(target=self._run, name="ergon gamepad", daemon=True)
         self._thread.start()
@@ -103,7 +120,10 @@ class GamepadPort:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            if not select.select([self._file], [], [], _LOOK)[0]:
+            wait = _FEEL if self._rumble.is_there else _LOOK
+            has_come = select.select([self._file], [], [], wait)[0]
+            self._feel()
+            if not has_come:
                 continue
             try:
                 data = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
@@ -117,6 +137,18 @@ class GamepadPort:
                 for value in self._values:
                     if value.code == code:
                         value.receive(number, instant)
+
+    @property
+    def rumbles(self) -> bool:
+        """Whether it tells of forces by its motors."""
+        return self._rumble.is_there
+
+    def _feel(self) -> None:
+        """Let the motors tell of the greatest force on its fingers."""
+        now = time.monotonic()
+        if self._rumble.is_there and now >= self._felt + _FEEL:
+            self._felt = now
+            self._rumble.feel(max((value.force for value in self._values), default=0.0))
 
     def close(self) -> None:
         """Pass on nothing any more."""

@@ -91,8 +91,10 @@ def open_led_hands(
             sentences.append(f"positions are taken from the MIDI input {midi.name}")
         for name, axes in _gamepad_values(addresses, leads).items():
             path = pad_path(name)
-            sources.append(GamepadPort(path, axes))
-            sentences.append(f"positions are taken from the gamepad {path}")
+            pad = GamepadPort(path, axes)
+            sources.append(pad)
+            motors = ", which rumbles with the force" if pad.rumbles else ""
+            sentences.append(f"positions are taken from the gamepad {path}{motors}")
     except BoardError:
         for source in (*sources, *leads.values()):
             source.close()

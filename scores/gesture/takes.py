@@ -10,8 +10,8 @@
 * SDIF (`sdif_file.py`): a column of a matrix, such as `XPOS.x`.
 
 CSV and npz files without `t` need a `rate`; BVH and SDIF files and columns without a unit need a
-`unit`, because they state none. GMS files cannot be read, because no description of their
-format is public.
+`unit`, because they state none. GMS files cannot be read: what they hold is public
+(Luciani and others, 2006), and no table of their bytes was at hand.
 """
 
 import io

@@ -208,6 +208,8 @@ def test_letters_of_another_lane_do_nothing(chromium: browser.Browser, own_folde
 PAD = """
 var buttons = Array.from({length: 8}, () => ({value: 0}));
 window.pad = {connected: true, timestamp: 0, axes: [0, 0, 0, 0], buttons};
+window.hums = [];
+pad.vibrationActuator = {playEffect: (_, {strongMagnitude}) => void hums.push(strongMagnitude)};
 navigator.getGamepads = () => [null, window.pad];
 """
 
@@ -228,6 +230,9 @@ def test_a_stick_of_a_gamepad_plays_a_key(chromium: browser.Browser, own_folder:
         until(lambda: piece.key(0) > 0.01, "pushed away is up")
         push(1, 0.5)
         until(lambda: piece.key(0) < -0.02, "pulled is down")
+        push(1, -1.0)  # against the bell
+        until(lambda: page.run("Math.max(0, ...hums)") > 0.1, "a hum for the force of the bell")
+        assert page.run("Math.max(...hums)") <= 1.0
         piece.events.clear()
         page.run("pad.connected = false; 0")
         until(lambda: piece.has("gone"), "a stand-in for an unplugged gamepad")

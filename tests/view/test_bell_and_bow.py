@@ -11,7 +11,7 @@ import pytest
 from duets import recorded, said, sound
 from hands_page import HandsPage
 from patience import until
-from scipy.integrate import solve_ivp
+from scipy.integrate import ode
 from sweep import few
 
 from ergon import _core
@@ -59,9 +59,19 @@ def chromium() -> Iterator[browser.Browser]:
         yield program
 
 
+def rates(t: float, y: np.ndarray, *args: float) -> list[float]:
+    """Speeds and accelerations of finger and key, while the pointer moves evenly."""
+    start, speed, k, force, stiffness = args
+    x, v, key, key_v = y
+    pulp = PULP[0] * (x - key) + PULP[1] * (v - key_v)
+    pull = k * (start + speed * t - x) + Finger().damping * (speed - v)
+    own = force + pulp - DAMPING * key_v - stiffness * key
+    return [v, (pull - pulp) / Finger().mass, key_v, own / MASS]
+
+
 def reference(trace: np.ndarray, stiffness: float) -> np.ndarray:
     """Positions of the key by DOP853 for the same pointer and the same forces, tick by tick."""
-    finger, (pulp_k, pulp_z) = Finger(), PULP
+    solver = ode(rates).set_integrator("dop853", rtol=1e-9, atol=1e-12)
     state, landed, key = np.zeros(4), None, []
     for start, end, firmness, force, _, _ in trace:
         if math.isnan(start):
@@ -74,18 +84,11 @@ def reference(trace: np.ndarray, stiffness: float) -> np.ndarray:
             1.0 - min(s, 1.0) ** 2 * (3.0 - 2.0 * min(s, 1.0)) for s in (since, since + TICK / 0.1)
         ]
         start, end, since = start + offset * left[0], end + offset * left[1], since + TICK / 0.1
-        speed, k = (end - start) / TICK, finger.stiffness * firmness
+        speed, k = (end - start) / TICK, Finger().stiffness * firmness
 
-        def rates(t: float, y: np.ndarray, args=(start, speed, k, force)) -> list[float]:
-            start, speed, k, force = args
-            x, v, at, moving = y
-            pulp = pulp_k * (x - at) + pulp_z * (v - moving)
-            pull = k * (start + speed * t - x) + finger.damping * (speed - v)
-            own = force + pulp - DAMPING * moving - stiffness * at
-            return [v, (pull - pulp) / finger.mass, moving, own / MASS]
-
-        solution = solve_ivp(rates, (0.0, TICK), state, "DOP853", rtol=1e-9, atol=1e-12)
-        state = solution.y[:, -1]
+        solver.set_f_params(start, speed, k, force, stiffness).set_initial_value(state)
+        state = solver.integrate(TICK)
+        assert solver.successful()
         key.append(state[2])
     return np.array(key)
 

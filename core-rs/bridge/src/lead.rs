@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use ergon_live::lead::path::{PathReader, Placed};
 use ergon_live::lead::{Finger, HeldKey, Lead as Stream, LeadOptions, TRACE_COLUMNS};
+use ergon_view::serve::PageKey;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 
@@ -69,6 +70,12 @@ impl Lead {
     fn range(&self) -> (f64, f64) {
         let [low, high] = self.0.options().key.range;
         (low, high)
+    }
+
+    /// The force of the pointer on the finger at the end of the last tick [N].
+    #[getter]
+    fn force(&self) -> f64 {
+        self.0.points().force
     }
 
     /// Time of the stream's clock [s].

@@ -4,6 +4,8 @@
 const STEP_MS = 4; // between two positions
 const RISE_MS = 40; // from one letter to the next
 const AWAY = 0.15; // of its way: a stick that is pushed so far takes the key
+const RUMBLE_MS = 50; // between two forces that a gamepad's motors tell of
+const STRONG = 5; // [N] at which they turn fastest
 const STALE_MS = 400; // a gamepad's time stamp that is older is not believed
 
 // Rows of the keyboard from low to high, for the first lane, the second and the third; letters as on a US keyboard.
@@ -97,7 +99,7 @@ class Letters {
 /** A stick takes the key when it is first moved, and plays it until the lane is let go or the gamepad is unplugged. */
 class Stick {
   constructor(lane, rest, read) {
-    Object.assign(this, { lane, rest, read, last: null });
+    Object.assign(this, { lane, rest, read, last: null, felt: 0, smooth: 0 });
     this.timer = setInterval(() => this.step(), STEP_MS);
   }
 
@@ -118,11 +120,26 @@ class Stick {
       if (Math.abs(share - this.rest) < AWAY || !this.lane.beginHere()) return;
       this.last = null;
     }
+    this.rumble(pad);
     if (share === this.last) return;
     this.last = share;
     const now = performance.now();
     const isFresh = pad.timestamp <= now && pad.timestamp > now - STALE_MS;
     this.lane.target(share, isFresh ? pad.timestamp : now);
+  }
+
+  /** The strong motor hums with the force, the weak one buzzes where it changes. */
+  rumble(pad) {
+    const now = performance.now();
+    if (now < this.felt + RUMBLE_MS) return;
+    this.felt = now;
+    const force = Math.abs(this.lane.points?.force ?? 0);
+    const change = Math.abs(force - this.smooth);
+    this.smooth += 0.3 * (force - this.smooth);
+    if (force + change < 0.01) return;
+    const [strongMagnitude, weakMagnitude] = [force / STRONG, (2 * change) / STRONG].map((x) => Math.min(1, x));
+    const asked = pad.vibrationActuator?.playEffect?.("dual-rumble", { duration: 2 * RUMBLE_MS, strongMagnitude, weakMagnitude });
+    asked?.catch?.(() => {}); // a gamepad without motors
   }
 
   /** The lane was let go: the stick takes the key again when it is moved again. */

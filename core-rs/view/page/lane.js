@@ -7,6 +7,7 @@ const [MINE, ANOTHERS] = [1, 2]; // who holds a key; 0: nobody
 const MARGIN = 24; // [px] above and below the travel
 const COILS = 7;
 const STRONG = 5; // [N] at which the spring has its full colour
+const CONTACT = 0.5; // [N] by which a force grows from one picture to the next where something is met
 const ORDINARY = 0.5; // pressure of a pointer that measures none
 
 export class Lane {
@@ -15,7 +16,7 @@ export class Lane {
     Object.assign(this, { name, low, high, send }); // the ends of its travel [m]
     this.status = null; // who holds the key; null: no connection
     this.points = null;
-    this.drag = null; // {id: of the pointer, y [px], x [m], target: where the pointer is [m]}
+    this.drag = null; // {id: of the pointer, y [px], x [m], target: where the pointer is [m], isTouch}
     this.input = null; // letters or a stick, beside the pointer
     this.canvas = document.createElement("canvas");
     this.canvas.tabIndex = 0;
@@ -68,7 +69,7 @@ export class Lane {
     this.hold();
     // The finger lands where the key is, wherever the pointer touches the lane.
     const x = this.points?.key ?? 0;
-    this.drag = { id: event.pointerId, y: event.clientY, x, target: x };
+    this.drag = { id: event.pointerId, y: event.clientY, x, target: x, isTouch: event.pointerType === "touch" };
     this.place([event]);
   }
 
@@ -129,6 +130,9 @@ export class Lane {
   // --- what the server sends ---
 
   take(status, points) {
+    const jump = Math.abs(points.force) - Math.abs(this.points?.force ?? 0);
+    // A telephone that vibrates tells of contacts, by 10 ms a newton.
+    if (this.drag?.isTouch && jump > CONTACT) navigator.vibrate?.(Math.min(40, 10 * jump));
     this.status = status;
     this.points = points;
     this.isDirty = true;
