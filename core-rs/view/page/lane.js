@@ -132,7 +132,7 @@ export class Lane {
   take(status, points) {
     const jump = Math.abs(points.force) - Math.abs(this.points?.force ?? 0);
     // A telephone that vibrates tells of contacts, by 10 ms a newton.
-    if (this.drag?.isTouch && jump > CONTACT) navigator.vibrate?.(Math.min(40, 10 * jump));
+    if (this.drag?.isTouch && jump > CONTACT && navigator.userActivation?.hasBeenActive) navigator.vibrate?.(Math.min(40, 10 * jump));
     this.status = status;
     this.points = points;
     this.isDirty = true;
