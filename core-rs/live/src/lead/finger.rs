@@ -356,11 +356,11 @@ mod tests {
         let sigma = 0.5 * KEY.damping / KEY.mass;
         let omega = (60.0 / KEY.mass - sigma * sigma).sqrt();
         let (x, v) = (slow[0].0 - key.rest, slow[0].1);
-        for (tick, (found, _)) in slow.iter().enumerate() {
+        for (tick, (place, _)) in slow.iter().enumerate() {
             let t = 1e-3 * tick as f64;
             let swing = x * (omega * t).cos() + (v + sigma * x) / omega * (omega * t).sin();
             let exact = key.rest + (-sigma * t).exp() * swing;
-            assert!((found - exact).abs() < 1e-7, "{tick}: {found} {exact}");
+            assert!((place - exact).abs() < 1e-7, "{tick}: {place} {exact}");
         }
         let fast = throw(-2.0);
         assert!(fast.iter().any(|(x, _)| *x == -0.015), "it meets its end");
