@@ -89,8 +89,6 @@ struct State {
     matter: Matter,
     hands: Hands,
     watch: Watch,
-    /// Outputs of steps between frames, which are not heard   (n_out)
-    unheard: Vec<f64>,
 }
 
 /// What a frame does not compute but follows: parameters and gates.

@@ -94,7 +94,6 @@ impl Island {
         });
         let state = State {
             frame: 0,
-            unheard: vec![0.0; scheme.n_out()],
             values: Values {
                 gates: vec![0.0; timeline.gates.len()],
                 gates_next: vec![0.0; timeline.gates.len()],

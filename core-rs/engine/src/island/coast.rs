@@ -1,15 +1,18 @@
 //! Coasting: steps in which no contact closes. Masses fly or swing freely, bodies move by their modes, and nothing else
 //! is computed. After the blow of a hammer this is the case for seconds.
 //!
-//! The result is the same to the last bit as that of ordinary steps; only the test whether a contact may close has a
-//! slightly wider margin.
+//! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact may
+//! close has a slightly wider margin.
 
+use super::energy_account;
 use super::fault::Fault;
+use super::fine::HAIR;
 use super::step::StepOutputs;
 use super::{Island, energy_rise, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::scheme::Scheme;
+use crate::network::But;
+use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 use crate::timeline::{Drive, Source};
 
@@ -23,25 +26,30 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by finely computed contacts alone, its bodies are computed by modes,
-    /// and it has no real hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are computed by modes, and it has no real
+    /// hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
         let scheme = &script.scheme;
-        let is_bare = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
-        let is_bare = is_bare && scheme.weight.iter().all(|&weight| weight == 0.0);
+        let is_bare = scheme.runs.iter().all(|run| contact(run).is_some())
+            && scheme.fused.is_empty()
+            && scheme.exact.is_empty()
+            && scheme.proxies.is_empty()
+            && scheme.weight.iter().all(|&weight| weight == 0.0);
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes(_));
         let is_left = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|own| own.layer);
         let is_plain =
             script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
-        let is_whole = state.watch.ledger.is_none() && state.watch.mutes.list().next().is_none();
+        let watch = &state.watch;
+        let is_whole =
+            watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
         let by_modes = |body: &inside::RunningBody| body.modal().is_some();
-        let fine = state.matter.fine.as_ref();
+        let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
         (is_bare && is_left && is_plain && is_whole)
             && state.matter.bodies.iter().all(by_modes)
-            && fine.is_some()
+            && has_contacts
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
@@ -53,9 +61,16 @@ impl Island {
     ) -> Result<usize, Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, n) = (&script.scheme, state.frame);
-        let Some(fine) = state.matter.fine.as_mut().filter(|fine| fine.is_done()) else {
+        let mut fine = state.matter.fine.as_mut();
+        if fine.as_ref().is_some_and(|fine| !fine.is_done())
+            || !are_open(scheme, &state.matter.body)
+        {
             return Ok(0);
-        };
+        }
+        let gains = state.watch.gains.as_ref();
+        if gains.is_some_and(|gains| !gains.is_idle()) {
+            return Ok(0);
+        }
         let push = script.pushes.get(state.hands.pushed).map(|push| push.frame);
         let ergon = script.ergons.get(state.hands.ergons);
         let ergon = ergon.map(|(frame, _)| *frame);
@@ -72,60 +87,65 @@ impl Island {
             .iter()
             .filter_map(inside::RunningBody::modal);
         let ahead = modals.map(super::modal::RunningModal::ahead);
-        let watched = state.watch.rise.is_some();
-        let look = watched.then(|| energy_rise::Rise::steps_left(n) as usize);
-        let most = quiet.chain(ahead).chain(look);
-        let most = most.fold(to - from, usize::min);
-        if most < STEPS_MIN {
+        let rise = state.watch.rise.as_ref();
+        let looks = [
+            rise.map(|_| energy_rise::Rise::steps_left(n)),
+            gains.map(|_| n.next_multiple_of(energy_account::BLOCK) - n),
+        ];
+        let looks = looks.into_iter().flatten().map(|steps| steps as usize);
+        let steps = quiet.chain(ahead).chain(looks);
+        let steps = steps.fold(to - from, usize::min);
+        if steps < STEPS_MIN {
             return Ok(0);
         }
         // The motion without forces is needed here: forces of the step before are cleared.
         state.matter.body.force.fill(0.0);
+        let has_bodies = !state.matter.bodies.is_empty();
         let (mut done, mut sound, mut open_until, mut next_look) = (0, true, 0, 0);
-        while done < most && sound {
-            if done >= open_until && !fine.stays_open(scheme, &state.matter.body) {
-                break;
-            }
-            if done >= open_until.max(next_look) {
-                let swing = |mat| swing(scheme, &state.matter.body, mat);
-                if fine.cannot_close(scheme, swing, SLACK) {
-                    open_until = done + BOUND_STEPS;
+        while done < steps && sound {
+            let body = &mut state.matter.body;
+            if done >= open_until {
+                let stays_open = fine
+                    .as_ref()
+                    .is_none_or(|fine| fine.stays_open(scheme, body));
+                if !stays_open || !are_open(scheme, body) {
+                    break;
                 }
-                next_look = done + RETRY_STEPS;
+                if done >= next_look && !has_bodies {
+                    let swing = |mat| swing(scheme, body, mat);
+                    let fine = fine.as_ref();
+                    if cannot_close(scheme, swing)
+                        && fine.is_none_or(|fine| fine.cannot_close(scheme, swing, SLACK))
+                    {
+                        open_until = done + BOUND_STEPS;
+                    }
+                    next_look = done + RETRY_STEPS;
+                }
             }
             if done == 0 {
-                fine.rest(&mut state.matter.body);
+                fine.iter_mut().for_each(|fine| fine.rest(body));
+                for run in &scheme.runs {
+                    // With the sign of zero that an open contact's force has.
+                    body.link[run.links()].fill(0.0 * contact(run).map_or(0.0, But::sign));
+                }
             }
-            let out = heard.at(from + done);
-            kernel::tap(scheme, &state.matter.body, out);
-            for modal in state
-                .matter
-                .bodies
-                .iter()
-                .filter_map(inside::RunningBody::modal)
-            {
-                modal.tap_ahead(done, out);
+            let step = n + done as u64;
+            if let Some(out) = heard.row(from + done) {
+                kernel::tap(scheme, body, out);
+                let bodies = state.matter.bodies.iter();
+                for modal in bodies.filter_map(inside::RunningBody::modal) {
+                    modal.tap_ahead(done, out);
+                }
+                state.watch.mutes.fade(step, scheme, out);
             }
-            let at = n + done as u64;
-            state.watch.mutes.fade(at, scheme, out);
             for (voice, own) in state.hands.voices.iter_mut().zip(&script.voices) {
-                voice.step_idle(own, &mut state.hands.reports, at);
+                voice.step_idle(own, &mut state.hands.reports, step);
             }
-            sound = kernel::advance(
-                scheme,
-                &mut [],
-                &mut state.matter.body,
-                None,
-                &mut ThreadTeam::alone(),
-            );
+            sound = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             done += 1;
-            for modal in state
-                .matter
-                .bodies
-                .iter()
-                .filter_map(inside::RunningBody::modal)
-            {
-                modal.place_ahead(done, &mut state.matter.body);
+            let bodies = state.matter.bodies.iter();
+            for modal in bodies.filter_map(inside::RunningBody::modal) {
+                modal.place_ahead(done, body);
             }
         }
         let modals = state.matter.bodies.iter_mut();
@@ -138,6 +158,36 @@ impl Island {
         }
         Ok(done)
     }
+}
+
+/// The contact that the links of a run are, if they are contacts.
+fn contact(run: &Run) -> Option<&But> {
+    match &run.kind {
+        Kind::But(but) => Some(but),
+        _ => None,
+    }
+}
+
+/// Whether no contact that is computed once a step pushes in this step.
+fn are_open(scheme: &Scheme, body: &Body) -> bool {
+    scheme.runs.iter().all(|run| {
+        let side = contact(run).map_or(0.0, But::sign);
+        let is_closed = |i: usize| side * (body.x[run.b + i] - body.x[run.a + i] - run.rest) > 0.0;
+        !(0..run.len).any(is_closed)
+    })
+}
+
+/// Whether no contact that is computed once a step closes for as long as its points move freely; `swing` bounds the
+/// distance of each from its rest position, and its step [m].
+fn cannot_close(scheme: &Scheme, swing: impl Fn(usize) -> [f64; 2]) -> bool {
+    scheme.runs.iter().all(|run| {
+        let side = contact(run).map_or(0.0, But::sign);
+        (0..run.len).all(|i| {
+            let (a, b) = (run.a + i, run.b + i);
+            let middle = scheme.rest[b] - scheme.rest[a] - run.rest;
+            side * middle + (swing(a)[0] + swing(b)[0]) * (1.0 + SLACK) < -HAIR
+        })
+    })
 }
 
 /// Bounds on the free motion of a MAT [m]: its distance from its rest position, and its step. Infinite if its poles

@@ -119,6 +119,15 @@ impl Gains {
         self.is_fresh = true;
     }
 
+    /// Whether a step in which no link pushes and nothing is imposed changes no account.
+    pub(super) fn is_idle(&self) -> bool {
+        let links = self.link_work.iter();
+        !self.is_fresh
+            && self.pairs.is_none()
+            && self.put_in.is_idle()
+            && links.map(LinkWork::force).all(|force| force == 0.0)
+    }
+
     /// Remove links that end on the marked MATs (n_mat).
     pub(super) fn release(&mut self, mats: &[bool]) {
         let stays = |a: usize, b: usize| !mats[a] && !mats[b];

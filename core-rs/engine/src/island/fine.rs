@@ -36,7 +36,7 @@ use sprung::Sprung;
 const STEPS_MAX: usize = 64;
 const FINER: usize = 4;
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
-const HAIR: f64 = 1e-9;
+pub(super) const HAIR: f64 = 1e-9;
 
 /// Running contacts and laws.
 #[derive(Clone, Debug)]

@@ -138,7 +138,7 @@ impl Frame<'_, '_> {
     }
 
     /// What is heard, felt and counted of this frame.
-    pub(super) fn observe(&mut self, _: &Complete, out: &mut [f64]) {
+    pub(super) fn observe(&mut self, _: &Complete, out: Option<&mut [f64]>) {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             values,
@@ -155,9 +155,11 @@ impl Frame<'_, '_> {
         } = matter;
         real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
         watch.touches.step(n, &body.link);
-        kernel::tap(scheme, body, out);
-        bodies.iter().for_each(|inside| inside.tap(out));
-        watch.mutes.fade(n, scheme, out);
+        if let Some(out) = out {
+            kernel::tap(scheme, body, out);
+            bodies.iter().for_each(|inside| inside.tap(out));
+            watch.mutes.fade(n, scheme, out);
+        }
         if let Some(gains) = &mut watch.gains
             && !watch.guard.as_ref().is_some_and(|guard| guard.is_finer())
         {

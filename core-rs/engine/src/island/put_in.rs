@@ -22,6 +22,11 @@ impl PutIn {
         self.before.reserve(n_targets);
     }
 
+    /// Whether a step in which nothing is imposed changes nothing.
+    pub(super) fn is_idle(&self) -> bool {
+        self.before.is_empty() && self.most >= self.work
+    }
+
     /// The most energy that was put in at any time, less what was taken out until then [J].
     pub(super) fn most(&self) -> f64 {
         self.most

@@ -26,20 +26,15 @@ const LOOK_MODULES: usize = 1 << 17;
 pub(super) struct StepOutputs<'a> {
     /// (n_frames · n_out)
     out: &'a mut [f64],
-    /// (n_out)
-    unheard: &'a mut [f64],
+    n_out: usize,
     oversampling: usize,
 }
 
 impl StepOutputs<'_> {
-    /// The output row of a step, counted from the first step of the first frame.
-    pub(super) fn at(&mut self, step: usize) -> &mut [f64] {
-        let n_out = self.unheard.len();
-        if step.is_multiple_of(self.oversampling) {
-            &mut self.out[step / self.oversampling * n_out..][..n_out]
-        } else {
-            self.unheard
-        }
+    /// The output row of a step, counted from the first step of the first frame, if the step is heard.
+    pub(super) fn row(&mut self, step: usize) -> Option<&mut [f64]> {
+        let is_heard = step.is_multiple_of(self.oversampling);
+        is_heard.then(|| &mut self.out[step / self.oversampling * self.n_out..][..self.n_out])
     }
 }
 
@@ -51,24 +46,11 @@ impl Island {
         n_frames: usize,
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
-        let mut unheard = std::mem::take(&mut self.state.unheard);
         let mut heard = StepOutputs {
             out,
-            unheard: &mut unheard,
+            n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
-        let end = self.compute_steps(&mut heard, n_frames, team);
-        self.state.unheard = unheard;
-        end
-    }
-
-    /// Computes all steps of `n_frames` frames.
-    fn compute_steps(
-        &mut self,
-        heard: &mut StepOutputs<'_>,
-        n_frames: usize,
-        team: &mut ThreadTeam<'_>,
-    ) -> Result<(), Fault> {
         let (steps, may_coast) = (n_frames * heard.oversampling, self.may_coast());
         let (mut done, mut looks) = (0, 0_usize);
         let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
@@ -79,10 +61,10 @@ impl Island {
             }
             looks += 1;
             if may_coast {
-                done += self.coast(heard, done, steps)?;
+                done += self.coast(&mut heard, done, steps)?;
             }
             if done < steps {
-                self.step(heard.at(done), team)?;
+                self.step(heard.row(done), team)?;
                 done += 1;
             }
         }
@@ -90,7 +72,7 @@ impl Island {
     }
 
     /// One step.
-    fn step(&mut self, out: &mut [f64], team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
+    fn step(&mut self, out: Option<&mut [f64]>, team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
         let mut changed = state.values.scheme.take();

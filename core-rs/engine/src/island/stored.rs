@@ -62,6 +62,6 @@ impl Archived for State {
         state_of!(hands, archive, voices, pushed, ergons, layers, hand_states)?;
         state_of!(values, archive, gates, damped)?;
         state_of!(watch, archive, mutes, guard, gains, rise)?;
-        state_of!(self, archive, frame, unheard)
+        state_of!(self, archive, frame)
     }
 }

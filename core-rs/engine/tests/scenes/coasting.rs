@@ -17,9 +17,39 @@ use super::scene::options;
 
 const N: usize = 30_000;
 
+/// How contacts are computed.
+#[derive(Clone, Copy)]
+enum Contacts {
+    /// Finely, between frames.
+    Fine,
+    /// Once a step, in this many steps a frame.
+    Plain(u32),
+}
+
+/// All ways to compute contacts.
+const CONTACTS: [Contacts; 3] = [Contacts::Fine, Contacts::Plain(1), Contacts::Plain(2)];
+
+/// The plan of a scene, with its contacts computed in one of these ways.
+fn planned(network: Network, timeline: &Timeline, contacts: Contacts) -> Arc<Plan> {
+    let (network, budget) = (Arc::new(network), Budget::Error(-60.0));
+    let plan = |choices| Plan::new(network.clone(), timeline, &budget, choices).unwrap();
+    let fine = plan(None);
+    let Contacts::Plain(oversampling) = contacts else {
+        return Arc::new(fine);
+    };
+    let mut choices = fine.choices().to_vec();
+    for choice in choices
+        .iter_mut()
+        .filter(|choice| choice.contact_substeps > 1)
+    {
+        (choice.contact_substeps, choice.oversampling) = (1, oversampling);
+    }
+    Arc::new(plan(Some(choices)))
+}
+
 /// A hammer flies to and fro between a plate and a tied mass that lies `below` it [m]; all three are struck. Outputs:
 /// the plate, the positions of the other two, and the contact forces.
-fn plan(below: f64) -> Arc<Plan> {
+fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let position = |first| Term::Position {
@@ -65,7 +95,7 @@ fn plan(below: f64) -> Arc<Plan> {
     ] {
         timeline.strike(&network, mat, at, impulse, 0).unwrap();
     }
-    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap())
+    planned(network, &timeline, contacts)
 }
 
 /// The outputs, in blocks of these sizes; then the reports of gestures and the final state.
@@ -82,8 +112,9 @@ fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
 
 #[test]
 fn frames_that_are_passed_over_are_those_one_by_one() {
-    for below in [2e-2, 0.4] {
-        let plan = plan(below);
+    let cases = [2e-2, 0.4].into_iter();
+    for (below, contacts) in cases.flat_map(|below| CONTACTS.map(|contacts| (below, contacts))) {
+        let plan = plan(below, contacts);
         let one_by_one = played(&plan, &[1]);
         let touches = one_by_one.0.chunks(3).map(|frame| frame[2] << 1 != 0);
         let (closed, open) = touches.fold((0, 0), |(closed, open), is_closed| {
@@ -97,7 +128,7 @@ fn frames_that_are_passed_over_are_those_one_by_one() {
 
 /// A key throws a hammer at two reeds, `gap` away from it at rest. Its gestures are open and tracked, by events and by
 /// particles; the parts are also struck.
-fn keyed(gap: f64) -> Arc<Plan> {
+fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let spring = Tie::Physical { k: 60.0, z: 1.2 };
@@ -148,13 +179,14 @@ fn keyed(gap: f64) -> Arc<Plan> {
     for (mat, at, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
         timeline.strike(&network, mat, at, impulse, 0).unwrap();
     }
-    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap())
+    planned(network, &timeline, contacts)
 }
 
 #[test]
 fn frames_between_the_gestures_of_a_key_are_passed_over_too() {
-    for gap in [7e-3, 1e-4] {
-        let plan = keyed(gap);
+    let cases = [7e-3, 1e-4].into_iter();
+    for (gap, contacts) in cases.flat_map(|gap| CONTACTS.map(|contacts| (gap, contacts))) {
+        let plan = keyed(gap, contacts);
         let one_by_one = played(&plan, &[1]);
         assert!(played(&plan, &[N]) == one_by_one);
         assert!(played(&plan, &[2, 63, 7, 44, 300]) == one_by_one);

@@ -144,6 +144,11 @@ impl LinkWork {
         }
     }
 
+    /// The force in the step before [N].
+    pub(super) fn force(&self) -> f64 {
+        self.force
+    }
+
     /// Begin anew.
     pub(super) fn begin(
         &mut self,
