@@ -1,11 +1,13 @@
 //! A linear body inside an island: its modes, driven and observed at its ports.
 //!
-//! The free motion of a body is always computed at least one frame ahead. The effect of pushes is added to it, because
-//! the body is linear. If nothing has pushed the body for a while, many frames are computed ahead at once; if something
-//! then pushes it, the computation goes back to that frame. The result depends on frames alone, never on blocks.
+//! The free motion of a body is always computed at least one frame ahead, as a rule many frames at once: a window. The
+//! effect of pushes is added to it, because the body is linear: to ports and outputs at once, by their known responses
+//! (`pushes`), to the modes at the end of the window. What happens between frames needs the modes themselves, so the
+//! computation goes back to that frame. The result depends on frames alone, never on blocks.
 
 mod between;
 mod plan;
+mod pushes;
 mod script;
 
 pub(crate) use plan::{Answers, ComplexPart, Modal, Mode, Port, Struck};
@@ -21,7 +23,8 @@ use crate::state::Body;
 
 /// Frames that are computed ahead at once: enough to keep the modes in registers, and few to lose.
 const AHEAD: usize = 64;
-/// Frames without a push before [`AHEAD`] frames are computed ahead: a bouncing contact may push again soon.
+/// Frames without a contact between frames before [`AHEAD`] frames are computed ahead: one that bounces may push again
+/// soon.
 const QUIET: u32 = 16;
 
 /// A running body.
@@ -46,7 +49,11 @@ pub(crate) struct RunningModal {
     has_pending: bool,
     between: Option<Between>,
     forces: Vec<f64>,
-    /// Frames without a push, up to QUIET.
+    /// Forces on the ports in the frames of `seen` that the modes do not contain yet, and whether there are any
+    /// (AHEAD, n_ports)
+    pushes: Vec<f64>,
+    has_pushes: bool,
+    /// Frames without a contact between frames, up to QUIET.
     quiet: u32,
     next: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
@@ -65,6 +72,8 @@ crate::archive::state!(RunningModal {
     pending,
     has_pending,
     forces,
+    pushes,
+    has_pushes,
     quiet,
     next,
     damped,
@@ -76,7 +85,8 @@ const ROOM: usize = AHEAD + 1;
 
 impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
-        let script = Script::new(plan);
+        let mut script = Script::new(plan);
+        script.responses = pushes::responses(&script);
         let groups = script.rates.len();
         let motions: Vec<Motion> = (0..groups)
             .map(|group| Motion {
@@ -108,6 +118,8 @@ impl RunningModal {
             has_pending: false,
             between: None,
             forces: vec![0.0; plan.ports.len()],
+            pushes: vec![0.0; AHEAD * plan.ports.len()],
+            has_pushes: false,
             quiet: 0,
             next: 0,
             damped: script.rates.clone(),
@@ -213,7 +225,6 @@ impl RunningModal {
             self.script.strike(blow, &mut self.kicks);
             self.kick();
         }
-        self.quiet = 0;
         self.place(body);
     }
 
@@ -242,8 +253,14 @@ impl RunningModal {
     /// The square of the amplitude of each mode.
     fn squared_amplitudes(&self) -> impl Iterator<Item = f64> {
         let modes = self.script.plan.modes.iter().enumerate();
-        modes.map(|(mode, own)| {
-            let motion = &self.motions[mode / LANES];
+        let mut motion = None;
+        modes.map(move |(mode, own)| {
+            if mode.is_multiple_of(LANES) {
+                motion = Some(self.motion_with_pushes(mode / LANES));
+            }
+            let Some(motion): &Option<Motion> = &motion else {
+                return 0.0;
+            };
             let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
             if own.b == 0.0 {
                 return x * x;
@@ -291,12 +308,9 @@ impl RunningModal {
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
-            self.discard_ahead();
             self.push();
-            self.quiet = 0;
-        } else {
-            self.quiet = (self.quiet + 1).min(QUIET);
         }
+        self.quiet = (self.quiet + 1).min(QUIET);
         self.at += 1;
         if self.at == self.until {
             self.compute_ahead(n + 1);
@@ -340,9 +354,9 @@ impl RunningModal {
             &self.script.rates
         };
         let n_modes = self.n_modes();
-        for (group, (saved, rates)) in self.saved.iter().zip(rates).enumerate() {
-            let mut motion = saved.clone();
-            follow(rates, &mut motion, &[], self.at + 1, &mut [], 0);
+        for (group, rates) in rates.iter().enumerate() {
+            let mut motion = self.saved[group].clone();
+            self.replay(group, &mut motion, 0, self.at + 1);
             let first = group * LANES;
             for lane in 0..LANES.min(n_modes - first) {
                 let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
@@ -371,6 +385,7 @@ impl RunningModal {
         }
         (self.at, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
         self.pending.fill(Lanes::ZERO);
+        self.forget_pushes();
         for (row, seen) in self.seen.chunks_mut(ROOM).enumerate() {
             (seen[0], seen[1]) = (0.0, 0.0);
             for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
@@ -399,6 +414,8 @@ impl RunningModal {
         std::mem::swap(&mut self.seen, &mut old.seen);
         std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.pending, &mut old.pending);
+        std::mem::swap(&mut self.pushes, &mut old.pushes);
+        self.has_pushes = old.has_pushes;
         (self.at, self.until) = (old.at, old.until);
         (self.has_pending, self.quiet) = (old.has_pending, old.quiet);
     }
@@ -414,31 +431,37 @@ impl RunningModal {
         self.script.plan.ports.iter().any(|port| mats[port.mat])
     }
 
-    /// Bring the motions back to one frame ahead of the present.
+    /// Bring the motions back to one frame ahead of the present, where a new window begins.
     fn discard_ahead(&mut self) {
-        if self.until > self.at + 1 {
-            self.until = self.at + 1;
-            self.motions.clone_from_slice(&self.saved);
-            let rates = if self.is_damped {
-                &self.damped
-            } else {
-                &self.script.rates
-            };
-            for (rates, motion) in rates.iter().zip(&mut self.motions) {
-                follow(rates, motion, &[], self.until, &mut [], 0);
-            }
+        let present = self.at;
+        if self.until == present + 1 && !self.has_pushes {
+            return;
         }
+        for group in 0..self.motions.len() {
+            let mut motion = self.saved[group].clone();
+            self.replay(group, &mut motion, 0, present);
+            self.saved[group].clone_from(&motion);
+            self.replay(group, &mut motion, present, present + 1);
+            self.motions[group] = motion;
+        }
+        self.forget_pushes();
+        for seen in self.seen.chunks_mut(ROOM) {
+            (seen[0], seen[1]) = (seen[present], seen[present + 1]);
+        }
+        (self.at, self.until) = (0, 1);
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
         let blow = self.script.blows.get(self.next);
         let free = blow.map_or(u64::MAX, |blow| blow.0.saturating_sub(n));
-        let far = if self.quiet < QUIET {
+        // The responses to pushes do not know the damping.
+        let far = if self.quiet < QUIET || self.is_damped {
             1
         } else {
             free.clamp(1, AHEAD as u64) as usize
         };
+        self.take_pushes();
         self.saved.clone_from_slice(&self.motions);
         for sums in self.sums.chunks_mut(AHEAD) {
             sums[..far].fill(Sum::ZERO);
@@ -459,28 +482,5 @@ impl RunningModal {
             }
         }
         (self.at, self.until) = (0, far);
-    }
-
-    /// Add the effect of the forces at the next frame, which is the frame of the motions.
-    fn push(&mut self) {
-        for (row, moves) in self.script.moves.iter().enumerate() {
-            for (moves, force) in moves.iter().zip(&self.forces) {
-                self.seen[row * ROOM + self.at + 1] += moves * force;
-            }
-        }
-        for (motion, gains) in self.motions.iter_mut().zip(&self.script.gains) {
-            for (gain, &force) in gains.iter().zip(&self.forces) {
-                if force != 0.0 {
-                    ports::add(&mut motion.now, gain, force);
-                }
-            }
-        }
-        for (motion, gains) in self.motions.iter_mut().zip(&self.script.back_gains) {
-            for (gain, &force) in gains.iter().zip(&self.forces) {
-                if force != 0.0 {
-                    ports::add(&mut motion.before, gain, force);
-                }
-            }
-        }
     }
 }

@@ -114,6 +114,15 @@ wide! {
 }
 
 wide! {
+    /// seen += force·response, as far as `seen` goes.
+    pub(crate) fn add_response(seen: &mut [f64], response: &[f64], force: f64) {
+        for (seen, response) in seen.iter_mut().zip(response) {
+            *seen += response * force;
+        }
+    }
+}
+
+wide! {
     /// Change of the position of a port by a kick: the product of its row and the kick.
     pub(crate) fn see(row: &Lanes, kick: &Lanes) -> f64 {
         weighted(row, &kick.0)

@@ -17,6 +17,8 @@ pub(super) struct Script {
     pub(super) back_gains: Vec<Vec<Lanes>>,
     /// Displacement of each row at the next frame by 1 N at each port   (n_rows, n_ports)
     pub(super) moves: Vec<Vec<f64>>,
+    /// What `pushes::responses` says of it.
+    pub(super) responses: Vec<f64>,
     /// By rising frame.
     pub(super) blows: Vec<Blow>,
 }
@@ -79,6 +81,7 @@ impl Script {
             gains: groups.map(|group| group_gains(group, 0)).collect(),
             back_gains: (0..n_back).map(|group| group_gains(group, 1)).collect(),
             moves: rows.iter().map(|row| moves(row)).collect(),
+            responses: Vec::new(),
             blows: blows(plan),
             plan: plan.clone(),
         }

@@ -1,0 +1,245 @@
+//! Pushes on the ports of a body within a window of frames that are computed ahead: each moves all ports and outputs in
+//! the rest of the window by their responses, and the modes at its end.
+
+use super::script::Script;
+use super::{AHEAD, ROOM, RunningModal};
+use crate::kernel::bank::{Lanes, Motion, Sum, follow, joined};
+use crate::kernel::ports;
+
+/// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
+const PAIRS_MAX: usize = 4096;
+
+/// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, AHEAD); empty if
+/// they would be too many.
+pub(super) fn responses(script: &Script) -> Vec<f64> {
+    let (n_ports, n_rows) = (script.plan.ports.len(), script.moves.len());
+    if n_ports * n_rows > PAIRS_MAX {
+        return Vec::new();
+    }
+    let mut responses = vec![0.0; n_ports * n_rows * AHEAD];
+    let mut sums = vec![Sum::ZERO; n_rows * AHEAD];
+    for (port, responses) in responses.chunks_mut((n_rows * AHEAD).max(1)).enumerate() {
+        sums.fill(Sum::ZERO);
+        for (group, rates) in script.rates.iter().enumerate() {
+            let mut motion = Motion {
+                now: Lanes::ZERO,
+                before: Lanes::ZERO,
+            };
+            script.push(group, &mut motion, port, 1.0);
+            let rows = &script.rows[group];
+            follow(rates, &mut motion, rows, AHEAD - 1, &mut sums, AHEAD);
+        }
+        let rows = responses.chunks_mut(AHEAD).zip(sums.chunks(AHEAD));
+        for ((response, sums), moves) in rows.zip(&script.moves) {
+            response[0] = moves[port];
+            for (response, sum) in response[1..].iter_mut().zip(sums) {
+                *response = joined(sum);
+            }
+        }
+    }
+    responses
+}
+
+impl Script {
+    /// Move a group that is one frame ahead by a force at a port [N].
+    fn push(&self, group: usize, motion: &mut Motion, port: usize, force: f64) {
+        ports::add(&mut motion.now, &self.gains[group][port], force);
+        if let Some(gains) = self.back_gains.get(group) {
+            ports::add(&mut motion.before, &gains[port], force);
+        }
+    }
+}
+
+impl RunningModal {
+    /// Add the effect of the forces on the ports in this frame.
+    pub(super) fn push(&mut self) {
+        let script = self.script.clone();
+        if script.responses.is_empty() {
+            self.discard_ahead();
+            self.quiet = 0;
+        }
+        let n_ahead = self.until - self.at;
+        if n_ahead == 1 && !self.has_pushes {
+            // The motions are those of the next frame.
+            for (row, moves) in script.moves.iter().enumerate() {
+                for (moves, force) in moves.iter().zip(&self.forces) {
+                    self.seen[row * ROOM + self.at + 1] += moves * force;
+                }
+            }
+            for (group, motion) in self.motions.iter_mut().enumerate() {
+                for (port, &force) in self.forces.iter().enumerate() {
+                    if force != 0.0 {
+                        script.push(group, motion, port, force);
+                    }
+                }
+            }
+            return;
+        }
+        let n_ports = self.forces.len();
+        self.pushes[self.at * n_ports..][..n_ports].copy_from_slice(&self.forces);
+        self.has_pushes = true;
+        let by_port = script.responses.chunks(script.moves.len() * AHEAD);
+        for (responses, &force) in by_port.zip(&self.forces) {
+            if force == 0.0 {
+                continue;
+            }
+            let rows = self.seen.chunks_mut(ROOM).zip(responses.chunks(AHEAD));
+            for (seen, response) in rows {
+                ports::add_response(&mut seen[self.at + 1..=self.until], response, force);
+            }
+        }
+    }
+
+    /// Advance a group from frame `from` of the window, one frame ahead of it, to frame `to`, with the pushes in between.
+    pub(super) fn replay(&self, group: usize, motion: &mut Motion, from: usize, to: usize) {
+        let rates = if self.is_damped {
+            &self.damped
+        } else {
+            &self.script.rates
+        };
+        let rates = &rates[group];
+        let mut done = from;
+        if self.has_pushes {
+            let n_ports = self.forces.len();
+            for frame in from..to {
+                let forces = &self.pushes[frame * n_ports..][..n_ports];
+                if forces.iter().all(|force| *force == 0.0) {
+                    continue;
+                }
+                follow(rates, motion, &[], frame + 1 - done, &mut [], 0);
+                done = frame + 1;
+                for (port, &force) in forces.iter().enumerate() {
+                    if force != 0.0 {
+                        self.script.push(group, motion, port, force);
+                    }
+                }
+            }
+        }
+        follow(rates, motion, &[], to - done, &mut [], 0);
+    }
+
+    /// The motion of a group at the end of the window, with all pushes so far.
+    pub(super) fn motion_with_pushes(&self, group: usize) -> Motion {
+        if !self.has_pushes {
+            return self.motions[group].clone();
+        }
+        let mut motion = self.saved[group].clone();
+        self.replay(group, &mut motion, 0, self.until);
+        motion
+    }
+
+    /// Let the modes at the end of the window contain all pushes.
+    pub(super) fn take_pushes(&mut self) {
+        if self.has_pushes {
+            for group in 0..self.motions.len() {
+                self.motions[group] = self.motion_with_pushes(group);
+            }
+            self.forget_pushes();
+        }
+    }
+
+    pub(super) fn forget_pushes(&mut self) {
+        if self.has_pushes {
+            self.pushes.fill(0.0);
+            self.has_pushes = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::island::modal::{Modal, Mode, Port, RunningModal};
+    use crate::network::Network;
+    use crate::units::Rate;
+
+    const N_MODES: usize = 45;
+
+    /// A body with two ports, MATs 0 and 1, and one output that hears all modes.
+    fn body() -> Modal {
+        let mode = |i: usize| {
+            let (r, angle) = (1.0 - 1e-3 * (1 + i % 7) as f64, 0.01 + 0.06 * i as f64);
+            Mode {
+                a: 2.0 * r * angle.cos(),
+                b: r * r,
+                gain: 1.0 / (1 + i) as f64,
+                now: 0.0,
+                before: 0.0,
+                cell: None,
+            }
+        };
+        let port = |mat: usize| Port {
+            mat,
+            rest: 0.0,
+            shape: (0..N_MODES)
+                .map(|i| ((mat + 1) as f64 * (0.3 + i as f64)).sin())
+                .collect(),
+        };
+        Modal {
+            of: Arc::new(Network::new()),
+            kept: (0..N_MODES as u32).collect(),
+            turned: None,
+            modes: (0..N_MODES).map(mode).collect(),
+            ports: vec![port(0), port(1)],
+            heard: vec![(0, vec![1.0; N_MODES])],
+            still: vec![0.0],
+            struck: Vec::new(),
+            rate: Rate::new(44_100.0).unwrap(),
+            answers: None,
+        }
+    }
+
+    /// Forces on both ports: rattling, single pushes, both at once, and silence for longer than a window.
+    fn forces(n: usize) -> [f64; 2] {
+        let noise = ((n * n) as f64 * 0.37).sin();
+        match n {
+            0..40 | 300..700 => [noise, 0.0],
+            100 | 163 | 164 | 291 => [0.0, 1.0],
+            800..900 if n.is_multiple_of(5) => [noise, -noise],
+            _ => [0.0, 0.0],
+        }
+    }
+
+    #[test]
+    fn modes_and_outputs_under_pushes_as_by_the_recurrence() {
+        let plan = body();
+        let mut running = RunningModal::new(&plan);
+        let (mut now, mut before) = ([0.0; N_MODES], [0.0; N_MODES]);
+        let largest = |values: &[f64]| values.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+        let mut loudest = 0.0_f64;
+        for n in 0..1_200 {
+            let mut out = [0.0];
+            running.tap(&mut out);
+            let sum: f64 = now.iter().sum();
+            loudest = loudest.max(sum.abs());
+            assert!(
+                (out[0] - sum).abs() <= 1e-11 * loudest,
+                "{n}: {} {sum}",
+                out[0]
+            );
+            if n % 37 == 0 {
+                let mut worst = 0.0_f64;
+                running.look(|mode, x, _| worst = worst.max((x - now[mode]).abs()));
+                assert!(worst <= 1e-11 * largest(&now), "{n}: {worst}");
+            }
+            if n % 211 == 0 {
+                let (mut x, mut y) = ([0.0; N_MODES], [0.0; N_MODES]);
+                running.amplitudes(&mut x, &mut y);
+                let worst = (0..N_MODES)
+                    .map(|i| (x[i] - now[i]).abs())
+                    .fold(0.0, f64::max);
+                assert!(worst <= 1e-11 * largest(&now), "{n}: {worst}");
+            }
+            let forces = forces(n);
+            running.step(n as u64, &forces);
+            for (i, mode) in plan.modes.iter().enumerate() {
+                let push: f64 = (plan.ports.iter().zip(forces))
+                    .map(|(port, force)| port.shape[i] * force)
+                    .sum();
+                let next = mode.a * now[i] - mode.b * before[i] + mode.gain * push;
+                (before[i], now[i]) = (now[i], next);
+            }
+        }
+    }
+}
