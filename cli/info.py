@@ -156,8 +156,8 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
 
 def _channels(path: Path, wav: WaveInfo) -> list[str]:
     """What a file says of its channels."""
+    from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
-    from ergon.exchange.xml_text import XmlError
 
     try:
         layout = adm.read(wav)

@@ -54,8 +54,9 @@ def _of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[Stru
     dampers = [
         mat
         for act in instrument.acts
-        if act.release is not None
-        for target in act.release.targets
+        for hold in act.holds
+        if hold.is_lifted
+        for target in hold.targets
         for mat in _members(assembly, target)
     ]
     reach = instrument.acts[0].reach if instrument.acts else None
