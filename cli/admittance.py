@@ -48,7 +48,7 @@ def admittance(
     npz: str | None,
     svg: str | None,
     force: bool,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Say how fast points move for a force, by its frequency, in dB re 1 (m/s)/N.
 
@@ -57,29 +57,29 @@ def admittance(
     them, contacts open and laws at their slope at rest.
     """
     try:
-        found = find_admittance(
-            score_path, forced, heard, AdmittanceOptions(**given), report=console
+        admittance = find_admittance(
+            score_path, forced, heard, AdmittanceOptions(**arguments), report=console
         )
     except OptionError as error:
         if error.option not in _ARGUMENTS:
             raise
         raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
-    parts = " + ".join(found.parts)
-    if found.n_laws:
-        laws = plural(found.n_laws, "link")
+    parts = " + ".join(admittance.parts)
+    if admittance.n_laws:
+        laws = plural(admittance.n_laws, "link")
         console.warn(f"{parts}: the law of {laws} was linearised at rest")
-    if found.n_contacts:
-        console.warn(f"{parts}: {plural(found.n_contacts, 'contact')} counted as open")
-    _write(console, found, table, npz, svg, force)
+    if admittance.n_contacts:
+        console.warn(f"{parts}: {plural(admittance.n_contacts, 'contact')} counted as open")
+    _write(console, admittance, table, npz, svg, force)
     if console.json:
-        _records(console, found)
+        _records(console, admittance)
     elif not (table or npz or svg):
-        console.data("".join(_peaks(found, row) for row in range(len(found.heard))))
+        console.data("".join(_peaks(admittance, row) for row in range(len(admittance.heard))))
 
 
 def _write(
     console: Console,
-    found: Admittance,
+    admittance: Admittance,
     table: str | None,
     npz: str | None,
     svg: str | None,
@@ -89,50 +89,50 @@ def _write(
 
     from ergon.exchange.safe import file_group
 
-    with file_group(force=force, inputs=found.inputs) as files:
+    with file_group(force=force, inputs=admittance.inputs) as files:
         if table is not None:
             out = io.StringIO()
-            csv.writer(out, lineterminator="\n").writerows(_rows(found))
+            csv.writer(out, lineterminator="\n").writerows(_rows(admittance))
             files.write(table, out.getvalue().encode())
         if npz is not None:
             np.savez(
                 files.open(Path(npz), binary=True),
-                frequency_hz=found.frequencies,
-                admittance=found.values,
-                forced=np.array(found.forced),
-                heard=np.array(found.heard),
+                frequency_hz=admittance.frequencies,
+                admittance=admittance.values,
+                forced=np.array(admittance.forced),
+                heard=np.array(admittance.heard),
             )
         if svg is not None:
-            files.write(svg, _picture(found).encode())
+            files.write(svg, _picture(admittance).encode())
     for path in (table, npz, svg):
         if path is not None:
             console.say(f"wrote {path}")
 
 
-def _picture(found: Admittance) -> str:
+def _picture(result: Admittance) -> str:
     from ergon.view.curve import CURVES_MAX, Curve
     from ergon.view.structure import admittance as draw
 
-    if len(found.heard) > CURVES_MAX:
+    if len(result.heard) > CURVES_MAX:
         raise Refused(f"--svg draws at most {CURVES_MAX} points; name fewer TO")
-    f = found.frequencies.tolist()
-    levels = found.decibels.tolist()
+    f = result.frequencies.tolist()
+    levels = result.decibels.tolist()
     curves = [
-        Curve(f"velocity of {name}", f, row) for name, row in zip(found.heard, levels, strict=True)
+        Curve(f"velocity of {name}", f, row) for name, row in zip(result.heard, levels, strict=True)
     ]
-    return draw(curves, title=f"Admittance: force at {found.forced}")
+    return draw(curves, title=f"Admittance: force at {result.forced}")
 
 
-def _peaks(found: Admittance, row: int) -> str:
+def _peaks(admittance: Admittance, row: int) -> str:
     """The highest peaks of a point, from the lowest frequency on."""
     from ergon.notation.tables.notes import nearest_note
 
-    head = f"velocity of {found.heard[row]} for a force at {found.forced}"
-    f, levels, phases = found.frequencies, found.decibels[row], found.phases[row]
-    all_peaks = found.peaks(row)
+    head = f"velocity of {admittance.heard[row]} for a force at {admittance.forced}"
+    f, levels, phases = admittance.frequencies, admittance.decibels[row], admittance.phases[row]
+    all_peaks = admittance.peaks(row)
     peaks = sorted(all_peaks[:_SHOWN].tolist())
     span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
-    if not found.values[row].any():
+    if not admittance.values[row].any():
         return f"{head}: no force from there reaches this point, so it does not move\n"
     if not peaks:
         ends = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
@@ -147,29 +147,29 @@ def _peaks(found: Admittance, row: int) -> str:
     return f"{head}: {some or 'peaks'} from {span}\n{columns(rows, right=True)}"
 
 
-def _records(console: Console, found: Admittance) -> None:
-    for i, name in enumerate(found.heard):
-        levels = found.decibels[i].tolist()
+def _records(console: Console, admittance: Admittance) -> None:
+    for i, name in enumerate(admittance.heard):
+        levels = admittance.decibels[i].tolist()
         console.record(
             "admittance",
-            forced=found.forced,
+            forced=admittance.forced,
             heard=name,
-            parts=list(found.parts),
-            frequency_hz=found.frequencies.tolist(),
+            parts=list(admittance.parts),
+            frequency_hz=admittance.frequencies.tolist(),
             level_db=[None if math.isinf(level) else level for level in levels],
-            phase_deg=[None if math.isnan(x) else x for x in found.phases[i].tolist()],
+            phase_deg=[None if math.isnan(x) else x for x in admittance.phases[i].tolist()],
         )
 
 
-def _rows(found: Admittance) -> Iterator[Sequence[object]]:
+def _rows(admittance: Admittance) -> Iterator[Sequence[object]]:
     head = ["frequency_hz"]
-    for name in found.heard:
+    for name in admittance.heard:
         head += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
     yield head
-    levels = found.decibels
-    for at, f in enumerate(found.frequencies.tolist()):
+    levels = admittance.decibels
+    for column, f in enumerate(admittance.frequencies.tolist()):
         row: list[object] = [repr(f)]
-        for i in range(len(found.heard)):
-            value = complex(found.values[i, at])
-            row += [f"{levels[i, at]:.6f}", repr(value.real), repr(value.imag)]
+        for i in range(len(admittance.heard)):
+            value = complex(admittance.values[i, column])
+            row += [f"{levels[i, column]:.6f}", repr(value.real), repr(value.imag)]
         yield row

@@ -167,9 +167,9 @@ def _outcome(arguments: list[str]) -> int:
         if console.json:
             console.outcome(Refused(error.format_message()))
         else:
-            told = io.StringIO()
-            error.show(told)
-            sys.stderr.write(clean(told.getvalue()))
+            message = io.StringIO()
+            error.show(message)
+            sys.stderr.write(clean(message.getvalue()))
         return error.exit_code
     except BrokenPipeError:
         raise

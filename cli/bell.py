@@ -53,18 +53,18 @@ def bell(
     from ergon.workshop.bells.instrument import text
 
     by_place: dict[str, list[Path]] = {}
-    for one in strokes:
-        place, equals, file = one.partition("=")
-        by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else one))
+    for stroke in strokes:
+        place, equals, file = stroke.partition("=")
+        by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else stroke))
     inputs = [file for own in by_place.values() for file in own]
     if output is not None:
         check_target(Path(output), force=force, inputs=inputs)
-    found = find_bell(by_place, BellOptions(modes=modes), report=console)
-    written = text(found, form=form)
+    bell_found = find_bell(by_place, BellOptions(modes=modes), report=console)
+    written = text(bell_found, form=form)
     if console.json:
-        _records(console, found)
+        _records(console, bell_found)
     else:
-        console.data(_lines(found))
+        console.data(_lines(bell_found))
     if output is not None:
         write_text(output, written, force=force, inputs=inputs)
         console.say(f"wrote {output}: `use: [{Path(output).name}]` has the instrument `bell`")
@@ -76,56 +76,63 @@ def _lines(bell: Bell) -> str:
     rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
     order = np.argsort(-bell.energy)[:_SHOWN]
     for i in sorted(order):
-        told = bell.deviation
+        deviation = bell.deviation
         level = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.heard[i]), 1e-10))
         rows.append(
             (
                 str(i + 1),
                 f"{bell.f[i]:.3f} Hz",
-                "" if told is None else f"{1731.23 * told.f[i] / bell.f[i]:.2g} cents",
+                "" if deviation is None else f"{1731.23 * deviation.f[i] / bell.f[i]:.2g} cents",
                 seconds(float(bell.t60[i])),
-                "" if told is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
-                *(f"{one:.1f} dB" for one in level),
+                "" if deviation is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
+                *(f"{stroke_level:.1f} dB" for stroke_level in level),
                 f"{100.0 * bell.energy[i]:.2g} %",
             )
         )
     lines = table(rows, right=True).splitlines()
     if len(bell.f) > _SHOWN:
         lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
-    for one in bell.strokes:
-        left = 10.0 * np.log10(max(1.0 - one.explained, 1e-12))
-        contact = f", contact {1e3 * one.contact:.2g} ms" if one.contact else ""
-        if one.contact is None and sum(other.place == one.place for other in bell.strokes) > 1:
+    for stroke_level in bell.strokes:
+        left = 10.0 * np.log10(max(1.0 - stroke_level.explained, 1e-12))
+        contact = f", contact {1e3 * stroke_level.contact:.2g} ms" if stroke_level.contact else ""
+        if (
+            stroke_level.contact is None
+            and sum(other.place == stroke_level.place for other in bell.strokes) > 1
+        ):
             contact = ", contact time not measurable from these strokes"
-        impulse = f"impulse {one.impulse:.2g} of the hardest" if one.impulse != 1.0 else "hardest"
-        what = f"{100.0 * one.explained:.2f} % of the energy explained, {left:.1f} dB left"
-        lines.append(f"{one.name} at {one.place}: {what}; {impulse}{contact}")
+        impulse = (
+            f"impulse {stroke_level.impulse:.2g} of the hardest"
+            if stroke_level.impulse != 1.0
+            else "hardest"
+        )
+        what = f"{100.0 * stroke_level.explained:.2f} % of the energy explained, {left:.1f} dB left"
+        lines.append(f"{stroke_level.name} at {stroke_level.place}: {what}; {impulse}{contact}")
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def _records(console: Console, bell: Bell) -> None:
-    told = bell.deviation
+    deviation = bell.deviation
     for i in range(len(bell.f)):
         console.record(
             "mode",
             frequency_hz=float(bell.f[i]),
             t60_s=float(bell.t60[i]),
             levels={
-                name: float(bell.levels[i, at] * bell.heard[i])
-                for at, name in enumerate(bell.places)
+                name: float(bell.levels[i, place_index] * bell.heard[i])
+                for place_index, name in enumerate(bell.places)
             },
             energy=float(bell.energy[i]),
-            frequency_deviation_hz=None if told is None else float(told.f[i]),
-            t60_deviation_s=None if told is None else _deviation(bell, i),
+            frequency_deviation_hz=None if deviation is None else float(deviation.f[i]),
+            t60_deviation_s=None if deviation is None else _deviation(bell, i),
         )
-    for one in bell.strokes:
+    for stroke in bell.strokes:
         console.record(
             "stroke",
-            file=one.name,
-            place=one.place,
-            impulse=one.impulse,
-            contact_s=one.contact,
-            explained=one.explained,
+            file=stroke.name,
+            place=stroke.place,
+            impulse=stroke.impulse,
+            contact_s=stroke.contact,
+            explained=stroke.explained,
         )
 
 

@@ -95,8 +95,8 @@ def chart(
             laboratory.workers(on, score_path, loaded, trust, console) as others,
             console.progress(f"charting {score_path}", total, piece.rate) as progress,
         ):
-            scene, of = Score(piece), cast("Metric", metric)
-            result = measure(scene, wanted, seconds, of, progress.at, others)
+            scene, chart_metric = Score(piece), cast("Metric", metric)
+            result = measure(scene, wanted, seconds, chart_metric, progress.at, others)
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()

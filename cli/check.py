@@ -51,8 +51,8 @@ def check(
     for path in scores:
         try:
             _check(console, path, simulate, trust)
-        except Findings as found:
-            console.outcome(found)
+        except Findings as findings:
+            console.outcome(findings)
             failed += 1
     if failed:
         raise Findings(f"{failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
@@ -60,8 +60,8 @@ def check(
 
 def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
     loaded = score.read(path, ReadOptions(trust=trust), console)
-    staged, found = try_stage(loaded, console)
-    console.say(f"{path}: {_tally(loaded, found)}")
+    staged, diagnostics = try_stage(loaded, console)
+    console.say(f"{path}: {_tally(loaded, diagnostics)}")
     if staged is None:
         raise Findings
     if simulate:
@@ -73,6 +73,6 @@ def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
 def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
     """`2 errors, 1 warning`, or `no mistakes`; diagnostics that were not shown count too."""
     counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
-    for found in (*loaded.diagnostics, *more):
-        counts[found.severity] += 1
+    for diagnostic in (*loaded.diagnostics, *more):
+        counts[diagnostic.severity] += 1
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"

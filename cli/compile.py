@@ -53,6 +53,6 @@ def compile_score(
     ):
         head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())
         file.write(head.encode())
-        for text, at in stream(stage.simulation, stage.n_analysed_frames, form, names):
+        for text, frame in stream(stage.simulation, stage.n_analysed_frames, form, names):
             file.write(text.encode())
-            progress.at(at)
+            progress.at(frame)

@@ -49,8 +49,8 @@ def _table() -> dict[str, list[click.Parameter]]:
 
 def _commands(group: click.Group) -> dict[str, click.Command]:
     context = click.Context(group)
-    found = {name: group.get_command(context, name) for name in group.list_commands(context)}
-    return {name: command for name, command in found.items() if command is not None}
+    commands = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    return {name: command for name, command in commands.items() if command is not None}
 
 
 def _parameters(command: click.Command) -> list[click.Parameter]:

@@ -81,7 +81,7 @@ class Console(Report):
 
     def diagnostics(
         self,
-        found: Iterable[Diagnostic],
+        diagnostics: Iterable[Diagnostic],
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
@@ -94,7 +94,7 @@ class Console(Report):
 
         form: Form = "json" if self.json else self.form
         stream = sys.stdout if form in ("json", "github") else sys.stderr
-        for diagnostic in found:
+        for diagnostic in diagnostics:
             if self.quiet and diagnostic.severity != "error":
                 continue
             text = clean(RENDERERS[form](diagnostic, sources))

@@ -83,8 +83,8 @@ def _ports(console: Console, probe: bool) -> None:
             continue
         console.data(f"port    {port.path:12} {port.name or 'unknown'}\n")
         for url in port.urls:
-            said = f": {answers[url]}" if url in answers else ""
-            console.data(f"{'':20} {url}{said}\n")
+            answer = f": {answers[url]}" if url in answers else ""
+            console.data(f"{'':20} {url}{answer}\n")
     if not console.json:
         console.data(f"service {'haply':12} {_SERVICE}, where Haply's Inverse Service runs\n")
 
@@ -92,14 +92,14 @@ def _ports(console: Console, probe: bool) -> None:
 def _probed(port: Port) -> dict[str, str]:
     from ergon import _core
 
-    found = {}
+    errors = {}
     for url in port.urls:
         try:
             device = _core.Device(url)
         except _core.EngineError as error:
-            found[url] = error.sentence
+            errors[url] = error.sentence
             continue
         plural = "axis" if device.axes == 1 else "axes"
-        found[url] = f"{device.axes} {plural}, {device.force_max:g} N at most"
+        errors[url] = f"{device.axes} {plural}, {device.force_max:g} N at most"
         device.close()
-    return found
+    return errors

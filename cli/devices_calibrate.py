@@ -80,39 +80,39 @@ def calibrate(
         raise Refused(str(error)) from None
     number = first if axis is None else axis
     try:
-        own = _core.Device(url)
+        open_device = _core.Device(url)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     try:
         console.say("let go of the key: it gets a small pulse to one side, then to the other")
-        found = uncalibrated_axis(own, int(own.direction(number, _PERIOD)))
+        calibrated = uncalibrated_axis(open_device, int(open_device.direction(number, _PERIOD)))
         if seconds > 0:
-            found = _ended(console, own, found, number, seconds, travel)
+            calibrated = _ended(console, open_device, calibrated, number, seconds, travel)
         elif travel is not None:
             raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
         raise Refused(f"{axis_key(url, number)}: {error}") from None
     finally:
-        own.close()
-    found = _as_asked(found, turned, force_max)
+        open_device.close()
+    calibrated = _as_asked(calibrated, turned, force_max)
     try:
-        path = store_axis(url, number, found)
+        path = store_axis(url, number, calibrated)
     except BoardError as error:
         raise Refused(str(error)) from None
-    _say(console, axis_key(url, number), found, own.unit, str(path))
+    _say(console, axis_key(url, number), calibrated, open_device.unit, str(path))
 
 
 def _ended(
-    console: Console, own: Device, axis: Axis, number: int, seconds: float, travel: float | None
+    console: Console, device: Device, axis: Axis, number: int, seconds: float, travel: float | None
 ) -> Axis:
     from ergon.live.calibration import axis_between_ends
 
     console.say(f"move the key from end to end, for {seconds:g} s")
-    low, high = own.ends(seconds, _PERIOD)[number].tolist()
-    least, most = own.range
-    if high - low < _LEAST * (most - least):
+    low, high = device.ends(seconds, _PERIOD)[number].tolist()
+    least, greatest = device.range
+    if high - low < _LEAST * (greatest - least):
         raise Refused(
-            f"the key moved {high - low:.2g} {own.unit} in {seconds:g} s, too little to find "
+            f"the key moved {high - low:.2g} {device.unit} in {seconds:g} s, too little to find "
             "its ends; --seconds 0 takes the ends that the device states"
         )
     return axis_between_ends(axis, low, high, high - low if travel is None else travel)

@@ -137,9 +137,9 @@ def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
     machine_speed.store_correction(float(str(speed.numbers["correction"])))
     yield speed
     yield fitness.describe_laws()
-    found = _core.checkup(seconds, fitness.TICK_SECONDS)
-    yield from fitness.describe_thread(found)
-    yield fitness.measure_wakeups(found)
+    checkup = _core.checkup(seconds, fitness.TICK_SECONDS)
+    yield from fitness.describe_thread(checkup)
+    yield fitness.measure_wakeups(checkup)
     if not no_audio:
         yield fitness.measure_sound(audio)
 

@@ -118,8 +118,8 @@ def export(
 
     csound: PART.csd of each part: a resonator for each of its modes, and its strikes.
     """
-    given = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
-    for name, value in given.items():
+    arguments = {"PART": parts or None, "--no-stems": stems, "--bits": bits, "--upto": upto}
+    for name, value in arguments.items():
         if value is not None and name not in _OPTIONS[to]:
             raise Refused(f"{name} cannot be used with --to {to}; leave it out")
     if output.suffix in _FILES and not output.is_dir():
@@ -131,30 +131,30 @@ def export(
         return
     asked = ExportOptions(parts=parts, upto=upto, trust=trust)
     try:
-        made = FORMATS[to](score_path, asked, report=console)
+        exported = FORMATS[to](score_path, asked, report=console)
     except OptionError as error:
         if error.option != "parts":
             raise
         raise Refused(f"PART: {error.reason}") from None
-    _write(console, made, output, _ENDINGS[to], force)
+    _write(console, exported, output, _ENDINGS[to], force)
 
 
 def _write(
-    console: Console, made: Sequence[ExportedPart], output: Path, ending: str, force: bool
+    console: Console, exported: Sequence[ExportedPart], output: Path, ending: str, force: bool
 ) -> None:
     """Write a file for each part; none if one of them cannot be written."""
     from ergon.exchange.safe import file_group
 
-    if not made:
+    if not exported:
         raise Refused("nothing in this score moves")
-    paths = {output / f"{one.part}{ending}": one for one in made}
-    inputs = {file for one in made for file in one.inputs}
+    paths = {output / f"{part.part}{ending}": part for part in exported}
+    inputs = {file for part in exported for file in part.inputs}
     with file_group(force=force, inputs=inputs) as files:
-        for path, one in paths.items():
-            files.write(path, one.text.encode())
-    for path, one in paths.items():
-        for warning in one.warnings:
-            console.warn(f"{one.part}: {warning}")
+        for path, part in paths.items():
+            files.write(path, part.text.encode())
+    for path, part in paths.items():
+        for warning in part.warnings:
+            console.warn(f"{part.part}: {warning}")
         _say(console, path)
 
 

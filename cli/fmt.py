@@ -48,8 +48,8 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     if is_pack(path):
         raise Refused(f"{path}: a pack is not changed; `ergon unpack {path}` writes its files")
     is_stdin = path == "-"
-    most = MAX_BYTES + 1
-    data = sys.stdin.buffer.read(most) if is_stdin else read_bounded(Path(path), MAX_BYTES)
+    size_limit = MAX_BYTES + 1
+    data = sys.stdin.buffer.read(size_limit) if is_stdin else read_bounded(Path(path), MAX_BYTES)
     if len(data) > MAX_BYTES:
         raise Refused(
             f"{path}: the file is larger than {MAX_BYTES >> 20} MB, the most that a score may have"

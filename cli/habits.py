@@ -43,7 +43,7 @@ INSTEAD: Mapping[str, str] = {
 }
 # Options that most commands have, and `ergon` itself has not.
 BEHIND = ("-v", "--verbose", "-q", "--quiet", "--json", "-f", "--force")
-_ONE_DASH = re.compile(r"-[a-z][a-z-]+")
+_SINGLE_DASH = re.compile(r"-[a-z][a-z-]+")
 
 
 def instead(words: list[str]) -> str | None:
@@ -72,6 +72,6 @@ def single_dash(words: Iterable[str], options: Iterable[str]) -> str | None:
         if word == "--":
             break
         name = word.partition("=")[0]
-        if _ONE_DASH.fullmatch(name) and f"-{name}" in known:
+        if _SINGLE_DASH.fullmatch(name) and f"-{name}" in known:
             return f"-{name}"
     return None

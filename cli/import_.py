@@ -69,27 +69,31 @@ def import_command(
     check_target(Path(target), force=force, inputs=read)
     asked = ModelOptions(dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files)
     beside = Path() if target == "-" else Path(target).parent
-    made = import_model(model, asked, beside=beside)
-    write_text(target, made.text, force=force, inputs=read)
+    imported = import_model(model, asked, beside=beside)
+    write_text(target, imported.text, force=force, inputs=read)
     if console.json:
-        fields = {"dialect": made.dialect, "statements": made.n_statements, "unfed": made.unfed}
+        fields = {
+            "dialect": imported.dialect,
+            "statements": imported.n_statements,
+            "unfed": imported.unfed,
+        }
         console.record("wrote", file=target, **fields)
         return
     if target != "-":
-        console.say(f"wrote {target}: {made.n_statements:,} statements of {made.dialect}")
-    if made.unfed:
-        names, feed = ", ".join(made.unfed), f"--input {made.unfed[0]}=FILE.wav"
-        stay = "stays" if len(made.unfed) == 1 else "stay"
-        console.say(f"{names} {stay} at 0; {feed} feeds {made.unfed[0]}")
+        console.say(f"wrote {target}: {imported.n_statements:,} statements of {imported.dialect}")
+    if imported.unfed:
+        names, feed = ", ".join(imported.unfed), f"--input {imported.unfed[0]}=FILE.wav"
+        stay = "stays" if len(imported.unfed) == 1 else "stay"
+        console.say(f"{names} {stay} at 0; {feed} feeds {imported.unfed[0]}")
 
 
-def _pairs(option: str, given: tuple[str, ...]) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for one in given:
-        name, equals, value = one.partition("=")
+def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
         if not (name and equals and value):
-            raise Refused(f"{option} {one}: write NAME=VALUE")
-        if name in found:
-            raise Refused(f"{option} {one}: {name} is given twice")
-        found[name] = value
-    return found
+            raise Refused(f"{option} {text}: write NAME=VALUE")
+        if name in pairs:
+            raise Refused(f"{option} {text}: {name} is given twice")
+        pairs[name] = value
+    return pairs

@@ -33,14 +33,14 @@ def stem(
 
     if output is None:
         base = "score" if source == STDIN else Path(source).stem
-        found = Path(f"{base}-{what}")
+        stem_path = Path(f"{base}-{what}")
     else:
-        found = Path(output)
-        if found.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
-            found = found.with_suffix("")
-    for path in targets(found):
+        stem_path = Path(output)
+        if stem_path.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
+            stem_path = stem_path.with_suffix("")
+    for path in targets(stem_path):
         check_target(path, force=force, inputs=inputs)
-    return found
+    return stem_path
 
 
 def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...]:
@@ -49,13 +49,13 @@ def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...
         return tuple(known)
     from ergon.notation.text.spelling import nearest
 
-    found = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
-    for word in found:
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    for word in names:
         if word not in known:
             close = nearest(word, known)
             asked = f"; did you mean '{close}'?" if close else ""
             raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){asked}")
-    return found
+    return names
 
 
 @contextmanager

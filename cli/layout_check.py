@@ -33,17 +33,17 @@ def check(console: Console, name: str) -> None:
 
     layout = read_layout(name, console)
     places = layout.speakers
-    found, gaps = qualities(places), holes(places)
+    results, gaps = qualities(places), holes(places)
     symmetric, is_open = is_symmetric(places), is_open_above(places)
     if console.json:
-        for one in found:
-            _record(console, one)
+        for row in results:
+            _record(console, row)
         console.record(
             "layout",
             file=str(layout.path),
             loudspeakers=len(places),
             symmetric=symmetric,
-            surround=len(found) > 1,
+            surround=len(results) > 1,
             open_above=is_open,
             holes=[
                 {"between": [layout.channels[a] + 1, layout.channels[b] + 1], "angle_deg": angle}
@@ -53,14 +53,14 @@ def check(console: Console, name: str) -> None:
         return
     title = f", {layout.title}" if layout.title else ""
     console.data(f"{len(places)} loudspeakers{title}\n\n")
-    console.data(table([_HEAD, *map(_row, found)]))
+    console.data(table([_HEAD, *map(_row, results)]))
     sides = "the sides mirror each other" if symmetric else "the sides do not mirror each other"
     console.data(f"\n{sides}\n")
     for a, b, angle in gaps:
         console.data(
             f"a hole of {angle:.0f}° between {_where(layout, a)} and {_where(layout, b)}\n"
         )
-    if len(found) == 1:
+    if len(results) == 1:
         console.data(
             "they do not surround the middle of the room, so sounds cannot be panned between them\n"
         )
@@ -70,32 +70,32 @@ def check(console: Console, name: str) -> None:
         console.data("no holes above the horizon\n")
 
 
-def _row(one: Quality) -> tuple[str, ...]:
-    mean, least = one.energy_length
-    off, most = one.off
-    low, high = one.loudness
+def _row(quality: Quality) -> tuple[str, ...]:
+    mean, least = quality.energy_length
+    off, farthest = quality.off
+    low, high = quality.loudness
     return (
-        one.name,
+        quality.name,
         f"{mean:.3f}",
         f"{least:.3f}",
-        f"{one.velocity_length:.3f}",
+        f"{quality.velocity_length:.3f}",
         f"{off:.1f}°",
-        f"{most:.1f}°",
+        f"{farthest:.1f}°",
         f"{round(low, 1) + 0.0:+.1f}..{round(high, 1) + 0.0:+.1f} dB",
     )
 
 
-def _record(console: Console, one: Quality) -> None:
+def _record(console: Console, quality: Quality) -> None:
     console.record(
         "panning",
-        by=one.name,
-        re_mean=one.energy_length[0],
-        re_min=one.energy_length[1],
-        rv_mean=one.velocity_length,
-        off_mean_deg=one.off[0],
-        off_max_deg=one.off[1],
-        loudness_min_db=one.loudness[0],
-        loudness_max_db=one.loudness[1],
+        by=quality.name,
+        re_mean=quality.energy_length[0],
+        re_min=quality.energy_length[1],
+        rv_mean=quality.velocity_length,
+        off_mean_deg=quality.off[0],
+        off_max_deg=quality.off[1],
+        loudness_min_db=quality.loudness[0],
+        loudness_max_db=quality.loudness[1],
     )
 
 

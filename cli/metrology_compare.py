@@ -41,10 +41,10 @@ def calibration(file: str) -> Calibration:
 
 
 @click.command()
-@click.argument("one", metavar="A")
+@click.argument("first_path", metavar="A")
 @click.argument("other", metavar="B")
 @options.speaking
-def compare(console: Console, one: str, other: str) -> None:
+def compare(console: Console, first_path: str, other: str) -> None:
     """Compare two calibrations: figure by figure, and how differently the two keys move.
 
     The replay difference is the rms of the difference of both models under one gesture of knocks: a
@@ -53,12 +53,12 @@ def compare(console: Console, one: str, other: str) -> None:
     """
     from ergon.workshop.metrology.comparison import chi_squared, differences, replay_difference
 
-    first, second = calibration(one), calibration(other)
-    found = differences(first, second)
+    first, second = calibration(first_path), calibration(other)
+    compared = differences(first, second)
     squared, n = chi_squared(first, second)
     moves = replay_difference(first.row, second.row)
     if console.json:
-        for each in found:
+        for each in compared:
             console.record(
                 "figure",
                 name=_called(each),
@@ -70,42 +70,42 @@ def compare(console: Console, one: str, other: str) -> None:
         console.record("compared", replay_difference_m=moves, chi_squared=squared, figures=n)
         return
     console.data(f"{'':16}{'A':>12}{'B':>12}{'difference':>14}{'deviations':>12}\n")
-    console.data("".join(map(_row, found)))
+    console.data("".join(map(_row, compared)))
     console.data(f"replay difference {moves * 1e6:.4g} um rms\n")
-    _judge(console, found, squared, n)
+    _judge(console, compared, squared, n)
 
 
 def _called(each: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
-    one, other = each.names
-    if one == other or each.other is None:
-        return one
-    return other if each.one is None else f"{one.partition('.')[0]}/{other.removeprefix('mode')}"
+    name, other = each.names
+    if name == other or each.other is None:
+        return name
+    return other if each.one is None else f"{name.partition('.')[0]}/{other.removeprefix('mode')}"
 
 
 def _row(each: Difference) -> str:
-    from ergon.workshop.metrology.calibration_file import OF_MODES, UNITS
+    from ergon.workshop.metrology.calibration_file import MODE_FIELDS, UNITS
 
     name = _called(each)
     mode, _, what = name.partition(".")
-    unit, scale = OF_MODES[what] if what else UNITS[name]
-    told = f"{mode.replace('mode', 'mode ')} {what}" if what else name
+    unit, scale = MODE_FIELDS[what] if what else UNITS[name]
+    label = f"{mode.replace('mode', 'mode ')} {what}" if what else name
     a, b = (f"{'none':>12}" if x is None else f"{x * scale:12.5g}" for x in (each.one, each.other))
     apart = (
         "" if each.one is None or each.other is None else f"{(each.other - each.one) * scale:.4g}"
     )
     far = "" if each.deviations is None else f"{each.deviations:.3g}"
-    return f"{told + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
+    return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
 
 
-def _judge(console: Console, found: list[Difference], squared: float, n: int) -> None:
+def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
     """Say which figures differ, and the chi squared of all together."""
-    known = [(abs(each.deviations), each) for each in found if each.deviations is not None]
+    known = [(abs(each.deviations), each) for each in compared if each.deviations is not None]
     far = sorted((pair for pair in known if pair[0] > _FAR), key=lambda pair: -pair[0])
-    lacking = [_called(each) for each in found if each.one is None or each.other is None]
+    lacking = [_called(each) for each in compared if each.one is None or each.other is None]
     if far:
-        told = ", ".join(f"{_called(each)} by {sigma:.3g}" for sigma, each in far)
-        console.say(f"more than {_FAR:g} standard deviations apart: {told}")
+        listing = ", ".join(f"{_called(each)} by {sigma:.3g}" for sigma, each in far)
+        console.say(f"more than {_FAR:g} standard deviations apart: {listing}")
     elif known:
         console.say(f"no figure differs by more than {_FAR:g} standard deviations")
     if lacking:
@@ -134,16 +134,16 @@ def log(console: Console, files: tuple[str, ...]) -> None:
         )
     for each, file in known:
         moves = replay_difference(known[0][0].row, each.row)
-        own = each.figures
+        values = each.figures
         if console.json:
             console.record(
-                "calibration", file=file, date=each.date, figures=own, replay_difference_m=moves
+                "calibration", file=file, date=each.date, figures=values, replay_difference_m=moves
             )
             continue
         modes = " ".join(f"{f:.5g}" for _, f, _ in each.modes) or "none"
         console.data(
-            f"{each.date or '?':12}{own['M'] * 1e3:10.5g}{own['K']:10.5g}{own['Z']:10.4g}"
-            f"{own.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   {file}\n"
+            f"{each.date or '?':12}{values['M'] * 1e3:10.5g}{values['K']:10.5g}{values['Z']:10.4g}"
+            f"{values.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   {file}\n"
         )
 
 
@@ -164,33 +164,33 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
-        found = gains(calibration(plain), calibration(loaded), mass)
+        results = gains(calibration(plain), calibration(loaded), mass)
     except MeasurementError as error:
         raise Refused(str(error)) from None
     if console.json:
         names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
-        told: dict[str, float | None] = {}
+        changes: dict[str, float | None] = {}
         for name in ("mass", "position", "force", "M", "K", "Z"):
-            one = found.get(name)
-            told[names.get(name, name)] = None if one is None else one.value
-            told[f"{names.get(name, name)}_deviation"] = None if one is None else one.deviation
-        console.record("gains", **told)
+            gain = results.get(name)
+            changes[names.get(name, name)] = None if gain is None else gain.value
+            changes[f"{names.get(name, name)}_deviation"] = None if gain is None else gain.deviation
+        console.record("gains", **changes)
         return
     console.data(
-        f"true over found: {_with(found['mass'])}; so M is {_with(found['M'], 1e3)} g, "
-        f"K {_with(found['K'])} N/m, Z {_with(found['Z'])} Ns/m\n"
+        f"true over found: {_with(results['mass'])}; so M is {_with(results['M'], 1e3)} g, "
+        f"K {_with(results['K'])} N/m, Z {_with(results['Z'])} Ns/m\n"
     )
-    if "position" not in found:
+    if "position" not in results:
         console.say(
             "the key does not sink under the mass, so the gains of sensor and motor are not known "
             "apart from each other"
         )
     else:
-        console.data(f"the sensor reads {_with(found['position'])} m for a metre\n")
-        console.data(f"the motor gives {_with(found['force'])} N for a newton\n")
+        console.data(f"the sensor reads {_with(results['position'])} m for a metre\n")
+        console.data(f"the motor gives {_with(results['force'])} N for a newton\n")
 
 
 def _with(gain: Gain, times: float = 1.0) -> str:
     """A figure and its standard deviation."""
-    told = f"{times * gain.value:.5g}"
-    return told if gain.deviation is None else f"{told} ± {times * gain.deviation:.2g}"
+    text = f"{times * gain.value:.5g}"
+    return text if gain.deviation is None else f"{text} ± {times * gain.deviation:.2g}"

@@ -209,20 +209,21 @@ def _added_part(stage: Stage) -> str:
     from ergon.workshop.metrology.parameters import INDEX, n_modes, of_mode
 
     row = stage.fit.row
-    own = {name: float(row[index]) for name, index in INDEX.items()}
+    figures = {name: float(row[index]) for name, index in INDEX.items()}
     match stage.name:
         case "M K Z":
             return (
-                f"{own['mass'] * 1e3:.4g} g, {own['stiffness']:.4g} N/m, {own['damping']:.3g} Ns/m"
+                f"{figures['mass'] * 1e3:.4g} g, {figures['stiffness']:.4g} N/m, "
+                f"{figures['damping']:.3g} Ns/m"
             )
         case "dry":
-            return f"{own['dry'] * 1e3:.4g} mN"
+            return f"{figures['dry'] * 1e3:.4g} mN"
         case "presliding":
-            return f"{own['presliding']:.4g} N/m"
+            return f"{figures['presliding']:.4g} N/m"
         case "Stribeck":
-            return f"{own['static_dry'] * 1e3:.4g} mN, {own['static_speed'] * 1e3:.3g} mm/s"
+            return f"{figures['static_dry'] * 1e3:.4g} mN, {figures['static_speed'] * 1e3:.3g} mm/s"
         case "delay":
-            return f"{own['delay'] * 1e3:.4g} ms"
+            return f"{figures['delay'] * 1e3:.4g} ms"
     if not n_modes(row):
         return "none"
     mass, frequency, ratio = (float(row[index]) for index in of_mode(n_modes(row) - 1))
@@ -236,14 +237,14 @@ def _sum_up(console: Console, measured: Measured, step: float | None) -> None:
             "measured", rms_m=measured.fit.rms, replay_m=measured.replay, noise_m=noise, step_m=step
         )
         return
-    told = "" if step is None else f"; its step is {step * 1e6:.3g} um"
+    step_text = "" if step is None else f"; its step is {step * 1e6:.3g} um"
     if noise is None:
         console.say(
             "no take begins with a still key for 50 ticks, so the sensor's noise is not known"
-            + told
+            + step_text
         )
     else:
-        console.say(f"the sensor's noise is {noise * 1e6:.3g} um{told}")
+        console.say(f"the sensor's noise is {noise * 1e6:.3g} um{step_text}")
 
 
 def _picture(measured: Measured, gesture: Gesture, title: str) -> str:

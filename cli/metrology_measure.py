@@ -132,20 +132,21 @@ def open_axis(
     except BoardError as error:
         raise Refused(str(error)) from None
     try:
-        own = _core.Device(url, [axis.for_core(i) for i, axis in calibrated.items()])
+        open_device = _core.Device(url, [axis.for_core(i) for i, axis in calibrated.items()])
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
-    if own.unit != "m" or number >= own.axes:
-        own.close()
+    if open_device.unit != "m" or number >= open_device.axes:
+        open_device.close()
         raise Refused(
-            f"{url}: axis {number} does not exist: the device has {own.axes}, counted from 0"
-            if own.unit == "m"
+            f"{url}: axis {number} does not exist: the device has {open_device.axes}, counted from "
+            "0"
+            if open_device.unit == "m"
             else f"{url}: the axis rotates (its unit is rad), and the model of a key is in metres"
         )
     # A Haply device does not report touch.
     return (
         Axis(
-            own,
+            open_device,
             number,
             force_step=force_step,
             tells_touch=not url.startswith("haply:"),
@@ -202,9 +203,9 @@ class Recorder:
 
     def tell(self, console: Console) -> None:
         """Name the takes that were kept, after a measurement that ended early."""
-        kept = [str(path) for path in self.paths if path.exists()]
-        if kept:
-            console.say(f"kept {', '.join(kept)}")
+        written_paths = [str(path) for path in self.paths if path.exists()]
+        if written_paths:
+            console.say(f"kept {', '.join(written_paths)}")
 
 
 def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
@@ -246,16 +247,16 @@ def _taken(
     """Takes of strikes and rain, then one that is held out."""
     from ergon.workshop.metrology import takes
 
-    found: list[Take] = []
-    said = []
+    read_takes: list[Take] = []
+    phrases = []
     for kind in takes.KINDS:
         length = takes.held_out_duration(asked) if kind == "held-out" else seconds
         each = takes.record(ladder, kind, length, recorder.target, seed, asked)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
-        said.append(f"{kind} {lasted:.0f} s")
+        phrases.append(f"{kind} {lasted:.0f} s")
         # Only the longest part of the held-out take judges the model; the others are left out.
-        found += (
+        read_takes += (
             [max(each, key=lambda take: len(take.gesture.force))] if kind == "held-out" else each
         )
-    console.say(f"takes: {', '.join(said)}")
-    return found
+    console.say(f"takes: {', '.join(phrases)}")
+    return read_takes

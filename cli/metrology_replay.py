@@ -86,17 +86,17 @@ def replay(
         if is_take
         else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
     )
-    found = comparison.replay(known.row, took)
+    result = comparison.replay(known.row, took)
     if not console.json:
-        console.data(_drawn(found, width))
-    _tell(console, found, sensor_noise([took]), sensor_step([took]))
+        console.data(_drawn(result, width))
+    _tell(console, result, sensor_noise([took]), sensor_step([took]))
     if output is not None:
         from ergon.workshop.metrology.picture import picture
 
         title = f"{real} and {file}"
-        write_texts(console, {Path(output): picture(found, title)}, force=force, dry=dry)
+        write_texts(console, {Path(output): picture(result, title)}, force=force, dry=dry)
     if view or view_at is not None:
-        _show(console, found, view_at)
+        _show(console, result, view_at)
 
 
 def _pushed(
@@ -122,16 +122,16 @@ def _pushed(
     return max((take.gesture for take in takes), key=lambda took: len(took.force))
 
 
-def _drawn(found: Replay, width: int | None) -> str:
+def _drawn(result: Replay, width: int | None) -> str:
     """Force, real and model motion, residual: one plot above the other, over the same time."""
     from ergon.view.braille import panels
     from ergon.workshop.metrology.picture import rows
 
     columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return panels(rows(found), width=columns, heights=_HEIGHTS)
+    return panels(rows(result), width=columns, heights=_HEIGHTS)
 
 
-def _show(console: Console, found: Replay, at: str | None) -> None:
+def _show(console: Console, result: Replay, address: str | None) -> None:
     """Show force, real motion, model and residual in a browser, until Ctrl-C."""
     from ergon.api.options import FileOptions
     from ergon.api.pages import ANYWHERE
@@ -139,44 +139,46 @@ def _show(console: Console, found: Replay, at: str | None) -> None:
     from ergon.common.report import Report
     from ergon.workshop.metrology.replay_scene import write_scene
 
-    with TemporaryDirectory(prefix="ergon-replay-") as made:
-        folder = Path(made)
+    with TemporaryDirectory(prefix="ergon-replay-") as folder_name:
+        folder = Path(folder_name)
         options = FileOptions(motion=True, see="all")
-        shown = render_view(write_scene(found, folder), folder, options, Report())
-        serve_shown(console, shown, at or ANYWHERE, [])
+        shown = render_view(write_scene(result, folder), folder, options, Report())
+        serve_shown(console, shown, address or ANYWHERE, [])
 
 
-def _tell(console: Console, found: Replay, noise: float | None, step: float | None) -> None:
+def _tell(console: Console, result: Replay, noise: float | None, step: float | None) -> None:
     import numpy as np
 
-    of_step = "" if step is None else f"{'of step':>9}"
+    step_head = "" if step is None else f"{'of step':>9}"
     if not console.json:
-        console.data(f"\n{'s':>5}{'real':>12}{'residual':>14}{of_step}{'at most':>12}{of_step}\n")
-    seconds = found.t.astype(int)
-    real = found.gesture.position[found.gesture.counts]
+        console.data(
+            f"\n{'s':>5}{'real':>12}{'residual':>14}{step_head}{'at most':>12}{step_head}\n"
+        )
+    seconds = result.t.astype(int)
+    real = result.gesture.position[result.gesture.counts]
     for second in np.unique(seconds):
         inside = seconds == second
-        left = found.residual[inside]
+        left = result.residual[inside]
         moved = float(np.ptp(real[inside]))
-        rms, most = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
+        rms, largest = float(np.sqrt(np.mean(left**2))), float(np.abs(left).max())
         if console.json:
-            console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=most)
+            console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=largest)
         else:
-            told = f"{moved * 1e3:9.3g} mm{_off(rms, 11, step)}{_off(most, 9, step)}"
-            console.data(f"{second:5d}{told}\n")
+            columns = f"{moved * 1e3:9.3g} mm{_off(rms, 11, step)}{_off(largest, 9, step)}"
+            console.data(f"{second:5d}{columns}\n")
     if console.json:
-        console.record("replay", rms_m=found.rms, most_m=found.most, noise_m=noise, step_m=step)
+        console.record("replay", rms_m=result.rms, most_m=result.most, noise_m=noise, step_m=step)
         return
-    told = f"{_off(found.rms, 11, step)}{_off(found.most, 9, step)}"
-    console.data(f"{'all':>5}{'':12}{told}\n")
+    columns = f"{_off(result.rms, 11, step)}{_off(result.most, 9, step)}"
+    console.data(f"{'all':>5}{'':12}{columns}\n")
     if noise is not None:
         # Real and model are compared as the sensor reads them: an exact model leaves the sensor's
         # noise.
-        beyond = max(found.rms**2 - noise**2, 0.0) ** 0.5
-        of_it = "" if step is None else f" ({beyond / step:.3g} of its step)"
+        beyond = max(result.rms**2 - noise**2, 0.0) ** 0.5
+        step_share = "" if step is None else f" ({beyond / step:.3g} of its step)"
         console.say(
             f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
-            f"{beyond * 1e6:.3g} um{of_it}"
+            f"{beyond * 1e6:.3g} um{step_share}"
             + (": measure the key again" if beyond > _WARNS * noise else "")
         )
 

@@ -53,15 +53,15 @@ def path(console: Console, score: str | None, key: str | None) -> Floats | None:
         if player.key != name:
             continue
         with scores.staging(lambda: loaded, console):
-            own = standin(piece, player, frames, Collector())
-        moving = np.flatnonzero(np.abs(own - own[0]) > _STILL)
+            path = standin(piece, player, frames, Collector())
+        moving = np.flatnonzero(np.abs(path - path[0]) > _STILL)
         if moving.size:
-            own = own[max(0, int(moving[0]) - 1) :]
-            t = np.arange(len(own)) * (frames / piece.rate)
+            path = path[max(0, int(moving[0]) - 1) :]
+            t = np.arange(len(path)) * (frames / piece.rate)
             seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
-            return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, own)
+            return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, path)
     raise Refused(f"{score}: nothing moves the key {name}")
 
 

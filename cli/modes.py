@@ -58,7 +58,7 @@ def modes(
     svg: str | None,
     shapes: bool,
     force: bool,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Say at which pitches instruments and keys vibrate, how long, and how much where.
 
@@ -71,20 +71,20 @@ def modes(
     if shapes and table is None and svg is None and not console.json:
         raise Refused("--shapes needs --csv, --json or --svg: shapes are many numbers, or pictures")
     try:
-        found = find_modes(score_path, ModesOptions(parts=parts, **given), report=console)
+        part_modes = find_modes(score_path, ModesOptions(parts=parts, **arguments), report=console)
     except OptionError as error:
         if error.option != "parts":
             raise
         raise Refused(f"PART: {error.reason}") from None
-    inputs = found[0].inputs if found else (Path(score_path),)
+    inputs = part_modes[0].inputs if part_modes else (Path(score_path),)
     with file_group(force=force, inputs=inputs) as files:
         if table is not None:
-            files.write(table, _csv(found, shapes).encode())
+            files.write(table, _csv(part_modes, shapes).encode())
         if svg is not None:
             name = Path(score_path).name
-            picture = _shapes(found, name) if shapes else _stave(found, name)
+            picture = _shapes(part_modes, name) if shapes else _stave(part_modes, name)
             files.write(svg, picture.encode())
-    for part in found:
+    for part in part_modes:
         if console.json:
             _records(console, part, shapes)
         else:
@@ -103,11 +103,11 @@ def _note(f: float) -> tuple[str, float]:
     return nearest_note(f) if f >= _LOWEST else ("", 0.0)
 
 
-def _stave(found: Sequence[PartModes], name: str) -> str:
+def _stave(part_modes: Sequence[PartModes], name: str) -> str:
     from ergon.view.structure import PitchedMode, stave
 
     parts = []
-    for part in found:
+    for part in part_modes:
         each = zip(part.frequencies, part.t60, strict=True)
         modes = [
             PitchedMode(float(f), _note(float(f))[1], _words(number, float(f), float(t60)))
@@ -118,22 +118,22 @@ def _stave(found: Sequence[PartModes], name: str) -> str:
     return stave(parts, title=f"Modes of {name}")
 
 
-def _shapes(found: Sequence[PartModes], name: str) -> str:
+def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
     import numpy as np
 
     from ergon.view.structure import Shape, shapes
 
     parts = []
-    for part in found:
+    for part in part_modes:
         x, y = part.places[:, 0].tolist(), part.places[:, 1].tolist()
-        own = []
+        drawn = []
         for number, shape in enumerate(part.shapes, 1):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
             f, t60 = float(part.frequencies[number - 1]), float(part.t60[number - 1])
-            own.append(Shape(_words(number, f, t60), x, y, turned.real.tolist()))
+            drawn.append(Shape(_words(number, f, t60), x, y, turned.real.tolist()))
         if part.masses:
-            parts.append((part.part, own))
+            parts.append((part.part, drawn))
     return shapes(parts, title=f"Shapes of the modes of {name}")
 
 
@@ -212,28 +212,36 @@ def _finite(level: float) -> float | None:
     return None if math.isinf(level) else level
 
 
-def _csv(found: Sequence[PartModes], shapes: bool) -> str:
+def _csv(part_modes: Sequence[PartModes], shapes: bool) -> str:
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\n")
-    rows.writerows(_shape_rows(found) if shapes else _mode_rows(found))
+    rows.writerows(_shape_rows(part_modes) if shapes else _mode_rows(part_modes))
     return out.getvalue()
 
 
-def _mode_rows(found: Sequence[PartModes]) -> Iterator[Sequence[object]]:
-    points = list(dict.fromkeys(point for part in found for point in part.points))
+def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
+    points = list(dict.fromkeys(point for part in part_modes for point in part.points))
     head = ("part", "mode", "note", "cents", "frequency_hz", "t60_s")
     yield (*head, *(f"{point} [dB]" for point in points))
-    for part in found:
+    for part in part_modes:
         levels = {point: part.levels(point) for point in part.points}
         for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
             note, cents = _note(float(f))
-            own = (f"{levels[point][i]:.3f}" if point in levels else "" for point in points)
-            yield part.part, i + 1, note, f"{cents:.6f}", repr(float(f)), repr(float(t60)), *own
+            level_texts = (f"{levels[point][i]:.3f}" if point in levels else "" for point in points)
+            yield (
+                part.part,
+                i + 1,
+                note,
+                f"{cents:.6f}",
+                repr(float(f)),
+                repr(float(t60)),
+                *level_texts,
+            )
 
 
-def _shape_rows(found: Sequence[PartModes]) -> Iterator[Sequence[object]]:
+def _shape_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     yield "part", "mode", "frequency_hz", "mass", "x_m", "y_m", "real", "imaginary"
-    for part in found:
+    for part in part_modes:
         for i, f in enumerate(part.frequencies):
             for name, place, x in zip(part.masses, part.places, part.shapes[i], strict=True):
                 where = (repr(float(place[0])), repr(float(place[1])))

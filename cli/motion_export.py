@@ -70,18 +70,18 @@ def export(
     motion = read(Path(file))
     inputs = (Path(file),)
     try:
-        at = instants(motion, fps)
+        frame_instants = instants(motion, fps)
         points = sum(points_of_parts(read_manifest(motion), motion.names))
         if dry:
             check_target(Path(output), force=force, inputs=inputs)
         else:
             with open_for_writing(output, binary=form == ".npz", force=force, inputs=inputs) as to:
-                _write(to, motion, form, at, exaggeration)
+                _write(to, motion, form, frame_instants, exaggeration)
     except NotMotionError as error:
         raise Refused(f"{file}: {error}") from None
     if output == "-":
         return
-    n_instants = len(at)
+    n_instants = len(frame_instants)
     if console.json:
         console.record(
             "would_write" if dry else "wrote", file=output, points=points, instants=n_instants
@@ -93,15 +93,19 @@ def export(
 
 
 def _write(
-    to: BinaryIO, motion: Motion, form: str, at: NDArray[np.float64], exaggeration: float | None
+    to: BinaryIO,
+    motion: Motion,
+    form: str,
+    frame_instants: NDArray[np.float64],
+    exaggeration: float | None,
 ) -> None:
     from ergon.exchange.gltf import gltf
     from ergon.exchange.motion import csv_rows, write_npz
 
     if form == ".npz":
-        write_npz(to, motion, at)
+        write_npz(to, motion, frame_instants)
     elif form == ".gltf":
-        to.write(gltf(motion, at, exaggeration).encode())
+        to.write(gltf(motion, frame_instants, exaggeration).encode())
     else:
-        for text in csv_rows(motion, at):
+        for text in csv_rows(motion, frame_instants):
             to.write(text.encode())

@@ -38,21 +38,21 @@ def motion(console: Console, path: Path) -> None:
     from ergon.exchange.motion import read_manifest
     from ergon.exchange.motion_space import NotMotionError, points_of_parts
 
-    found = read(path)
+    archive = read(path)
     try:
-        manifest = read_manifest(found)
-        points = points_of_parts(manifest, found.names)
+        manifest = read_manifest(archive)
+        points = points_of_parts(manifest, archive.names)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
     sizes: dict[int, int] = {}
-    for chunk in found.chunks():
+    for chunk in archive.chunks():
         sizes[chunk.kind] = sizes.get(chunk.kind, 0) + chunk.size
     counts = {
         "flights": sizes.get(_FLIGHTS, 0) // 12,
         "ergons": sizes.get(_ERGONS, 0) // 20,
         "contacts": sizes.get(_CONTACTS, 0) // 12,
     }
-    state = "whole" if found.is_whole else "cut" if found.is_cut else "damaged"
+    state = "whole" if archive.is_whole else "cut" if archive.is_cut else "damaged"
     size = path.stat().st_size
     if console.json:
         console.record(
@@ -63,10 +63,10 @@ def motion(console: Console, path: Path) -> None:
             score_sha256=manifest.get("score_sha256"),
             plan_sha256=manifest.get("plan_sha256"),
             seed=manifest.get("seed"),
-            duration_s=found.duration,
+            duration_s=archive.duration,
             fps=manifest["fps"],
             points=sum(points),
-            coordinates=len(found.names),
+            coordinates=len(archive.names),
             modes=manifest["modes"],
             bytes=size,
             bound=manifest.get("bound"),
@@ -75,7 +75,7 @@ def motion(console: Console, path: Path) -> None:
         )
         return
     lines = [
-        f"{path}: {seconds(found.duration)} at {manifest['fps']:g} frames a second, "
+        f"{path}: {seconds(archive.duration)} at {manifest['fps']:g} frames a second, "
         f"{plural(sum(points), 'point')}, {octets(size)}, {state}"
     ]
     if manifest.get("title"):

@@ -19,13 +19,13 @@ _ENTRY = re.compile(r"^([ ]+)([^\W\d][\w-]*):")
 
 def names_in(text: str) -> dict[str, list[str]]:
     """Names of every section of SECTIONS, in the order written."""
-    found: dict[str, list[str]] = {section: [] for section in SECTIONS}
+    names_by_section: dict[str, list[str]] = {section: [] for section in SECTIONS}
     here: list[str] | None = None
     indent = 0
     for line in text.splitlines():
         section = _SECTION.match(line)
         if section is not None:
-            here, indent = found.get(section[1]), 0
+            here, indent = names_by_section.get(section[1]), 0
             if here is not None and section[2].startswith("{"):
                 here.extend(_top_level(section[2]))
             continue
@@ -35,16 +35,16 @@ def names_in(text: str) -> dict[str, list[str]]:
         indent = indent or len(entry[1])
         if len(entry[1]) == indent:
             here.append(entry[2])
-    return found
+    return names_by_section
 
 
 def names_of(path: str, sections: tuple[str, ...]) -> list[str]:
     """Names of these sections in a file; none when it cannot be read."""
     try:
-        found = names_in(read_bounded(Path(path), _SIZE_MAX).decode(errors="replace"))
+        names_by_section = names_in(read_bounded(Path(path), _SIZE_MAX).decode(errors="replace"))
     except OSError:
         return []
-    return [name for section in sections for name in found[section]]
+    return [name for section in sections for name in names_by_section[section]]
 
 
 def _top_level(line: str) -> list[str]:

@@ -40,10 +40,10 @@ def new(console: Console, name: str, template: str) -> None:
     if not _NAME.fullmatch(folder.name):
         raise Refused(f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _")
     files = contents(template, folder.name)
-    with new_folder(folder) as made:
+    with new_folder(folder) as new_path:
         for path, text in files.items():
-            (made / path).parent.mkdir(exist_ok=True)
-            (made / path).write_bytes(text.encode())
+            (new_path / path).parent.mkdir(exist_ok=True)
+            (new_path / path).write_bytes(text.encode())
     for path in files:
         if console.json:
             console.record("wrote", file=str(folder / path))
@@ -58,13 +58,13 @@ def contents(template: str, name: str) -> dict[str, str]:
 
     source = _TEMPLATES / template
     title = name.replace("-", " ").replace("_", " ").capitalize()
-    found = {}
+    contents_by_path = {}
     for path in sorted(source.rglob("*.yaml")):
         text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {title}", 1)
-        found[str(path.relative_to(source))] = text
-    found["README.md"] = _README.format(title=title)
-    found[SCHEMA] = schema_text()
-    return found
+        contents_by_path[str(path.relative_to(source))] = text
+    contents_by_path["README.md"] = _README.format(title=title)
+    contents_by_path[SCHEMA] = schema_text()
+    return contents_by_path
 
 
 _README = """\

@@ -136,11 +136,11 @@ dry_run = click.option(
 score = click.argument("score_path", metavar="SCORE", type=ScorePath())
 
 
-def several(*given: Callable[[F], F]) -> Callable[[F], F]:
+def several(*options: Callable[[F], F]) -> Callable[[F], F]:
     """Several options as one, shown in this order."""
 
     def add(command: F) -> F:
-        for option in reversed(given):
+        for option in reversed(options):
             command = option(command)
         return command
 

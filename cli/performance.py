@@ -50,7 +50,7 @@ class ShownPerformance:
         self._strict = strict
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
         self._drawn = 0
-        self._said = 0.0
+        self._last_report = 0.0
         self._troubled = False
         self._sound_events = 0
         self._osc: OscServer | None = None
@@ -62,8 +62,8 @@ class ShownPerformance:
         performance = self._performance
         try:
             self._console.say(performance.output())
-            if said := performance.heard().sentence:
-                self._console.say(f"input: {said}")
+            if sentence := performance.heard().sentence:
+                self._console.say(f"input: {sentence}")
             begin()
             if osc is not None:
                 self._osc = osc
@@ -73,7 +73,7 @@ class ShownPerformance:
             while not performance.wait(_LOOK):
                 self._show()
             self._show(last=True)
-            status, heard = performance.status(), performance.heard()
+            status, sound_input = performance.status(), performance.heard()
             self._rest()
         except BaseException:
             performance.panic()
@@ -88,7 +88,7 @@ class ShownPerformance:
             self._tell(performance.close(_AFTER))
         except _core.EngineError as error:
             raise Refused(str(error)) from None
-        self._finish(status, heard)
+        self._finish(status, sound_input)
 
     def _rest(self) -> None:
         if self._osc is not None:
@@ -127,15 +127,15 @@ class ShownPerformance:
         view = self._watcher.view(status, recording)
         now = time.monotonic()
         if console.json:
-            if last or now - self._said >= 1.0:
-                self._said = now
+            if last or now - self._last_report >= 1.0:
+                self._last_report = now
                 console.record("playing", **view_record(view, status.frame))
         elif self._redraws:
             import shutil
 
             self._draw(view_lines(view, shutil.get_terminal_size().columns - 1))
-        elif last or now - self._said >= _SAY:
-            self._said = now
+        elif last or now - self._last_report >= _SAY:
+            self._last_report = now
             console.say(" | ".join(line.strip() for line in view_lines(view, 200)))
 
     def _draw(self, lines: Sequence[str]) -> None:
@@ -153,8 +153,8 @@ class ShownPerformance:
 
         for event in events:
             if sentence := event_sentence(event, self._players, self._boards):
-                at = where(self._stage.piece, event[0] / self._stage.rate)
-                self._say(f"{at} {sentence}")
+                instant = where(self._stage.piece, event[0] / self._stage.rate)
+                self._say(f"{instant} {sentence}")
 
     def _say(self, sentence: str) -> None:
         self._clear()
@@ -169,7 +169,7 @@ class ShownPerformance:
         for sentence in self._hands.summaries():
             self._say(sentence)
 
-    def _finish(self, status: _core.Status, heard: _core.SoundInput) -> None:
+    def _finish(self, status: _core.Status, sound_input: _core.SoundInput) -> None:
         from ergon.live.trouble import gap_count as gaps_of
 
         self._clear()
@@ -182,8 +182,8 @@ class ShownPerformance:
             "dropped": status.dropped,
             "missed": status.missed,
         }
-        if heard.live:
-            fields["input_gaps"] = heard.gaps
+        if sound_input.live:
+            fields["input_gaps"] = sound_input.gaps
         if self._osc is not None and (ignored := self._osc.malformed):
             self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
@@ -192,20 +192,26 @@ class ShownPerformance:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
         self._summarise()
-        if heard.missing or heard.discarded:
-            missing, early = heard.missing / self._stage.rate, heard.discarded / self._stage.rate
+        if sound_input.missing or sound_input.discarded:
+            missing, early = (
+                sound_input.missing / self._stage.rate,
+                sound_input.discarded / self._stage.rate,
+            )
             self._console.warn(
-                f"{heard.gaps} gaps in the input: {missing:.3f} s of silence in their place, "
+                f"{sound_input.gaps} gaps in the input: {missing:.3f} s of silence in their place, "
                 f"{early:.3f} s left out"
             )
-        if heard.error or heard.lost:
-            why = heard.error or f"{heard.lost} frames were lost, for the disk was too slow"
+        if sound_input.error or sound_input.lost:
+            why = (
+                sound_input.error
+                or f"{sound_input.lost} frames were lost, for the disk was too slow"
+            )
             self._console.warn(f"the recording of the input: {why}")
         if status.missed:
             missed = status.missed / self._stage.rate
             self._console.warn(
                 f"{missed:.3f} s of frozen parts were read too late, and were silent"
             )
-        is_short = status.dropped or status.missed or heard.gaps
+        is_short = status.dropped or status.missed or sound_input.gaps
         if self._strict and (late or n_gaps or is_short):
             raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")

@@ -32,8 +32,8 @@ _HOW = {
     "still": "nothing: nothing moves it",
 }
 _LOADS, _LARGEST_PARTS = 8, 4  # that are listed one by one
-_HEARD = "pitch, T60, third octaves, strokes"
-_HEAD = ("part", "modules", "computed", "error", _HEARD, "cost", "stable", "left out")
+_BY_EAR_HEAD = "pitch, T60, third octaves, strokes"
+_HEAD = ("part", "modules", "computed", "error", _BY_EAR_HEAD, "cost", "stable", "left out")
 
 
 @click.command()
@@ -56,7 +56,7 @@ def plan(
     why: str | None,
     on: str | None,
     force: bool,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Say how each part is computed, at what cost and error, and what is left out.
 
@@ -66,32 +66,32 @@ def plan(
     check_stdout(output, is_json=console.json)
     from ergon.exchange import machine_speed
 
-    made = make_plan(score_path, AccuracyOptions(**given), report=console)
+    accuracy_plan = make_plan(score_path, AccuracyOptions(**arguments), report=console)
     shares = None
     if on is not None:
         from ergon.api.cluster import count_of
 
-        shares = made.shares(count_of(on, console))
-    rows, seen = list(made.rows), list(made.seen)
+        shares = accuracy_plan.shares(count_of(on, console))
+    rows, seen = list(accuracy_plan.rows), list(accuracy_plan.seen)
     if why is not None:
         rows, seen = _rows_of([*rows, *seen], why), []
     if output is not None:
-        made.write(output, force=force)
+        accuracy_plan.write(output, force=force)
     if console.json:
         for row in rows:
-            console.record("plan_row", **_fields(row), only_seen=row in made.seen)
+            console.record("plan_row", **_fields(row), only_seen=row in accuracy_plan.seen)
         for row in seen:
             console.record("plan_row", **_fields(row), only_seen=True)
         correction = machine_speed.read_correction()
         console.record(
             "plan",
-            hash=made.hash,
-            cost=made.cost,
-            cost_here=None if correction is None else correction * made.cost,
-            plan_s=made.seconds,
-            cut_short=made.is_cut_short,
-            kept=made.is_kept,
-            highest_modes=dict(made.highest_modes),
+            hash=accuracy_plan.hash,
+            cost=accuracy_plan.cost,
+            cost_here=None if correction is None else correction * accuracy_plan.cost,
+            plan_s=accuracy_plan.seconds,
+            cut_short=accuracy_plan.is_cut_short,
+            kept=accuracy_plan.is_kept,
+            highest_modes=dict(accuracy_plan.highest_modes),
         )
         if shares is not None:
             dearest = shares.dearest
@@ -108,7 +108,9 @@ def plan(
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
         shared = "" if shares is None else _shares_text(shares)
-        console.data(_table(rows) + _seen(seen) + _highest(made) + _summary(made) + shared)
+        console.data(
+            _table(rows) + _seen(seen) + _highest(accuracy_plan) + _summary(accuracy_plan) + shared
+        )
 
 
 def _shares_text(shares: Shares) -> str:
@@ -122,24 +124,24 @@ def _shares_text(shares: Shares) -> str:
     text += f"{faster:.1f} times as fast as one, "
     if shares.home > shares.dearest.cost:
         return f"{text}never more than {shares.bound:.1f} times: the rest is computed here\n"
-    own = " + ".join(shares.dearest.parts[:_LARGEST_PARTS])
+    part_names = " + ".join(shares.dearest.parts[:_LARGEST_PARTS])
     more = ", …" if len(shares.dearest.parts) > _LARGEST_PARTS else ""
-    text += f"never more than {shares.bound:.1f} times: {own}{more} cannot be split "
+    text += f"never more than {shares.bound:.1f} times: {part_names}{more} cannot be split "
     return f"{text}(cost {shares.dearest.cost:.2g})\n"
 
 
 def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     """The rows of a part, or of the part of a module."""
     part = module.partition(".")[0]
-    found = [row for row in rows if part in row.parts]
-    if not found:
+    part_rows = [row for row in rows if part in row.parts]
+    if not part_rows:
         from ergon.notation.text.spelling import nearest
 
         known = sorted({name for row in rows for name in row.parts})
         close = nearest(part, known)
         asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(known)}"
         raise Refused(f"--why: no part is called '{part}'{asked}")
-    return found
+    return part_rows
 
 
 def _fields(row: PlanRow) -> dict[str, object]:
@@ -179,7 +181,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
 
 def _table(rows: list[PlanRow]) -> str:
     is_heard = any(row.audible is not None for row in rows)
-    columns = [i for i, head in enumerate(_HEAD) if is_heard or head != _HEARD]
+    columns = [i for i, head in enumerate(_HEAD) if is_heard or head != _BY_EAR_HEAD]
     return table([line[i] for i in columns] for line in (_HEAD, *(_line(row) for row in rows)))
 
 
@@ -188,8 +190,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
 
     computed = _HOW[row.what]
     if row.modes is not None:
-        kept, of = row.modes
-        computed = plural(kept, _mode(row)) + ("" if kept == of else f" of {of:,}")
+        n_used, n_total = row.modes
+        computed = plural(n_used, _mode(row)) + ("" if n_used == n_total else f" of {n_total:,}")
     if row.macrostep is not None:
         computed += f", once in {plural(row.macrostep, 'frame')}"
     if row.every > 1:
@@ -211,12 +213,12 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
     elif row.harder_at is not None:
         error += f" over {row.error_s:.2g} s, then played harder"
-    heard = row.audible
+    by_ear = row.audible
     audible = (
         ""
-        if heard is None
-        else f"{heard.cents:.1f} cents, {100 * heard.t60:.1f}%, {heard.third_octave_db:.1f} dB, "
-        f"{1e3 * max(heard.first_stroke_s, heard.later_stroke_s):.1f} ms"
+        if by_ear is None
+        else f"{by_ear.cents:.1f} cents, {100 * by_ear.t60:.1f}%, {by_ear.third_octave_db:.1f} dB, "
+        f"{1e3 * max(by_ear.first_stroke_s, by_ear.later_stroke_s):.1f} ms"
     )
     return (
         " + ".join(row.parts),
@@ -235,23 +237,23 @@ def _seen(rows: list[PlanRow]) -> str:
     return f"\nseen, and not heard (--see all):\n{_table(rows)}" if rows else ""
 
 
-def _highest(made: Plan) -> str:
+def _highest(accuracy_plan: Plan) -> str:
     """The highest mode of each string and plate."""
-    each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in made.highest_modes.items()]
+    each = [f"{name} {hertz / 1e3:.3g} kHz" for name, hertz in accuracy_plan.highest_modes.items()]
     return f"\nhighest modes: {', '.join(each)}\n" if each else ""
 
 
-def _summary(made: Plan) -> str:
+def _summary(accuracy_plan: Plan) -> str:
     from ergon.exchange import machine_speed
 
-    cost, correction = made.cost, machine_speed.read_correction()
+    cost, correction = accuracy_plan.cost, machine_speed.read_correction()
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
     if correction is not None and cost > 0:
         times += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"
-    planned = f"planned in {made.seconds:.2g} s"
-    if made.is_kept:
+    planned = f"planned in {accuracy_plan.seconds:.2g} s"
+    if accuracy_plan.is_kept:
         planned += " (from the cache)"
-    return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
+    return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {accuracy_plan.hash[:12]}\n"
 
 
 def _mode(row: PlanRow) -> str:
@@ -266,60 +268,64 @@ def _often(row: PlanRow) -> str:
 def _why(row: PlanRow) -> list[str]:
     """How a part is computed, and why, in sentences."""
     name = " + ".join(row.parts)
-    said = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
+    lines = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
     if row.what == "oscillators":
-        said.append("  Nothing ties its masses to each other: each runs exactly, by its own poles.")
+        lines.append(
+            "  Nothing ties its masses to each other: each runs exactly, by its own poles."
+        )
     elif row.what == "unheard":
-        said.append("  No output listens to it, nor to anything that it can move: it is left out.")
+        lines.append("  No output listens to it, nor to anything that it can move: it is left out.")
     elif row.what == "still":
-        said.append("  Nothing ever moves it: what is heard of it is a constant.")
+        lines.append("  Nothing ever moves it: what is heard of it is a constant.")
     elif row.modes is not None:
-        kept, of = row.modes
-        some = f"{plural(kept, _mode(row))} of {of:,}"
-        said.append(f"  It is linear: {some} are computed, each exactly.")
+        n_used, n_total = row.modes
+        some = f"{plural(n_used, _mode(row))} of {n_total:,}"
+        lines.append(f"  It is linear: {some} are computed, each exactly.")
         if row.left_out_db is not None:
-            said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
+            lines.append(
+                f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
+            )
     elif row.macrostep is not None:
         how = "its exact flow (E4)" if row.what == "e4" else "the CA scheme at that rate"
-        said.append(f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by {how}.")
+        lines.append(f"  Its springs pull once in {plural(row.macrostep, 'frame')}, by {how}.")
         if row.offered:
-            said.append("  The planner chose this by itself: it costs less.")
+            lines.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:
-            said.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
+            lines.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
-        said.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
+        lines.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
     else:
-        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
+        lines.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
     if row.because is not None:
-        said.append(f"  It is not computed by modes: {row.because}.")
+        lines.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:
-        said.append(f"  The rate that it asks for is not used for {row.stays}.")
+        lines.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.contact_substeps > 1:
-        said.append("  Closed contacts, and single laws, are computed between frames,")
-        said.append(f"  {row.contact_substeps} steps a frame or more.")
+        lines.append("  Closed contacts, and single laws, are computed between frames,")
+        lines.append(f"  {row.contact_substeps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
-        said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
     if row.audible is not None:
         from ergon.scores.staging.planning import error_text
 
-        said.append(f"  Of that {error_text(row.audible)}.")
+        lines.append(f"  Of that {error_text(row.audible)}.")
     if row.harder_at is not None:
-        said.append(
+        lines.append(
             f"  From {row.harder_at:.3g} s on it is played harder than while that was measured."
         )
     if row.cut_short:
-        said.append("  Planning ended there: its trials had done all the work that they may.")
+        lines.append("  Planning ended there: its trials had done all the work that they may.")
     if row.diverges:
-        said.append("  Its motion diverged in a trial: a render stops there.")
+        lines.append("  Its motion diverged in a trial: a render stops there.")
     if row.spectral_db is not None:
-        said.append("  After that it is chaotic: no two methods give the same waveform;")
-        said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
+        lines.append("  After that it is chaotic: no two methods give the same waveform;")
+        lines.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
     if row.guarantee is not None:
-        said.append(
+        lines.append(
             f"  It cannot diverge: {row.guarantee}."
             if row.guarantee == "proved"
             else f"  Stability: {row.guarantee}."
         )
-        said.append(f"  It costs {row.cost:.2g} of a core at real time.")
-    return said
+        lines.append(f"  It costs {row.cost:.2g} of a core at real time.")
+    return lines

@@ -33,7 +33,7 @@ _playing = options.several(
     is_flag=True,
     help="Play each saved version of the score from the position that is reached.",
 )
-def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
+def play(console: Console, score_path: str, watch: bool, **arguments: Any) -> None:
     """Play a score through the loudspeakers.
 
     A player with a live hand plays its stand-in, which is its written part or a take, unless
@@ -41,13 +41,13 @@ def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
     10 ms.
     """
     if not watch:
-        _play(console, score_path, **given)
+        _play(console, score_path, **arguments)
         return
     from .play_watch import play_watched
 
-    strict = given.pop("strict")
-    given.pop("plain")  # nothing is redrawn
-    play_watched(console, score_path, PlayOptions(**given), strict=strict)
+    strict = arguments.pop("strict")
+    arguments.pop("plain")  # nothing is redrawn
+    play_watched(console, score_path, PlayOptions(**arguments), strict=strict)
 
 
 @click.command()
@@ -55,7 +55,7 @@ def play(console: Console, score_path: str, watch: bool, **given: Any) -> None:
 @options.hands
 @options.declared(PlayOptions, "guide standin record")
 @_playing
-def duet(console: Console, score_path: str, **given: Any) -> None:
+def duet(console: Console, score_path: str, **arguments: Any) -> None:
     """Play a score with real hands beside written ones.
 
     Each `--live` connects one axis of a device to a player's key: the hand on it moves the key and
@@ -63,10 +63,12 @@ def duet(console: Console, score_path: str, **given: Any) -> None:
     written part plays. Before an axis plays for the first time, a small pulse of force finds the
     direction of its motor.
     """
-    _play(console, score_path, **given)
+    _play(console, score_path, **arguments)
 
 
-def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **given: Any) -> None:
+def _play(
+    console: Console, score_path: str, *, plain: bool, strict: bool, **arguments: Any
+) -> None:
     """Play a score to its end, or until Ctrl-C."""
     from dataclasses import replace
     from functools import partial
@@ -75,7 +77,7 @@ def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **giv
 
     from .performance import ShownPerformance
 
-    asked = PlayOptions(**given)
+    asked = PlayOptions(**arguments)
     ready = prepare(score_path, asked, console)
     stage, config, osc = ready.stage, ready.config, ready.osc
     try:

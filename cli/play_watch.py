@@ -40,9 +40,9 @@ def play_watched(console: Console, path: str, asked: PlayOptions, *, strict: boo
     if strict:
         raise Refused("--watch excludes --strict")
     common = {one.name for one in fields(SessionOptions)} & {one.name for one in fields(asked)}
-    given = {name: getattr(asked, name) for name in common}
+    arguments = {name: getattr(asked, name) for name in common}
     with tempfile.TemporaryDirectory(prefix="ergon-play-") as folder:
-        options = SessionOptions(**given, watch=True, journal=Path(folder, "session.jsonl"))
+        options = SessionOptions(**arguments, watch=True, journal=Path(folder, "session.jsonl"))
         session = local_session.begin(path, options, console)
         _core.stop_on_signals([signal.SIGINT], ends=True)
         follow(session, console.say, asked.from_, _looks())

@@ -139,8 +139,8 @@ def _curves(
     stop = max(gesture.stop for gesture in gestures)
     reach = piece.keys[first.key].reach
     curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop, reach)
-    at = "" if key is not None else f" at {score.where(piece, first.start)}"
-    return curves, f"{name}{at} on {first.key}"
+    instant = "" if key is not None else f" at {score.where(piece, first.start)}"
+    return curves, f"{name}{instant} on {first.key}"
 
 
 def _staged(

@@ -21,10 +21,10 @@ def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> R
 
     `span` keeps these ticks, counted from the first row.
     """
-    found = read_quietly(path, span)
-    if found.damage is not None:
-        console.warn(f"{path}: {found.damage}")
-    return found
+    recording = read_quietly(path, span)
+    if recording.damage is not None:
+        console.warn(f"{path}: {recording.damage}")
+    return recording
 
 
 def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:

@@ -53,7 +53,7 @@ def render(
     watch: bool,
     strict: bool,
     freeze: str | None,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Compute the sound of a score, or of a session's journal, into a WAV file.
 
@@ -62,7 +62,7 @@ def render(
     before the first is rendered, and share the processes of --on; one that is refused or diverges
     does not stop the others.
     """
-    asked = FileOptions(**given)
+    asked = FileOptions(**arguments)
     if len(score_paths) > 1:
         if watch or freeze is not None or output == "-":
             which = "--watch" if watch else "--freeze" if freeze is not None else "-o -"
@@ -113,19 +113,19 @@ def _render_several(
     task, count = f"rendering {len(paths)} scores", len(paths)
     # Without --on, scores are rendered one after the other, each with a bar of its own.
     with console.progress(task, count, 0.0) if asked.on else Progress() as progress:
-        for number, one in enumerate(render_several(paths, folder, asked, console), 1):
-            if one.error is not None:
-                failed[one.score] = explain(one.error)
-                console.outcome(failed[one.score])
-            elif one.done is not None:
-                _tell(console, one.done)
-                if strict and _is_silent(one.done):
-                    failed[one.score] = Findings()
+        for number, rendered in enumerate(render_several(paths, folder, asked, console), 1):
+            if rendered.error is not None:
+                failed[rendered.score] = explain(rendered.error)
+                console.outcome(failed[rendered.score])
+            elif rendered.done is not None:
+                _tell(console, rendered.done)
+                if strict and _is_silent(rendered.done):
+                    failed[rendered.score] = Findings()
             progress.at(number)
     if failed:
-        told = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
+        message = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
         kinds = {type(outcome) for outcome in failed.values()}
-        raise (kinds.pop() if len(kinds) == 1 else Findings)(told)
+        raise (kinds.pop() if len(kinds) == 1 else Findings)(message)
 
 
 def render_file(

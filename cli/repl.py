@@ -38,7 +38,7 @@ def repl(
     engine: bool,
     plain: bool,
     strict: bool,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Live-code a score: every line is one musical decision.
 
@@ -49,7 +49,7 @@ def repl(
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
 
-    asked = SessionOptions(**given)
+    asked = SessionOptions(**arguments)
     if score_path is not None and is_pack(score_path):
         from ergon.api.packs import unpack
 

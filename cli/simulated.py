@@ -28,89 +28,95 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, done.rate, done.contacts)
     if done.left_out:
         console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
-    found = [
+    rows = [
         *never_closed_warnings(piece, done),
         *closed_once_warnings(piece, done),
         *never_stuck_warnings(done),
     ]
-    score.show(console, loaded, found)
+    score.show(console, loaded, rows)
 
 
 def _swings(console: Console, moved: Sequence[Excursion]) -> None:
-    for one in moved:
-        if one.point.is_fixed:
+    for movement in moved:
+        if movement.point.is_fixed:
             continue
         if console.json:
-            console.record("swing", mass=one.point.name, low_m=one.low, high_m=one.high)
-        elif one.high > one.low:
-            low, high = metres(one.low), metres(one.high)
-            console.data(f"{one.point.name}: from {low} to {high}\n")
+            console.record(
+                "swing", mass=movement.point.name, low_m=movement.low, high_m=movement.high
+            )
+        elif movement.high > movement.low:
+            low, high = metres(movement.low), metres(movement.high)
+            console.data(f"{movement.point.name}: from {low} to {high}\n")
         else:
-            console.data(f"{one.point.name}: does not move\n")
+            console.data(f"{movement.point.name}: does not move\n")
 
 
 def _contacts(
     console: Console, piece: Piece, rate: float, closed: Sequence[ContactClosings]
 ) -> None:
-    for one in closed:
-        names = f"{one.contact.a.name} on {one.contact.b.name}"
+    for contact in closed:
+        names = f"{contact.contact.a.name} on {contact.contact.b.name}"
         if console.json:
             console.record(
                 "contact",
-                name=one.contact.name,
-                striker=one.contact.a.name,
-                struck=one.contact.b.name,
-                closed=one.times,
-                first_s=None if one.first is None else one.first / rate,
-                deepest_m=one.deepest,
+                name=contact.contact.name,
+                striker=contact.contact.a.name,
+                struck=contact.contact.b.name,
+                closed=contact.times,
+                first_s=None if contact.first is None else contact.first / rate,
+                deepest_m=contact.deepest,
             )
-        elif one.first is not None:
-            first = score.where(piece, one.first / rate)
+        elif contact.first is not None:
+            first = score.where(piece, contact.first / rate)
             console.data(
-                f"{one.contact.name} ({names}): closed {plural(one.times, 'time')}, first at "
-                f"{first}, {metres(one.deepest)} deep at most\n"
+                f"{contact.contact.name} ({names}): closed {plural(contact.times, 'time')}, first "
+                "at "
+                f"{first}, {metres(contact.deepest)} deep at most\n"
             )
 
 
 def _keys(console: Console, piece: Piece, fidelities: Sequence[GestureFidelity]) -> None:
-    for one in fidelities:
-        at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
+    for fidelity in fidelities:
+        instant_text = None if isnan(fidelity.worst_at) else score.where(piece, fidelity.worst_at)
         if console.json:
             console.record(
                 "followed",
-                player=one.player,
-                gesture=one.name,
-                key=one.key,
-                times=one.times,
-                is_layer=one.is_layer,
-                ergons=one.n_ergons,
-                rms_m=one.rms,
-                worst_m=one.worst,
-                worst_at_s=one.worst_at,
-                worst_at=at,
-                pushed_by=one.pushed_by,
-                strongest_m_s=one.strongest,
-                missed=one.missed,
-                first_points_missed=one.first_points_missed,
+                player=fidelity.player,
+                gesture=fidelity.name,
+                key=fidelity.key,
+                times=fidelity.times,
+                is_layer=fidelity.is_layer,
+                ergons=fidelity.n_ergons,
+                rms_m=fidelity.rms,
+                worst_m=fidelity.worst,
+                worst_at_s=fidelity.worst_at,
+                worst_at=instant_text,
+                pushed_by=fidelity.pushed_by,
+                strongest_m_s=fidelity.strongest,
+                missed=fidelity.missed,
+                first_points_missed=fidelity.first_points_missed,
             )
             continue
-        times = f" ×{one.times}" if one.times > 1 else ""
-        words = f"{one.player} {one.name}{times} on {one.key}: "
-        if one.is_layer:
+        times = f" ×{fidelity.times}" if fidelity.times > 1 else ""
+        words = f"{fidelity.player} {fidelity.name}{times} on {fidelity.key}: "
+        if fidelity.is_layer:
             words += "a layer, added to the gesture that runs"
-        elif one.n_ergons == 0:
+        elif fidelity.n_ergons == 0:
             words += "ended by the next gesture before its first ergon"
-        elif at is None:
+        elif instant_text is None:
             words += "followed exactly"
         else:
-            words += f"followed within {metres(one.rms)} rms, worst {metres(one.worst)} at {at}"
-            words += f", pushed by {one.pushed_by}" if one.pushed_by else ""
-        if one.missed:
-            words += f"; {plural(one.missed, 'step')} needed more than the force limit"
-        if one.first_points_missed:
-            words += f"; first point missed {plural(one.first_points_missed, 'time')}"
+            words += (
+                f"followed within {metres(fidelity.rms)} rms, worst {metres(fidelity.worst)} at "
+                f"{instant_text}"
+            )
+            words += f", pushed by {fidelity.pushed_by}" if fidelity.pushed_by else ""
+        if fidelity.missed:
+            words += f"; {plural(fidelity.missed, 'step')} needed more than the force limit"
+        if fidelity.first_points_missed:
+            words += f"; first point missed {plural(fidelity.first_points_missed, 'time')}"
         console.data(words + "\n")
         console.detail(
-            f"  {plural(one.n_ergons, 'ergon')}, the strongest {one.strongest:.3g} m/s; "
-            f"free key from {metres(one.low)} to {metres(one.high)}"
+            f"  {plural(fidelity.n_ergons, 'ergon')}, the strongest {fidelity.strongest:.3g} m/s; "
+            f"free key from {metres(fidelity.low)} to {metres(fidelity.high)}"
         )

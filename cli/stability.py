@@ -99,32 +99,32 @@ def stability(
 
     if score_path is not None and method == SLOW:
         raise Refused(f"--method {SLOW} maps scenes of ergon's own, and takes no SCORE")
-    of = cast("MapMetric", metric)
-    if of == "energy" and method == SLOW:
+    metric_name = cast("MapMetric", metric)
+    if metric_name == "energy" and method == SLOW:
         raise Refused(
             f"--metric energy has no map of --method {SLOW}; use {PLAN} or another method"
         )
-    if of != "energy" and method == PLAN:
+    if metric_name != "energy" and method == PLAN:
         raise Refused(f"--method {PLAN} has maps of its energy alone; add --metric energy")
     loaded = (
         None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
     )
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
-    asked = (method, seconds, accurate, of)
+    asked = (method, seconds, accurate, metric_name)
     maps, title = _maps(loaded, Path(score_path or "").stem, chosen, asked)
     total = sum(one.n_spots for one in maps.values())
     with laboratory.workers(on, score_path, loaded, trust, console) as others:
         surveyors = None if others is None else others.surveyors(*asked)
         with console.progress("mapping", total, 0.0) as progress:
-            found = survey_all(maps, progress.at, surveyors)
+            surveys = survey_all(maps, progress.at, surveyors)
     if console.json:
-        for record in map_table.records(found):
+        for record in map_table.records(surveys):
             console.record("spot", **record)
     else:
-        console.data(map_table.lines(found))
-    table = map_table.csv(found, f"{method}, {title}")
-    laboratory.write(console, stem, table, lambda: draw(found, title), force)
+        console.data(map_table.lines(surveys))
+    table = map_table.csv(surveys, f"{method}, {title}")
+    laboratory.write(console, stem, table, lambda: draw(surveys, title), force)
 
 
 def _maps(

@@ -43,7 +43,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
 @options.trust
 @options.speaking
 def stats(
-    console: Console, score_path: str, parts: tuple[str, ...], cutoff: str, **given: Any
+    console: Console, score_path: str, parts: tuple[str, ...], cutoff: str, **arguments: Any
 ) -> None:
     """Say what instruments and keys are made of, or what hands did in a take, in figures.
 
@@ -68,16 +68,16 @@ def stats(
             f"ergon take import {score_path} -o {Path(score_path).stem}{SUFFIX}"
         )
     try:
-        found = find_stats(score_path, StatsOptions(parts=parts, **given), report=console)
+        part_stats = find_stats(score_path, StatsOptions(parts=parts, **arguments), report=console)
     except OptionError as error:
         if error.option != "parts":
             raise
         raise Refused(f"PART: {error.reason}") from None
     if console.json:
-        for part in found:
+        for part in part_stats:
             _record(console, part)
     else:
-        console.data("\n".join(_lines(part) for part in found))
+        console.data("\n".join(_lines(part) for part in part_stats))
 
 
 def _lines(part: PartStats) -> str:
@@ -104,19 +104,19 @@ def _lines(part: PartStats) -> str:
 
 def _modes(part: PartStats) -> str:
     f, t60 = part.modes.frequencies[part.n_free :], part.modes.t60[part.n_free :]
-    told = f"{plural(len(f), 'mode')} in this range"
+    sentence = f"{plural(len(f), 'mode')} in this range"
     if len(f):
         low, high = (float(t60.min()), float(t60.max()))
         ends = "no loss" if math.isinf(low) else _range((low, high), _seconds)
-        told += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {ends}"
+        sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {ends}"
     if part.n_free:
-        told += f", and {plural(part.n_free, 'motion')} that no spring resists"
+        sentence += f", and {plural(part.n_free, 'motion')} that no spring resists"
     stable = "not known to be stable by up to 16 steps a frame"
     if part.guarantee is not None:
         steps = part.oversampling
         often = "one step a frame" if steps == 1 else f"{steps} steps a frame"
         stable = f"stable by {often} ({part.guarantee})"
-    text = f"{told}; highest of all {part.highest:.2f} Hz; {stable}\n"
+    text = f"{sentence}; highest of all {part.highest:.2f} Hz; {stable}\n"
     bands = zip(part.third_octaves, part.counts, strict=True)
     each = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
     return text + (f"modes by third octave: {', '.join(each)}\n" if each else "")
@@ -131,11 +131,11 @@ def _points(part: PartStats) -> str:
     for point in part.points:
         answer = "no bound" if math.isinf(point.compliance) else metres(point.compliance)
         mean = f"{point.centroid:.1f} Hz"
-        rows.append((point.name, _kilograms(point.mass), answer, mean, _most(part, point)))
+        rows.append((point.name, _kilograms(point.mass), answer, mean, _largest_text(part, point)))
     return f"\n{table(rows)}"
 
 
-def _most(part: PartStats, point: PointStats) -> str:
+def _largest_text(part: PartStats, point: PointStats) -> str:
     order = sorted(range(len(point.shares)), key=lambda i: -point.shares[i])[:_LARGEST]
     return ", ".join(
         f"{part.modes.frequencies[i]:.1f} Hz {100 * point.shares[i]:.3g}%"

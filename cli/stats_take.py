@@ -28,14 +28,14 @@ def print_hand_stats(console: Console, path: str, hands: tuple[str, ...], cutoff
     from ergon.scores.gesture.take_file import TakeError
 
     try:
-        found = take_stats(path, TakeStatsOptions(hands=hands, cutoff=cutoff))
+        hands_stats = take_stats(path, TakeStatsOptions(hands=hands, cutoff=cutoff))
     except TakeError as error:
         raise Refused(error.message) from None
     except OptionError as error:
         if error.option != "hands":
             raise
         raise Refused(f"PART: {error.reason}") from None
-    for hand in found:
+    for hand in hands_stats:
         if console.json:
             _record(console, hand)
         else:
@@ -48,41 +48,48 @@ def _lines(hand: HandStats) -> Iterator[str]:
     last = "" if hand.movement is None else f"{seconds(hand.movement.duration)}, "
     yield f"{hand.hand[:NAMES_MAX]}: {last}{plural(hand.n_ticks, 'tick')}, {lost}{held}"
     if hand.movement is not None:
-        yield from _of_movement(hand.movement)
+        yield from _movement_lines(hand.movement)
     if hand.force is not None:
-        yield from _of_force(hand.force)
+        yield from _force_lines(hand.force)
 
 
-def _of_movement(own: MovementStats) -> Iterator[str]:
+def _movement_lines(movement: MovementStats) -> Iterator[str]:
     yield (
-        f"  position      {metres(own.low)} to {metres(own.high)}, rms {metres(own.rms)} about "
-        f"its mean; {metres(own.path)} in all"
+        f"  position      {metres(movement.low)} to {metres(movement.high)}, rms "
+        f"{metres(movement.rms)} about "
+        f"its mean; {metres(movement.path)} in all"
     )
     yield (
-        f"  speed         peak {metres(own.speed_peak)}/s, rms {metres(own.speed_rms)}/s "
-        f"below {own.cutoff:g} Hz"
+        f"  speed         peak {metres(movement.speed_peak)}/s, rms {metres(movement.speed_rms)}/s "
+        f"below {movement.cutoff:g} Hz"
     )
     yield (
-        f"  acceleration  peak {own.acceleration_peak:.3g} m/s², rms "
-        f"{own.acceleration_rms:.3g} m/s²"
+        f"  acceleration  peak {movement.acceleration_peak:.3g} m/s², rms "
+        f"{movement.acceleration_rms:.3g} m/s²"
     )
-    yield f"  spectrum      of the velocity: {own.centre:.3g} Hz, ±{own.bandwidth:.3g} Hz"
-    turned = f"  reversals     {len(own.reversals):,}"
-    if len(own.strikes):
-        told = ", ".join(f"{t:.3f}" for t in own.strikes[:_LISTED])
-        more = ", …" if len(own.strikes) > _LISTED else ""
-        turned += f"; {plural(len(own.strikes), 'strike')}, at {told}{more} s"
+    yield f"  spectrum      of the velocity: {movement.centre:.3g} Hz, ±{movement.bandwidth:.3g} Hz"
+    turned = f"  reversals     {len(movement.reversals):,}"
+    if len(movement.strikes):
+        instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_LISTED])
+        more = ", …" if len(movement.strikes) > _LISTED else ""
+        turned += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{more} s"
     yield turned
-    if own.smoothness is not None:
-        yield f"  smoothness    {own.smoothness:.3f} (spectral arc length, median of its strokes)"
+    if movement.smoothness is not None:
+        yield (
+            f"  smoothness    {movement.smoothness:.3f} (spectral arc length, median of its "
+            "strokes)"
+        )
 
 
-def _of_force(own: ForceStats) -> Iterator[str]:
-    if not own.peak:
-        yield f"  force         none felt; sent up to {own.sent:.3g} N"
+def _force_lines(force: ForceStats) -> Iterator[str]:
+    if not force.peak:
+        yield f"  force         none felt; sent up to {force.sent:.3g} N"
         return
-    yield f"  force felt    peak {own.peak:.3g} N, rms {own.rms:.3g} N; sent up to {own.sent:.3g} N"
-    yield f"  energy        given {_joules(own.given)}, got back {_joules(own.taken)}"
+    yield (
+        f"  force felt    peak {force.peak:.3g} N, rms {force.rms:.3g} N; sent up to "
+        f"{force.sent:.3g} N"
+    )
+    yield f"  energy        given {_joules(force.given)}, got back {_joules(force.taken)}"
 
 
 def _joules(value: float) -> str:
@@ -93,11 +100,11 @@ def _joules(value: float) -> str:
 
 
 def _record(console: Console, hand: HandStats) -> None:
-    own, force = hand.movement, hand.force
+    moved, force = hand.movement, hand.force
     movement = None
-    if own is not None:
-        movement = {f.name: getattr(own, f.name) for f in fields(own)}
-        movement |= {"reversals": own.reversals.tolist(), "strikes": own.strikes.tolist()}
+    if moved is not None:
+        movement = {f.name: getattr(moved, f.name) for f in fields(moved)}
+        movement |= {"reversals": moved.reversals.tolist(), "strikes": moved.strikes.tolist()}
     console.record(
         "hand",
         hand=hand.hand,

@@ -54,9 +54,11 @@ def print_rendered(console: Console, completed: Completed) -> None:
             threads=job.threads,
             recalled=done.recalled,
         )
-        for one in done.instruments:
-            peak, loudness = decibels(one.peak), one.loudness
-            console.record("instrument", name=one.name, peak_dbfs=peak, loudness_lufs=loudness)
+        for instrument in done.instruments:
+            peak, loudness = decibels(instrument.peak), instrument.loudness
+            console.record(
+                "instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness
+            )
         if job.film is not None:
             duration = job.film.stop / job.format.rate
             console.record("motion", file=str(job.film.path), duration_s=duration)
@@ -84,13 +86,13 @@ def print_rendered(console: Console, completed: Completed) -> None:
     )
     if job.start == 0 and not job.is_part:
         _say_if_quieter(console, job.level, mix)
-    for one in done.instruments:
+    for instrument in done.instruments:
         console.say(
-            f"{one.name}: peak {level(decibels(one.peak), 'dBFS')}, "
-            f"loudness {loudness_of(one.loudness, one.peak, duration)}"
+            f"{instrument.name}: peak {level(decibels(instrument.peak), 'dBFS')}, "
+            f"loudness {loudness_of(instrument.loudness, instrument.peak, duration)}"
         )
-    if (found := dominant_instrument(done.instruments)) is not None:
-        loudest, above = found
+    if (dominant := dominant_instrument(done.instruments)) is not None:
+        loudest, above = dominant
         console.warn(
             f"{loudest.name} is {above:.0f} dB louder than every other instrument; "
             "lower the gain of its route, or raise the others'"
@@ -151,13 +153,13 @@ def _plain_stability(margin: float | None) -> str:
 
 def print_finer_steps(console: Console, reports: Reports) -> None:
     """Say for which parts frames were computed in finer steps, one line or record for each."""
-    for part, frames, most in reports.finer():
+    for part, frames, largest in reports.finer():
         if console.json:
-            console.record("finer", part=part, frames=frames, most=most)
+            console.record("finer", part=part, frames=frames, most=largest)
             continue
         were = "was" if frames == 1 else "were"
         console.say(
-            f"{part}: {plural(frames, 'frame')} {were} computed finer, up to {most} times: "
+            f"{part}: {plural(frames, 'frame')} {were} computed finer, up to {largest} times: "
             "there its links are too stiff for one frame"
         )
 
@@ -193,10 +195,10 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
     form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
-    at_most = "at most " if job.is_open else ""
+    bound = "at most " if job.is_open else ""
     steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     lines = [
-        f"{job.target}: {at_most}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
+        f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
         f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(held)} more while it runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{simulated:,} frames, {steps:.3g} module-steps",

@@ -69,34 +69,36 @@ _SHOWN = {
 @options.force
 @options.trust
 @options.speaking
-def sweep(console: Console, score_path: str, **given: Any) -> None:
+def sweep(console: Console, score_path: str, **arguments: Any) -> None:
     """Render variants of a score, with a table and a picture of what they are like.
 
     TARGET is what `set` of a session names, or seed. Every variant is checked before any is
     rendered. What is stopped keeps what is whole; the same command computes only what is missing. A
     variant that is refused or diverges is a row of the table with its reason.
     """
-    found = make_sweep(score_path, SweepOptions(**given), report=console)
+    sweep_result = make_sweep(score_path, SweepOptions(**arguments), report=console)
     if not console.json:
-        console.data(_lines(found.targets, found.rows))
-    if found.n_known:
-        console.say(f"{plural(found.n_known, 'variant')} of an earlier run kept")
-    console.say(f"wrote {found.table} and {found.picture}")
-    failed = [row for row in found.rows if row.status != "ok"]
+        console.data(_lines(sweep_result.targets, sweep_result.rows))
+    if sweep_result.n_known:
+        console.say(f"{plural(sweep_result.n_known, 'variant')} of an earlier run kept")
+    console.say(f"wrote {sweep_result.table} and {sweep_result.picture}")
+    failed = [row for row in sweep_result.rows if row.status != "ok"]
     if failed:
-        told = f"{plural(len(failed), 'variant')} of {len(found.rows):,} failed; the first: "
+        message = (
+            f"{plural(len(failed), 'variant')} of {len(sweep_result.rows):,} failed; the first: "
+        )
         outcome = Diverged if all(row.status == "diverged" for row in failed) else Findings
-        raise outcome(told + failed[0].reason)
+        raise outcome(message + failed[0].reason)
 
 
 def _lines(targets: tuple[str, ...], rows: tuple[SweepRow, ...]) -> str:
     shown = [name for name in _SHOWN if any(row.figures.get(name) is not None for row in rows)]
     lines = [(*targets, *(_SHOWN[name] for name in shown), "")]
     for row in rows:
-        figures = [_said(row.figures.get(name)) for name in shown]
+        figures = [_value_text(row.figures.get(name)) for name in shown]
         lines.append((*row.values, *figures, "" if row.status == "ok" else row.status))
     return table(lines)
 
 
-def _said(x: float | None) -> str:
+def _value_text(x: float | None) -> str:
     return "-" if x is None else f"{x:.4g}"

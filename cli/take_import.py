@@ -87,15 +87,15 @@ def import_take(
         raise Refused(f"{file} is a recording already")
     hertz = None if rate is None else _hertz(rate, "--rate")
     audio_rate = _hertz(audio, "--audio")
-    found = {}
+    samples_by_name = {}
     try:
         for name in channels or (None,):
             samples = read(path, name, rate=hertz, unit=unit)
             if samples.damage is not None:
                 console.warn(f"{file}: {samples.damage}")
-            found[name or path.stem] = samples.t, samples.x
-        made = recorded(
-            found,
+            samples_by_name[name or path.stem] = samples.t, samples.x
+        take = recorded(
+            samples_by_name,
             rate=audio_rate,
             frames=frames or max(1, round(audio_rate / 1000)),
             source=path.name,
@@ -105,7 +105,7 @@ def import_take(
         raise Refused(f"{error.message}{asked}") from None
     except NotRecordingError as error:
         raise Refused(f"{file}: {error}") from None
-    recording.write(console, made, recording.target(output, path), force=force, dry=dry)
+    recording.write(console, take, recording.target(output, path), force=force, dry=dry)
 
 
 def _hertz(text: str, option: str) -> float:

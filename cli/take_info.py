@@ -50,32 +50,33 @@ def take(console: Console, path: Path) -> None:
 def _recording(console: Console, path: Path) -> None:
     from ergon.exchange.recording import read_description
 
-    found = read_quietly(path)
-    ticks = found.ticks()
-    first = float(ticks[0]) * found.frames / found.rate if len(ticks) else None
-    summary = read_description(found)
-    axes = _axes(found)
+    hand_recording = read_quietly(path)
+    ticks = hand_recording.ticks()
+    first = float(ticks[0]) * hand_recording.frames / hand_recording.rate if len(ticks) else None
+    summary = read_description(hand_recording)
+    axes = _axes(hand_recording)
     if console.json:
         console.record(
             "take",
             file=str(path),
-            rate_hz=found.rate,
-            frames=found.frames,
+            rate_hz=hand_recording.rate,
+            frames=hand_recording.frames,
             ticks=len(ticks),
             first_tick=int(ticks[0]) if len(ticks) else None,
-            duration_s=found.duration,
+            duration_s=hand_recording.duration,
             axes=axes,
-            events=len(found.events),
-            dropped=found.dropped,
-            lost_bytes=found.lost_bytes,
-            finished=found.finished,
+            events=len(hand_recording.events),
+            dropped=hand_recording.dropped,
+            lost_bytes=hand_recording.lost_bytes,
+            finished=hand_recording.finished,
             about=summary,
         )
         return
-    rate = found.rate / found.frames
+    rate = hand_recording.rate / hand_recording.frames
     lines = [
-        f"{path}: {seconds(found.duration)}, {plural(len(ticks), 'tick')} at {rate:.2f} Hz "
-        f"({found.frames} frames of {found.rate:g} Hz)"
+        f"{path}: {seconds(hand_recording.duration)}, {plural(len(ticks), 'tick')} at {rate:.2f} "
+        "Hz "
+        f"({hand_recording.frames} frames of {hand_recording.rate:g} Hz)"
     ]
     if first is not None:
         lines.append(f"  begins {first:.3f} s into the piece")
@@ -89,15 +90,17 @@ def _recording(console: Console, path: Path) -> None:
             if axis["tripped"]:
                 words.append(f", limiter tripped in {plural(axis['tripped'], 'tick')}")
         lines.append("".join(words))
-    if found.events:
-        lines.append(f"  {plural(len(found.events), 'event')}")
+    if hand_recording.events:
+        lines.append(f"  {plural(len(hand_recording.events), 'event')}")
     for name, value in summary.items():
         each = list(value.values()) if isinstance(value, dict) else [value]
         if words := [word for word in each if isinstance(word, str)]:
             lines.append(f"  {name}: {', '.join(words)}")
-    if found.dropped:
-        lines.append(f"  {plural(found.dropped, 'row')} or events were lost for want of room")
-    lines.append(f"  {found.damage or 'whole'}")
+    if hand_recording.dropped:
+        lines.append(
+            f"  {plural(hand_recording.dropped, 'row')} or events were lost for want of room"
+        )
+    lines.append(f"  {hand_recording.damage or 'whole'}")
     console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 
 

@@ -39,7 +39,7 @@ def list_takes(console: Console, folder: str | None) -> None:
 
 def _tell(console: Console, path: Path) -> None:
     try:
-        found = read_quietly(path)
+        recording = read_quietly(path)
     except Outcome as error:
         if console.json:
             console.record("take", file=str(path), error=error.message)
@@ -50,17 +50,17 @@ def _tell(console: Console, path: Path) -> None:
         console.record(
             "take",
             file=str(path),
-            duration_s=found.duration,
-            axes=found.names,
-            events=len(found.events),
-            lost_bytes=found.lost_bytes,
-            finished=found.finished,
+            duration_s=recording.duration,
+            axes=recording.names,
+            events=len(recording.events),
+            lost_bytes=recording.lost_bytes,
+            finished=recording.finished,
         )
         return
-    words = [", ".join(found.names), seconds(found.duration)]
-    if found.events:
-        words.append(plural(len(found.events), "event"))
-    if found.damage is not None:
-        words.append("damaged" if found.lost_bytes else "never finished")
-    told = f"{path}: {', '.join(words)}"[:NAMES_MAX]
-    console.data(printable(told) + "\n")
+    words = [", ".join(recording.names), seconds(recording.duration)]
+    if recording.events:
+        words.append(plural(len(recording.events), "event"))
+    if recording.damage is not None:
+        words.append("damaged" if recording.lost_bytes else "never finished")
+    line = f"{path}: {', '.join(words)}"[:NAMES_MAX]
+    console.data(printable(line) + "\n")

@@ -81,12 +81,12 @@ def record(
 
 
 def _until_over(console: Console, performance: _core.Performance) -> None:
-    told = False
+    reported = False
     while not performance.wait(_LOOK):
         trouble = performance.recording_trouble()
-        if trouble and not told:
+        if trouble and not reported:
             console.warn(f"the recording cannot be written: {trouble}")
-        told = trouble is not None
+        reported = trouble is not None
         # Without its device a hand does not move: there is nothing more to record of it.
         gone = [what for _, what, _ in performance.events() if what == "gone"]
         if gone:
@@ -102,11 +102,11 @@ def _hands(live: tuple[str, ...]) -> LedHands:
     from ergon.live.led_hands import open_led_hands
 
     try:
-        found = boards(parse_live_options(_named(live)), device_urls())
-        if any(board.kind in PAGE_KINDS for board in found):
+        hand_boards = boards(parse_live_options(_named(live)), device_urls())
+        if any(board.kind in PAGE_KINDS for board in hand_boards):
             raise BoardError("a page's key needs a piece: `ergon duet SCORE --record` records it")
         return open_led_hands(
-            [replace(board, calibrations=known_axes(board.url)) for board in found]
+            [replace(board, calibrations=known_axes(board.url)) for board in hand_boards]
         )
     except BoardError as error:
         raise Refused(f"--live: {error}") from None

@@ -45,10 +45,10 @@ def trim(
     head = recording.read_quietly(path, (0, 0))
     rate = head.rate / head.frames
     span = _ticks(begin, rate), _ticks(end, rate)
-    found = recording.read(console, path, span)
-    if not len(found.ticks()):
+    untrimmed = recording.read(console, path, span)
+    if not len(untrimmed.ticks()):
         raise Refused(f"{path}: nothing is recorded from {start} to {stop}")
-    recording.write(console, found, recording.target(output, path), force=force, dry=dry)
+    recording.write(console, untrimmed, recording.target(output, path), force=force, dry=dry)
 
 
 def _seconds(text: str, what: str) -> float:
@@ -65,5 +65,5 @@ def _seconds(text: str, what: str) -> float:
 
 def _ticks(instant: float, rate: float) -> int:
     """The first tick that is not before an instant; rounding errors are allowed for."""
-    most = (1 << 64) - 1
-    return most if instant * rate >= most else math.ceil(instant * rate - 1e-6)
+    largest = (1 << 64) - 1
+    return largest if instant * rate >= largest else math.ceil(instant * rate - 1e-6)

@@ -48,7 +48,7 @@ def tune(
     write: bool,
     output: str | None,
     force: bool,
-    **given: Any,
+    **arguments: Any,
 ) -> None:
     """Find values of an instrument or a key that bring its modes to given frequencies.
 
@@ -62,23 +62,23 @@ def tune(
         raise Refused("--write does not change a pack; -o writes the score, and `ergon unpack` all")
     check_stdout(output, is_json=console.json)
     try:
-        found = find_tuning(
-            score_path, part, _targets(targets), TuneOptions(**given), report=console
+        tuning = find_tuning(
+            score_path, part, _targets(targets), TuneOptions(**arguments), report=console
         )
     except OptionError as error:
         if error.option not in _ARGUMENTS:
             raise
         raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
     if console.json:
-        _record(console, found)
+        _record(console, tuning)
     elif output != "-":
-        console.data(_lines(found))
-    if not found.is_reached:
-        raise Refused(_unreached(found))
-    if found.edited is None and not (write or output is not None):
-        console.warn(f"--write would leave the score as it is: {found.trouble}")
+        console.data(_lines(tuning))
+    if not tuning.is_reached:
+        raise Refused(_unreached(tuning))
+    if tuning.edited is None and not (write or output is not None):
+        console.warn(f"--write would leave the score as it is: {tuning.trouble}")
     if write or output is not None:
-        _write(console, score_path, found, output, force)
+        _write(console, score_path, tuning, output, force)
 
 
 def _targets(words: tuple[str, ...]) -> Any:
@@ -89,34 +89,34 @@ def _targets(words: tuple[str, ...]) -> Any:
         raise Refused("TARGET: give one list of ratios, such as 1:2.76:5.4, or frequencies")
     if not any("=" in word for word in words):
         return list(words)
-    found: dict[int, str] = {}
+    targets: dict[int, str] = {}
     for word in words:
         number, _, frequency = word.partition("=")
         if not number.isdecimal() or not frequency:
             raise Refused(f"TARGET: '{word}' is not MODE=FREQUENCY, such as 3=A5")
-        if int(number) in found:
+        if int(number) in targets:
             raise Refused(f"TARGET: mode {int(number)} is given twice")
-        found[int(number)] = frequency
-    return found
+        targets[int(number)] = frequency
+    return targets
 
 
-def _lines(found: Tuned) -> str:
+def _lines(tuned: Tuned) -> str:
     modes = [("mode", "before", "target", "reached", "off")]
-    for i, number in enumerate(found.modes):
+    for i, number in enumerate(tuned.modes):
         modes.append(
             (
                 str(number),
-                f"{found.before[i]:.3f} Hz",
-                f"{found.targets[i]:.3f} Hz",
-                f"{found.frequencies[i]:.3f} Hz",
-                _cents(float(found.cents[i])),
+                f"{tuned.before[i]:.3f} Hz",
+                f"{tuned.targets[i]:.3f} Hz",
+                f"{tuned.frequencies[i]:.3f} Hz",
+                _cents(float(tuned.cents[i])),
             )
         )
-    text = f"{found.part}: {plural(len(found.modes), 'mode')}\n{table(modes, right=True)}"
-    if not found.values:
+    text = f"{tuned.part}: {plural(len(tuned.modes), 'mode')}\n{table(modes, right=True)}"
+    if not tuned.values:
         return f"{text}no value changes\n"
     values = [("value", "now [SI]", "times", "to be written")]
-    for value in found.values:
+    for value in tuned.values:
         times = f"{value.after / value.before:.6g}"
         values.append((value.name, f"{value.before:.6g}", times, value.text))
     return f"{text}\n{table(values)}"
@@ -126,52 +126,52 @@ def _cents(off: float) -> str:
     return "0 cents" if abs(off) <= REACHED else f"{off:+.4g} cents"
 
 
-def _unreached(found: Tuned) -> str:
+def _unreached(tuned: Tuned) -> str:
     """Which targets were not reached, and why."""
-    off = found.cents
+    off = tuned.cents
     worst = max(range(len(off)), key=lambda i: abs(off[i]))
     side = "above" if off[worst] > 0 else "below"
-    by = f"{plural(len(found.values), 'value')} that may change"
-    ways = "1 independent way" if found.rank == 1 else f"{found.rank} independent ways"
+    by = f"{plural(len(tuned.values), 'value')} that may change"
+    ways = "1 independent way" if tuned.rank == 1 else f"{tuned.rank} independent ways"
     return (
-        f"the targets cannot be reached together: mode {found.modes[worst]} stays "
+        f"the targets cannot be reached together: mode {tuned.modes[worst]} stays "
         f"{abs(off[worst]):.4g} cents {side} its target. The {by} move the "
         f"{plural(len(off), 'mode')} in {ways}; tune by other values, or fewer modes"
     )
 
 
 def _write(
-    console: Console, score_path: str, found: Tuned, output: str | None, force: bool
+    console: Console, score_path: str, tuned: Tuned, output: str | None, force: bool
 ) -> None:
     from ergon.exchange.safe import write_text
 
-    if found.edited is None:
-        raise Refused(f"the score is left as it is: {found.trouble}")
+    if tuned.edited is None:
+        raise Refused(f"the score is left as it is: {tuned.trouble}")
     if output is not None:
-        write_text(output, found.edited, force=force, inputs=found.inputs)
+        write_text(output, tuned.edited, force=force, inputs=tuned.inputs)
         if output != "-":
             console.say(f"wrote {output}")
         return
     if score_path == "-":
         raise Refused("--write needs a score in a file; write to stdout by -o -")
     # The composer asks for this, and the score stays the composer's own file.
-    write_text(Path(score_path), found.edited, force=True, replaceable=False)
-    console.say(f"wrote {plural(len(found.values), 'value')} into {score_path}")
+    write_text(Path(score_path), tuned.edited, force=True, replaceable=False)
+    console.say(f"wrote {plural(len(tuned.values), 'value')} into {score_path}")
 
 
-def _record(console: Console, found: Tuned) -> None:
-    for value in found.values:
+def _record(console: Console, tuned: Tuned) -> None:
+    for value in tuned.values:
         console.record(
             "value", name=value.name, before=value.before, after=value.after, text=value.text
         )
     console.record(
         "tuned",
-        part=found.part,
-        modes=list(found.modes),
-        before_hz=found.before.tolist(),
-        target_hz=found.targets.tolist(),
-        frequency_hz=found.frequencies.tolist(),
-        cents=found.cents.tolist(),
-        reached=found.is_reached,
-        rank=found.rank,
+        part=tuned.part,
+        modes=list(tuned.modes),
+        before_hz=tuned.before.tolist(),
+        target_hz=tuned.targets.tolist(),
+        frequency_hz=tuned.frequencies.tolist(),
+        cents=tuned.cents.tolist(),
+        reached=tuned.is_reached,
+        rank=tuned.rank,
     )

@@ -99,11 +99,13 @@ def view(
     --movie a browser without a window draws a film, picture by picture.
     """
     path = Path(score_path)
-    given = {name: value for name, value in film.items() if value is not None}
-    if movie is None and given:
-        name = next(iter(given))
+    film_options = {name: value for name, value in film.items() if value is not None}
+    if movie is None and film_options:
+        name = next(iter(film_options))
         raise Refused(f"--{_FLAGS.get(name, name)} needs --movie; it says how a film is made")
-    maker = None if movie is None else _maker(movie, given | {"strobe": strobe, "force": force})
+    maker = (
+        None if movie is None else _maker(movie, film_options | {"strobe": strobe, "force": force})
+    )
     with TemporaryDirectory(prefix="ergon-view-") as folder:
         shown = shown_of(console, path, Path(folder), sound=sound, trust=trust, see=see)
         if maker is not None:
@@ -138,7 +140,7 @@ def shown_of(
             f"--{name} needs a score, because what {path} holds is fixed; leave --{name} out"
         )
     if is_motion:
-        return _of_motion(console, path, sound, folder)
+        return _shown_motion(console, path, sound, folder)
     from ergon.api.options import FileOptions
     from ergon.api.viewing import render_view
 
@@ -146,22 +148,24 @@ def shown_of(
     return render_view(path, folder, rendered, console)
 
 
-def _of_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
+def _shown_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
     from ergon.api.viewing import Shown, for_two_ears, sound_beside
     from ergon.exchange.wave_header import NotWaveError
 
-    found = sound or sound_beside(path, console)
+    sound_file = sound or sound_beside(path, console)
     try:
-        return Shown(path, None if found is None else for_two_ears(found, folder, console))
+        return Shown(
+            path, None if sound_file is None else for_two_ears(sound_file, folder, console)
+        )
     except NotWaveError as error:
-        raise Refused(f"{found}: {error}") from None
+        raise Refused(f"{sound_file}: {error}") from None
 
 
-def serve_shown(console: Console, shown: Shown, at: str, asked: list[str]) -> None:
+def serve_shown(console: Console, shown: Shown, address: str, asked: list[str]) -> None:
     """Serve the page with a motion file until Ctrl-C; `asked` are words of the page's address."""
     from ergon.api.pages import serve
 
-    server = serve(at, "at", console, shown.motion, shown.sound)
+    server = serve(address, "at", console, shown.motion, shown.sound)
     try:
         url = server.url + ("?" + "&".join(asked) if asked else "")
         if console.json:
@@ -173,29 +177,30 @@ def serve_shown(console: Console, shown: Shown, at: str, asked: list[str]) -> No
         server.close()
 
 
-def _maker(movie: str, given: dict[str, Any]) -> MovieMaker:
+def _maker(movie: str, film_options: dict[str, Any]) -> MovieMaker:
     from ergon.workshop.api.movie import MovieMaker, MovieOptions
 
-    return MovieMaker(movie, MovieOptions(**given))
+    return MovieMaker(movie, MovieOptions(**film_options))
 
 
 def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:
-    made = maker.make(shown, console)
+    film_made = maker.make(shown, console)
     if console.json:
         console.record(
             "filmed",
-            file=made.path,
-            pictures=made.n_pictures,
-            seconds=made.seconds,
-            width=made.width,
-            height=made.height,
-            sound=made.has_sound,
+            file=film_made.path,
+            pictures=film_made.n_pictures,
+            seconds=film_made.seconds,
+            width=film_made.width,
+            height=film_made.height,
+            sound=film_made.has_sound,
         )
         return
-    sound = "with sound" if made.has_sound else "no sound"
+    sound = "with sound" if film_made.has_sound else "no sound"
     console.say(
-        f"{made.path}: {made.n_pictures:,} pictures of {made.width}x{made.height}, "
-        f"{seconds(made.seconds)}, {sound}"
+        f"{film_made.path}: {film_made.n_pictures:,} pictures of "
+        f"{film_made.width}x{film_made.height}, "
+        f"{seconds(film_made.seconds)}, {sound}"
     )
 
 

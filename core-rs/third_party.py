@@ -32,24 +32,24 @@ def metadata() -> dict[str, Any]:
     """What cargo knows of all packages."""
     command = ["cargo", "metadata", "--format-version", "1", "--locked"]
     done = subprocess.run(command, cwd=_ROOT, capture_output=True, check=True)
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    metadata_json: dict[str, Any] = json.loads(done.stdout)
+    return metadata_json
 
 
-def linked(found: dict[str, Any]) -> list[dict[str, Any]]:
+def linked(metadata_json: dict[str, Any]) -> list[dict[str, Any]]:
     """Packages that are linked in, in order of their names."""
-    packages = {package["id"]: package for package in found["packages"]}
-    nodes = {node["id"]: node for node in found["resolve"]["nodes"]}
+    packages = {package["id"]: package for package in metadata_json["packages"]}
+    nodes = {node["id"]: node for node in metadata_json["resolve"]["nodes"]}
     top = next(key for key, package in packages.items() if package["name"] == _TOP)
     seen, waiting = {top}, [top]
     while waiting:
-        for one in nodes[waiting.pop()]["deps"]:
-            is_linked = any(kind["kind"] is None for kind in one["dep_kinds"])
-            targets = packages[one["pkg"]]["targets"]
+        for dependency in nodes[waiting.pop()]["deps"]:
+            is_linked = any(kind["kind"] is None for kind in dependency["dep_kinds"])
+            targets = packages[dependency["pkg"]]["targets"]
             is_macro = any("proc-macro" in target["kind"] for target in targets)
-            if is_linked and not is_macro and one["pkg"] not in seen:
-                seen.add(one["pkg"])
-                waiting.append(one["pkg"])
+            if is_linked and not is_macro and dependency["pkg"] not in seen:
+                seen.add(dependency["pkg"])
+                waiting.append(dependency["pkg"])
     others = (packages[key] for key in seen if packages[key]["source"] is not None)
     return sorted(others, key=lambda package: (package["name"], package["version"]))
 
@@ -73,9 +73,9 @@ def page(packages: list[dict[str, Any]]) -> str:
         name = f"{package['name']} {package['version']}"
         by = ", ".join(author.split(" <")[0] for author in package["authors"])
         row = f"{name}: {package['license'] or 'see below'}{f', by {by}' if by else ''}"
-        found = [*texts(package)]
-        rows.append(row if found else f"{row} (it ships no text of its licence)")
-        for text in found:
+        licence_texts = [*texts(package)]
+        rows.append(row if licence_texts else f"{row} (it ships no text of its licence)")
+        for text in licence_texts:
             by_text.setdefault(text, []).append(name)
     parts = [_HEAD, "\n".join(rows) + "\n"]
     for text, names in by_text.items():

@@ -196,9 +196,9 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'ergon' has no attribute '{name}'", name=name)
     from importlib import import_module
 
-    found: object = getattr(import_module(f"ergon.{place}"), name)
-    globals()[name] = found
-    return found
+    attribute: object = getattr(import_module(f"ergon.{place}"), name)
+    globals()[name] = attribute
+    return attribute
 
 
 def __dir__() -> list[str]:

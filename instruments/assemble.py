@@ -77,8 +77,8 @@ class Assembly:
                         first = add(self.network, module.name, fields, self.seed)
                     else:
                         who = ".".join((name, module.name))
-                        own = module.kind, module.name, fields
-                        first = add_points(self.network, *own, self._chance(who), who)
+                        labels = module.kind, module.name, fields
+                        first = add_points(self.network, *labels, self._chance(who), who)
                         count = member_count(module.kind, fields)
                         firsts = along(first, count, space.axes)
                         self.points[name, module.name] = firsts
@@ -142,11 +142,11 @@ class Assembly:
                 continue
             first = self.network.n_lia
             with self._collecting_refusals():
-                own = list(single_links(module))
-                for one in own:
-                    self.link(name, one, *one.fields["between"], reach=reach)
+                links = list(single_links(module))
+                for link in links:
+                    self.link(name, link, *link.fields["between"], reach=reach)
                 if module.fields.get("box") is not None:
-                    self.walls[name, module.name] = [self.links[name, one.name] for one in own]
+                    self.walls[name, module.name] = [self.links[name, link.name] for link in links]
             self.links[name, module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
@@ -157,9 +157,9 @@ class Assembly:
             return index
         ends = self.mat(a), self.mat(b)
         if by := following.values(module, self.mat):
-            own = picked(module.fields, "law", "damping", "constants", "rest")
-            own = {"law": None, "damping": None} | own
-            index = self.network.following_lnl(module.name, *ends, follows=by, **own)
+            law_fields = picked(module.fields, "law", "damping", "constants", "rest")
+            law_fields = {"law": None, "damping": None} | law_fields
+            index = self.network.following_lnl(module.name, *ends, follows=by, **law_fields)
         else:
             add = KINDS[module.kind].add
             fields = _seen(module.fields, reach)
@@ -172,23 +172,27 @@ class Assembly:
         first, second = self.coordinates(a), self.coordinates(b)
         if is_pairwise(module.kind, fields, (a, b)):
             groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
-            own = picked(fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core")
-            own |= picked(fields, "cohesion", "reach")
-            own["inside"] = fields.get("side") == "inside"
-            own["normal"] = unit(fields.get("normal"))
+            contact_fields = picked(
+                fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core"
+            )
+            contact_fields |= picked(fields, "cohesion", "reach")
+            contact_fields["inside"] = fields.get("side") == "inside"
+            contact_fields["normal"] = unit(fields.get("normal"))
             if (surface := fields.get("mesh")) is not None:
-                own["surface"] = surface.corners, surface.faces
-            return self.network.pairwise(module.name, *groups, **own)
+                contact_fields["surface"] = surface.corners, surface.faces
+            return self.network.pairwise(module.name, *groups, **contact_fields)
         if module.kind == "BUT":
-            own = picked(fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach")
-            return self.network.space_but(module.name, first, second, **own)
+            contact_fields = picked(
+                fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"
+            )
+            return self.network.space_but(module.name, first, second, **contact_fields)
         rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
         if rest is None:
             rest = self.network.distance(first, second)
         if module.kind == "LNL":
             return self.network.space_lnl(module.name, first, second, law(fields), rest)
-        own = picked(fields, "K", "Z", "yields", "breaks", "core")
-        return self.network.space_ref(module.name, first, second, rest=rest, **own)
+        contact_fields = picked(fields, "K", "Z", "yields", "breaks", "core")
+        return self.network.space_ref(module.name, first, second, rest=rest, **contact_fields)
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
         """A function that gives each member of a module, by index, its own random numbers."""

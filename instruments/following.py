@@ -11,7 +11,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Name, NamesOf, Shape
 
-MOST = 4  # constants of one law
+CONSTANTS_MAX = 4  # constants of one law
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
         Field("offset", k.POSITION, "added to the position", 0.0),
         Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
     )
-    own = Record("following", "a value that goes by where a MAT is", fields, build)
-    return Field("follows", NamesOf(own, "parameter"), doc, ())
+    record = Record("following", "a value that goes by where a MAT is", fields, build)
+    return Field("follows", NamesOf(record, "parameter"), doc, ())
 
 
 def of(module: Module) -> Mapping[str, Following]:
@@ -85,8 +85,11 @@ def check_constants(values: Values) -> None:
         if name in values.nodes:
             message = f"{values.context.of(name)}: it follows a MAT too; keep one of the two"
             values.error("E111", message, name)
-    if len(written) > MOST:
-        message = f"{values.context.of('follows')}: at most {MOST} constants of a law follow MATs"
+    if len(written) > CONSTANTS_MAX:
+        message = (
+            f"{values.context.of('follows')}: at most {CONSTANTS_MAX} constants of a law follow "
+            "MATs"
+        )
         values.error("E105", message, "follows")
 
 
@@ -97,7 +100,7 @@ def values(
     of the span.
     """
     return [
-        (name, (mat(own.of), own.offset, own.span, own.start, own.stop))
-        for name, own in of(module).items()
-        if isinstance(own.of, Target)
+        (name, (mat(value.of), value.offset, value.span, value.start, value.stop))
+        for name, value in of(module).items()
+        if isinstance(value.of, Target)
     ]

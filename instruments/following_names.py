@@ -23,17 +23,17 @@ def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Modu
         message = f"{who}: follows: what follows a MAT stands in an instrument, not in a key"
         part_names.collector.error("E304", message, place)
         return replace(module, fields={**module.fields, "follows": ()})
-    found: dict[str, following.Following] = {}
-    for name, own in written.items():
-        if own is MISSING or not isinstance(own.of, Name):
+    by_parameter: dict[str, following.Following] = {}
+    for name, value in written.items():
+        if value is MISSING or not isinstance(value.of, Name):
             continue
-        target = part_names.target(own.of, "mat", f"{who}: follows: {name}", part)
+        target = part_names.target(value.of, "mat", f"{who}: follows: {name}", part)
         if target is not None:
-            found[name] = replace(own, of=target)
+            by_parameter[name] = replace(value, of=target)
         if target is not None and _is_itself(module, part, target):
             message = f"{who}: follows: {quote(target.text)} is this mass itself; name another"
             part_names.collector.error("E304", message, target.place)
-    return replace(module, fields={**module.fields, "follows": found})
+    return replace(module, fields={**module.fields, "follows": by_parameter})
 
 
 def _is_itself(module: Module, part: Part, target: Target) -> bool:

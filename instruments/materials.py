@@ -101,22 +101,22 @@ def _material(values: Values) -> Any:
     if any(name not in values.given for name in values.nodes):
         return MISSING  # reported
     like = values["like"]
-    own = {name: value for name, value in values.given.items() if name != "like"}
+    parameters = {name: value for name, value in values.given.items() if name != "like"}
     if like is not None:
-        if "young" in own:  # a material without a grain
-            own.setdefault("across", None)
-        return replace(MATERIALS[like], **own)
-    missing = [name for name in ("density", "young", "poisson", "loss") if name not in own]
+        if "young" in parameters:  # a material without a grain
+            parameters.setdefault("across", None)
+        return replace(MATERIALS[like], **parameters)
+    missing = [name for name in ("density", "young", "poisson", "loss") if name not in parameters]
     if missing:
         message = f"{values.context.of('material')} has no {', '.join(missing)}; write "
         message += "what is missing, or a named material that it is `like`"
         values.context.error("E103", message, values.node.place)
         return MISSING
-    return Material(**own, source="written")
+    return Material(**parameters, source="written")
 
 
 _NAMED = choice(*MATERIALS)
-OWN_MATERIAL = Record(
+MATERIAL_RECORD = Record(
     "material",
     "a material of one's own, or a named one with other values",
     (
@@ -141,4 +141,4 @@ class MaterialShape(Either):
         return MATERIALS[value] if isinstance(value, str) else value
 
 
-MATERIAL = MaterialShape(_NAMED, OWN_MATERIAL)
+MATERIAL = MaterialShape(_NAMED, MATERIAL_RECORD)

@@ -48,7 +48,7 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
             return values
         if any(name not in values.given for name in values.nodes):
             return None  # a field was refused already
-        found = resolve(values, values.given["material"])
+        resolved = resolve(values, values.given["material"])
     except _Refused as refused:
         if not quietly:
             where = values.context.of(refused.field)
@@ -56,11 +56,11 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
         return None
     place = values.nodes["material"]
     gone = (*MATTER, "masses") if kind == "PLATE" else MATTER
-    given = {name: value for name, value in values.given.items() if name not in gone}
+    fields = {name: value for name, value in values.given.items() if name not in gone}
     nodes = {name: node for name, node in values.nodes.items() if name not in gone}
-    found = {name: value for name, value in found.items() if value is not None}
-    nodes |= {name: nodes.get(name, place) for name in found}
-    return replace(values, given={**given, **found}, nodes=nodes)
+    resolved = {name: value for name, value in resolved.items() if value is not None}
+    nodes |= {name: nodes.get(name, place) for name in resolved}
+    return replace(values, given={**fields, **resolved}, nodes=nodes)
 
 
 def _needs_material(kind: str, values: Values) -> None:
@@ -115,23 +115,23 @@ def _pitch(f: float) -> float:
 
 
 def _string(values: Values, matter: Material) -> dict[str, Any]:
-    given = dict(values.given)
+    fields = dict(values.given)
     stretch = 2.0 if values["ends"] == "left" else 1.0  # a quarter of a wave fits, not a half
-    if "M" in given:
-        if "length" not in given:
+    if "M" in fields:
+        if "length" not in fields:
             raise _Refused("E103", "a written mass needs the length too", "M")
-        share = _string_share(values["ends"], given.get("masses", _STRING_MASSES[0]))
-        line = given["M"] / (share * given["length"])
-        given.setdefault("diameter", sqrt(4.0 * line / (pi * matter.density)))
-        values = replace(values, given=given)
+        share = _string_share(values["ends"], fields.get("masses", _STRING_MASSES[0]))
+        line = fields["M"] / (share * fields["length"])
+        fields.setdefault("diameter", sqrt(4.0 * line / (pi * matter.density)))
+        values = replace(values, given=fields)
     unknown = _open(values, ("length", "diameter", "f", "tension"), "a STRING of a material")
     plain = bool(values.written("stiffness"))
-    bent = 0.0 if plain else given.get("inharmonicity")  # B, if it is written
-    length, diameter = given.get("length", 0.0) * stretch, given.get("diameter", 0.0)
+    bent = 0.0 if plain else fields.get("inharmonicity")  # B, if it is written
+    length, diameter = fields.get("length", 0.0) * stretch, fields.get("diameter", 0.0)
     line = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
-    if "M" in given:
-        line = given["M"] / (share * given["length"])
-    f, tension = given.get("f", 0.0), given.get("tension", 0.0)
+    if "M" in fields:
+        line = fields["M"] / (share * fields["length"])
+    f, tension = fields.get("f", 0.0), fields.get("tension", 0.0)
     young = matter.young if bent is None else 0.0
     stiff = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
     more = 1.0 + (bent or 0.0)
@@ -156,17 +156,17 @@ def _string(values: Values, matter: Material) -> dict[str, Any]:
     if unknown == "f":
         f = _pitch(sqrt(tension / line * (1.0 + inharmonicity)) / (2.0 * length))
     low, high = _STRING_MASSES
-    masses = given.get("masses") or min(max(low, ceil(2.0 * AUDIBLE_TOP / f)), high)
+    masses = fields.get("masses") or min(max(low, ceil(2.0 * AUDIBLE_TOP / f)), high)
     mass = line * length / stretch * _string_share(values["ends"], masses)
-    found = {"masses": masses, "M": given.get("M", mass), "f": f}
+    resolved = {"masses": masses, "M": fields.get("M", mass), "f": f}
     if not plain:
-        found["inharmonicity"] = inharmonicity
-    if "t60" not in given:
+        resolved["inharmonicity"] = inharmonicity
+    if "t60" not in fields:
         curved = stiff / (pi * pi)
-        found["t60"] = _decays(
+        resolved["t60"] = _decays(
             f, lambda at: _string_loss(at, line, diameter, tension, curved, matter.loss)
         )
-    return found
+    return resolved
 
 
 def _string_share(ends: str, masses: int) -> float:
@@ -202,24 +202,24 @@ def _decays(f: float, loss: Any) -> Any:
 
 
 def _plate(values: Values, matter: Material) -> dict[str, Any]:
-    given = dict(values.given)
-    is_disc = _is_size(given.get("radius"))
+    fields = dict(values.given)
+    is_disc = _is_size(fields.get("radius"))
     _plate_form(values, "disc" if is_disc else "rectangle")
     is_membrane = _is_membrane(values)
     rim = "fixed" if is_membrane else values["rim"]
-    wide, high = (2.0 * given["radius"],) * 2 if is_disc else given["sides"]
+    wide, high = (2.0 * fields["radius"],) * 2 if is_disc else fields["sides"]
     area = pi * wide * high / 4.0 if is_disc else wide * high
-    if "M" in given and "thickness" not in given:
-        mesh, share = _mesh(is_disc, rim, wide, high, given.get("masses", _MASSES[0]), is_membrane)
-        given["thickness"] = given["M"] / (share * area * matter.density)
-        values = replace(values, given=given)
+    if "M" in fields and "thickness" not in fields:
+        mesh, share = _mesh(is_disc, rim, wide, high, fields.get("masses", _MASSES[0]), is_membrane)
+        fields["thickness"] = fields["M"] / (share * area * matter.density)
+        values = replace(values, given=fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
     unknown = _open(values, names, "a PLATE of a material and a size")
-    thickness, f, tension = (given.get(name, 0.0) for name in ("thickness", "f", "tension"))
-    poisson = given.get("bending") or matter.poisson
+    thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
+    poisson = fields.get("bending") or matter.poisson
     wave = 2.0 * pi * f
     if is_membrane:
-        shape = _DISC_MEMBRANE / given["radius"] if is_disc else _held(wide, high)
+        shape = _DISC_MEMBRANE / fields["radius"] if is_disc else _held(wide, high)
         if unknown == "tension":
             tension = thickness * matter.density * (wave / shape) * (wave / shape)
         elif unknown == "thickness":
@@ -231,23 +231,23 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
         shape = (
-            _disc(rim, poisson, given["radius"])
+            _disc(rim, poisson, fields["radius"])
             if is_disc
             else _rectangle(rim, poisson, wide, high)
         )
-        bend = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or wave / (shape * bend)
-        f = f or _pitch(shape * bend * thickness / (2.0 * pi))
-        need = (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP / (bend * thickness)
-    masses = given.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
+        flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
+        thickness = thickness or wave / (shape * flexural_speed)
+        f = f or _pitch(shape * flexural_speed * thickness / (2.0 * pi))
+        need = (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP / (flexural_speed * thickness)
+    masses = fields.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
     mesh, share = _mesh(is_disc, rim, wide, high, masses, is_membrane)
     mass = thickness * matter.density * area * share
-    found = {**mesh, "rim": rim, "M": given.get("M", mass), "f": f}
+    resolved = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
     if not is_membrane:
-        found["bending"] = poisson
-    if "t60" not in given:
-        found["t60"] = _decays(f, lambda _: matter.loss)
-    return found
+        resolved["bending"] = poisson
+    if "t60" not in fields:
+        resolved["t60"] = _decays(f, lambda _: matter.loss)
+    return resolved
 
 
 def _is_membrane(values: Values) -> bool:
@@ -257,21 +257,21 @@ def _is_membrane(values: Values) -> bool:
 
 def _plate_form(values: Values, shape: str) -> None:
     """Refuse fields that contradict each other."""
-    given = values.given
+    fields = values.given
     if values.written("radius") and values.written("sides"):
         raise _Refused("E111", "`radius` is written too; keep one of the two", "sides")
-    if not _is_size(given.get("radius" if shape == "disc" else "sides")):
+    if not _is_size(fields.get("radius" if shape == "disc" else "sides")):
         message = "a PLATE of a material needs its size: radius: 30cm, or sides: [40cm, 25cm]"
         raise _Refused("E103", message)
-    if given.get("shape", shape) != shape:
+    if fields.get("shape", shape) != shape:
         message = f"a PLATE of a material with this size is a {shape}; remove the shape"
         raise _Refused("E111", message, "shape")
     if not _is_membrane(values):
         return
-    if given.get("bending") is not None:
+    if fields.get("bending") is not None:
         message = "a membrane under tension does not bend; remove one of tension and bending"
         raise _Refused("E111", message, "bending")
-    if given.get("rim") == "free":
+    if fields.get("rim") == "free":
         message = "a membrane under tension is held at its rim; write `rim: fixed`"
         raise _Refused("E111", message, "rim")
 
@@ -283,21 +283,21 @@ def _mesh(
     them.
     """
     if is_disc:
-        rings, most = _RINGS
-        while 3 * rings * (rings + 1) + 1 < masses and rings < most:
+        rings, rings_max = _RINGS
+        while 3 * rings * (rings + 1) + 1 < masses and rings < rings_max:
             rings += 1
         inner = (rings - 0.5) / rings
         share = inner * inner if rim == "fixed" else 1.0
         return {"shape": "disc", "radius": rings}, share
     # The number of gaps between masses, including those to a fixed rim.
     more = 1 if rim == "fixed" else -1
-    low, most = _SIDES[0] + more, (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more
+    low, rings_max = _SIDES[0] + more, (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more
     short, long = min(wide, high), max(wide, high)
     ratio = long / short
     first = max(low, round(sqrt(masses / ratio)) + more)
-    gaps = [n for n in range(first, first + 4) if n * ratio <= most]
+    gaps = [n for n in range(first, first + 4) if n * ratio <= rings_max]
     if not gaps:
-        message = f"its sides are {ratio:.3g} to 1, more than a mesh of at most {most - more} "
+        message = f"its sides are {ratio:.3g} to 1, more than a mesh of at most {rings_max - more} "
         raise _Refused("E202", message + "masses a side can have; make it squarer", "sides")
     best = min(gaps, key=lambda n: abs(round(n * ratio) / (n * ratio) - 1.0))
     counts = best - more, round(best * ratio) - more

@@ -40,7 +40,7 @@ class EachShape(Either):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         value = Either.read(self, node, name, context)
-        is_list = value is not MISSING and self._of(node) is self.sequence
+        is_list = value is not MISSING and self._shape_for(node) is self.sequence
         return Each(value) if is_list else value
 
 
@@ -57,10 +57,10 @@ def listed(values: Values) -> Values | None:
     """The fields of a BANK whose modes are listed, with its count; None if an error was
     reported.
     """
-    given, nodes = dict(values.given), dict(values.nodes)
-    if any(name not in given for name in ("f", "t60", "gain") if name in nodes):
+    fields, nodes = dict(values.given), dict(values.nodes)
+    if any(name not in fields for name in ("f", "t60", "gain") if name in nodes):
         return None  # refused already
-    f, t60, gain = (given.get(name) for name in ("f", "t60", "gain"))
+    f, t60, gain = (fields.get(name) for name in ("f", "t60", "gain"))
     if not isinstance(f, Each):
         for name, value in (("t60", t60), ("gain", gain)):
             if isinstance(value, Each):
@@ -88,12 +88,12 @@ def listed(values: Values) -> Values | None:
                 message += f"values, not {len(value)}"
             values.error("E106", message, name)
             return None
-    given |= {"count": len(f), "gain": gain}
+    fields |= {"count": len(f), "gain": gain}
     if t60 is not None:
-        given["t60"] = t60
+        fields["t60"] = t60
     place = nodes.get("modes", nodes["f"])
     nodes |= {"count": place, "gain": nodes.get("gain", place)}
-    return replace(values, given=given, nodes=nodes)
+    return replace(values, given=fields, nodes=nodes)
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -111,28 +111,30 @@ def from_file(
     name = values.given.get("modes")
     if name is None:
         return values
-    said = values.written("f", "t60", "gain", "count", "spread", "places")
-    if said:
-        message = f"{values.context.of(said[0])}: `modes` is written too; keep one of the two"
-        values.error("E111", message, said[0])
+    conflicting = values.written("f", "t60", "gain", "count", "spread", "places")
+    if conflicting:
+        message = (
+            f"{values.context.of(conflicting[0])}: `modes` is written too; keep one of the two"
+        )
+        values.error("E111", message, conflicting[0])
         return _without(values)
     table = read(name, values.place_of("modes"))
     columns = None if table is None else _columns(table, values, collector)
     if columns is None:
         return _without(values)
-    given = {field: value for field, value in values.given.items() if field != "modes"}
+    fields = {field: value for field, value in values.given.items() if field != "modes"}
     nodes, node = dict(values.nodes), values.nodes["modes"]
     for field, column in columns.items():
-        given[field] = moved(field, column, given["interval"]) if "interval" in given else column
+        fields[field] = moved(field, column, fields["interval"]) if "interval" in fields else column
         nodes[field] = node
-    given.pop("interval", None)
-    return replace(values, given=given, nodes=nodes)
+    fields.pop("interval", None)
+    return replace(values, given=fields, nodes=nodes)
 
 
 def _without(values: Values) -> Values:
     """The fields after an error: f counts as written, but has no value."""
-    given = {name: value for name, value in values.given.items() if name != "f"}
-    return replace(values, given=given, nodes={**values.nodes, "f": values.nodes["modes"]})
+    fields = {name: value for name, value in values.given.items() if name != "f"}
+    return replace(values, given=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
 def _columns(table: Document, values: Values, collector: Collector) -> dict[str, Any] | None:
@@ -222,20 +224,20 @@ def _row(
         message = f"{who}: a line is {format.words}"
         collector.error("E106", message, replace(place, length=max(1, min(len(line), 80))))
         return None
-    found, column = [], 1
+    row_values, column = [], 1
     for cell, read in zip(cells, format.reads, strict=False):
         word = cell.strip()
         begin = column + len(cell) - len(cell.lstrip())
         try:
-            found.append(_value(word, read))
+            row_values.append(_value(word, read))
         except TextError as error:
-            at = replace(place, column=begin + error.offset, length=max(1, error.length))
+            error_place = replace(place, column=begin + error.offset, length=max(1, error.length))
             message = f"{who}: {error.message}"
-            collector.error(error.code, message, at, suggestion=error.suggestion)
+            collector.error(error.code, message, error_place, suggestion=error.suggestion)
         column += len(cell) + 1
-    if len(found) < len(cells):
+    if len(row_values) < len(cells):
         return None
-    return (*found, 1.0)[: len(format.reads)]
+    return (*row_values, 1.0)[: len(format.reads)]
 
 
 def _value(word: str, read: Text) -> float:
@@ -291,16 +293,16 @@ def placed(values: Values) -> Values | None:
 
     None if an error was reported.
     """
-    given, nodes = dict(values.given), dict(values.nodes)
-    if any(name not in given for name in ("f", "t60", "places") if name in nodes):
+    fields, nodes = dict(values.given), dict(values.nodes)
+    if any(name not in fields for name in ("f", "t60", "places") if name in nodes):
         return None  # refused already
-    f, t60, places = given.get("f"), given.get("t60"), given.get("places")
+    f, t60, places = fields.get("f"), fields.get("t60"), fields.get("places")
     if f is None:
         return values
     if t60 is not None and len(t60) == 1:
-        given["t60"] = t60 = Each(t60 * len(f))
+        fields["t60"] = t60 = Each(t60 * len(f))
     if places is None:
-        given["places"] = places = {DEFAULT_PLACE: (1.0,) * len(f)}
+        fields["places"] = places = {DEFAULT_PLACE: (1.0,) * len(f)}
         nodes["places"] = nodes["f"]
     names = list(places)
     if (wrong := _wrong_name(names)) is not None or not names:
@@ -320,35 +322,35 @@ def placed(values: Values) -> Values | None:
             message = f"{values.context.of(name)}: all levels are 0, so that nothing moves there; "
             values.error("E202", message + "remove the place", field)
             return None
-    given["places"] = tuple(places.items())
-    return replace(values, given=given, nodes=nodes)
+    fields["places"] = tuple(places.items())
+    return replace(values, given=fields, nodes=nodes)
 
 
 def retuned_modes(
-    body: Values, own: Values, tune: Callable[[tuple[float, ...], float], Any]
+    body: Values, member: Values, tune: Callable[[tuple[float, ...], float], Any]
 ) -> Values:
     """MODES with its lowest pitch, its decay and its mass set to those of the instrument's own
     fields.
 
     `tune` moves the other modes by the same interval; their decays keep their ratios.
     """
-    given, nodes = dict(body.given), dict(body.nodes)
-    f = given.get("f")
-    for name in own.written("f", "t60", "M"):
-        value = own.given.get(name)
+    fields, nodes = dict(body.given), dict(body.nodes)
+    f = fields.get("f")
+    for name in member.written("f", "t60", "M"):
+        value = member.given.get(name)
         if value is None or not f:
             continue
         if name != "M" and value[0] != value[1]:
-            own.error("E202", f"{own.context.of(name)}: only a BANK has a range", name)
+            member.error("E202", f"{member.context.of(name)}: only a BANK has a range", name)
             continue
         if name == "f":
-            given["f"] = Each(tune(f, value[0]))
+            fields["f"] = Each(tune(f, value[0]))
         elif name == "M":
-            given["M"] = value
-        elif t60 := given.get("t60"):
+            fields["M"] = value
+        elif t60 := fields.get("t60"):
             lowest = t60[min(range(len(f)), key=f.__getitem__)] if len(t60) == len(f) else t60[0]
-            given["t60"] = Each(value[0] * (one / lowest) for one in t60)
+            fields["t60"] = Each(value[0] * (one / lowest) for one in t60)
         else:
-            given["t60"] = Each(value[:1])
-        nodes[name] = own.nodes[name]
-    return replace(body, given=given, nodes=nodes)
+            fields["t60"] = Each(value[:1])
+        nodes[name] = member.nodes[name]
+    return replace(body, given=fields, nodes=nodes)

@@ -78,13 +78,13 @@ class PartNames:
 
         If one is not found, that is reported once, and there are none.
         """
-        found = []
+        targets = []
         for each in self.members(name):
             target = self.target(each, wanted, who)
             if target is None:
                 return []
-            found.append(target)
-        return found
+            targets.append(target)
+        return targets
 
     def struck(self, name: Name, who: str) -> list[Target]:
         """The MATs that strikes reach by a name: where it names an instrument, or an act of one
@@ -194,10 +194,10 @@ class PartNames:
         """The name itself; for an instrument with notes (`string`, `string.body.12`) one name for
         each note.
         """
-        found = self.family(name, prefix)
-        if found is None:
+        named = self.family(name, prefix)
+        if named is None:
             return [name]
-        family, rest = found
+        family, rest = named
         names = (".".join(filter(None, (part, rest))) for part in family.parts.values())
         return [Name(word, name.place, str(name)) for word in names]
 
@@ -246,23 +246,23 @@ class PartNames:
         match = _MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
         path = self.spelled(match[1] if match else str(name), prefix)
-        found = self._find(path, part, prefix)
+        target = self._find(path, part, prefix)
         some = match[2] if match else None
         axis = None
-        if found is None and some is None:
-            found, some = self._place(path, part, prefix)
-        if found is None and match is not None and match[2] is None:
-            found, some, axis = self._coordinate(path, part, prefix)
-        if found is None and (family := self.family(path, prefix)) is not None:
+        if target is None and some is None:
+            target, some = self._place(path, part, prefix)
+        if target is None and match is not None and match[2] is None:
+            target, some, axis = self._coordinate(path, part, prefix)
+        if target is None and (family := self.family(path, prefix)) is not None:
             parts = [*family[0].parts.values()]
             examples = ", ".join(parts[:4])
             problem = f"{quote(name)} has {len(parts)} notes; write one of them: {examples}"
             self._refuse(name, who, problem)
             return None
-        if found is None:
+        if target is None:
             self._unknown(name, path, who, part)
             return None
-        owner, module_name = found
+        owner, module_name = target
         self.reached.add(owner.name)
         if module_name is None:
             module_name = self._only(owner, name, wanted, who, some)
@@ -295,10 +295,10 @@ class PartNames:
         match = _MEMBERS.fullmatch(head)
         if tail not in AXES or match is None:
             return None, None, None
-        found = self._find(match[1], part, prefix)
-        if found is None or found[0].axes == 1:
+        target = self._find(match[1], part, prefix)
+        if target is None or target[0].axes == 1:
             return None, None, None
-        return found, match[2], AXES.index(tail)
+        return target, match[2], AXES.index(tail)
 
     def _in_space(
         self,
@@ -356,12 +356,12 @@ class PartNames:
 
     def _body(self, owner: Part, module: Module) -> Target | None:
         """The masses that carry the points of a surface; None for other modules."""
-        of = module.fields["of"] if module.kind == "SURFACE" else None
-        if not isinstance(of, Name):
-            return of
+        surface_of = module.fields["of"] if module.kind == "SURFACE" else None
+        if not isinstance(surface_of, Name):
+            return surface_of
         quiet = replace(self, collector=Collector())
-        missing = Target(owner.name, module.name, 0, 0, str(of), of.place)
-        return quiet.target(of, "body", "", owner) or missing
+        missing = Target(owner.name, module.name, 0, 0, str(surface_of), surface_of.place)
+        return quiet.target(surface_of, "body", "", owner) or missing
 
     def _place(
         self, path: str, part: Part | None, prefix: str
@@ -370,10 +370,10 @@ class PartNames:
         otherwise.
         """
         head, _, tail = path.rpartition(".")
-        found = self._find(head, part, prefix) if head else None
-        if found is None:
+        target = self._find(head, part, prefix) if head else None
+        if target is None:
             return None, None
-        owner, name = found
+        owner, name = target
         bodies = [m for n, m in owner.modules.items() if m.kind == "MODES" and name in (None, n)]
         if len(bodies) != 1:
             return None, None
@@ -471,8 +471,8 @@ class PartNames:
         quiet = replace(self, collector=Collector())
         ends = module.fields["between"] or ()
         wanted: Wanted = "points" if owner.axes > 1 else "mats"
-        found = (quiet.target(end, wanted, "", owner) for end in ends)
-        return n_links([end for end in found if end is not None])
+        targets = (quiet.target(end, wanted, "", owner) for end in ends)
+        return n_links([end for end in targets if end is not None])
 
     def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:
         if self._is_broken(path, part):

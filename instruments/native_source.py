@@ -88,17 +88,21 @@ class _Writer:
         for i, row in enumerate(self.rows):
             if self.stage[i] != stage or row[0] in _FUNCTIONS or row[0] == "constant":
                 continue
-            for at in _operands(row):
-                if self._is_computed(at) and at not in loaded and self._comes_from_room(at, stage):
-                    yield f"r{at} = room[{_place(at)} + i]"
-                    loaded.add(at)
-            names = [self._name(at, link) for at in _operands(row)]
+            for operand in _operands(row):
+                if (
+                    self._is_computed(operand)
+                    and operand not in loaded
+                    and self._comes_from_room(operand, stage)
+                ):
+                    yield f"r{operand} = room[{_place(operand)} + i]"
+                    loaded.add(operand)
+            names = [self._name(operand, link) for operand in _operands(row)]
             if row[0] == "whole_power":
-                yield from _whole_power(f"r{_FIRST + i}", names[0], row[2])
+                yield from _integer_power(f"r{_FIRST + i}", names[0], row[2])
             else:
                 yield f"r{_FIRST + i} = {_OPERATIONS[row[0]].format(*names)}"
-        for at in sorted(self._shared(stage)):
-            yield f"room[{_place(at)} + i] = {self._name(at, link)}"
+        for operand in sorted(self._shared(stage)):
+            yield f"room[{_place(operand)} + i] = {self._name(operand, link)}"
         if self.stage[-1] == stage:
             yield f"out[{link}] = r{_FIRST + len(self.rows) - 1}"
 
@@ -115,14 +119,14 @@ class _Writer:
         operands = set()
         for i, row in enumerate(self.rows):
             is_call = row[0] in _FUNCTIONS
-            for at in _operands(row):
-                if not self._is_computed(at):
+            for operand in _operands(row):
+                if not self._is_computed(operand):
                     is_read = is_call and self.stage[i] == stage
                 else:
-                    made_here = self.stage[at - _FIRST] == stage and not self._is_call(at)
-                    is_read = made_here and (is_call or self.stage[i] > stage)
+                    is_local = self.stage[operand - _FIRST] == stage and not self._is_call(operand)
+                    is_read = is_local and (is_call or self.stage[i] > stage)
                 if is_read:
-                    operands.add(at)
+                    operands.add(operand)
         return operands
 
     def _is_computed(self, at: int) -> bool:
@@ -134,11 +138,11 @@ class _Writer:
     def _comes_from_room(self, at: int, stage: int) -> bool:
         return self._is_call(at) or self.stage[at - _FIRST] < stage
 
-    def _name(self, at: int, link: str) -> str:
-        if at < _FIRST:
-            return f"{'dv'[at]}[{link}]"
-        row = self.rows[at - _FIRST]
-        return f"c{row[1]}" if row[0] == "constant" else f"r{at}"
+    def _name(self, operand: int, link: str) -> str:
+        if operand < _FIRST:
+            return f"{'dv'[operand]}[{link}]"
+        row = self.rows[operand - _FIRST]
+        return f"c{row[1]}" if row[0] == "constant" else f"r{operand}"
 
 
 def _place(at: int) -> int:
@@ -146,7 +150,7 @@ def _place(at: int) -> int:
     return _LANES * at
 
 
-def _whole_power(name: str, base: str, exponent: int) -> Iterator[str]:
+def _integer_power(name: str, base: str, exponent: int) -> Iterator[str]:
     """Exponentiation by squaring from the highest bit down, as in the core."""
     size = abs(exponent)
     yield f"{name} = {base if size else 1.0}"

@@ -38,24 +38,26 @@ class Listening:
     is_distance: bool
 
 
-_HEARD = ListOf(Reference("a module, or several in brackets", ("modules",)), least=1, single=True)
+_LISTENED = ListOf(
+    Reference("a module, or several in brackets", ("modules",)), least=1, single=True
+)
 _SOF = Record(
     "SOF",
     "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
     (Field("nearest", k.PATH, "a layout of loudspeakers"),),
-    kinds={kind: _HEARD for kind in tables("si")},
+    kinds={kind: _LISTENED for kind in tables("si")},
 )
 DISTANCE = Record(
     "distance",
     "the distance of two points in space, of which the position, speed or acceleration is heard",
-    (Field("between", ListOf(_HEARD.item, 2, 2), "two points in space", required=True),),
+    (Field("between", ListOf(_LISTENED.item, 2, 2), "two points in space", required=True),),
 )
 
 
 def _names(kind: OutputKind) -> Shape:
     if kind.is_energy:
-        return _HEARD
-    return Either(_HEARD.item, DISTANCE if kind.is_movement else _SOF, _HEARD)
+        return _LISTENED
+    return Either(_LISTENED.item, DISTANCE if kind.is_movement else _SOF, _LISTENED)
 
 
 _LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
@@ -110,8 +112,8 @@ class Outputs(Shape):
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        one = _LISTENER.schema()
-        return {**one, "additionalProperties": one}
+        listener_schema = _LISTENER.schema()
+        return {**listener_schema, "additionalProperties": listener_schema}
 
     def words(self) -> str:
         """In words."""

@@ -17,14 +17,20 @@ _ANY_REACH = 1e-3, 1e-2  # N·s
 READY = ListOf(Reference("acts, such as strike"), 1, single=True)
 LEVEL_DOC = "how loud a stroke at mf is at a gain of 0 dB, measured"
 LOUDNESS = k.quantity(q.LOUDNESS)
-_AT = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
+_MODULES = ListOf(Reference("modules, such as beater", ("modules",)), 1, single=True)
 
 
 RELEASE = Record(
     "release",
     "what the end of a note does",
     (
-        Field("at", _AT, "what its impulse strikes; where the note begins, against it", None, True),
+        Field(
+            "at",
+            _MODULES,
+            "what its impulse strikes; where the note begins, against it",
+            None,
+            True,
+        ),
         Field("impulse", k.quantity(q.IMPULSE), "impulse of an ergon", None, True),
     ),
 )
@@ -33,7 +39,7 @@ RELEASE = Record(
 def play_table(module: Record) -> NamesOf:
     """The table of `play:`, in which modules are written as `module` says."""
     fields = (
-        Field("at", _AT, "what is struck", shown="its only module"),
+        Field("at", _MODULES, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
         *FIELDS,
         Field("with", NamesOf(module, "module"), "modules that are there once a line plays it"),

@@ -21,19 +21,19 @@ def resolve(
 
     if part.struck is not None:
         return wrong("a PROXY can be a module of an instrument, not of a key")
-    of = [part_names.target(name, "body", who, part) for name in fields["of"] or ()]
+    bodies = [part_names.target(name, "body", who, part) for name in fields["of"] or ()]
     follows = [part_names.target(name, "mat", who, part) for name in fields["follows"] or ()]
     rim = fields["rim"] and part_names.target(fields["rim"], "mat", who, part)
-    found = [*of, *follows, rim] if fields["rim"] else [*of, *follows]
-    if not of or None in found:
+    bodies_and_rim = [*bodies, *follows, rim] if fields["rim"] else [*bodies, *follows]
+    if not bodies or None in bodies_and_rim:
         return False
-    named = [target for target in found if target is not None]
+    named = [target for target in bodies_and_rim if target is not None]
     for target in named:
         kind = part_names.parts[target.part].modules[target.module].kind
         if kind == "PROXY":
             message = "is a PROXY itself; write the masses that it lies between"
             return wrong(f"{quote(target.text)} {message}")
-    masses = [target for target in of if target is not None]
+    masses = [target for target in bodies if target is not None]
     fields["of"], fields["follows"], fields["rim"] = tuple(masses), tuple(follows), rim
     count = sum(target.count for target in masses)
     if fields["shares"] is not None:
@@ -55,15 +55,15 @@ def resolve(
         message = f"{count:,} masses do not fill rows of {columns:,}"
         return wrong(message, "columns" if "columns" in module.places else "of", "E106")
     sides = [side for side in _sides(count, columns, rim is not None) if side > 1] or [1]
-    way = "follows" if fields["follows"] else "at"
-    for name in (way, "offset", "span"):
-        given = len(fields[name] or ())
-        if given != len(sides) and not (name in ("offset", "span") and given == 1):
+    field_name = "follows" if fields["follows"] else "at"
+    for name in (field_name, "offset", "span"):
+        n_values = len(fields[name] or ())
+        if n_values != len(sides) and not (name in ("offset", "span") and n_values == 1):
             words = "a row and a column" if len(sides) > 1 else "one place"
-            return wrong(f"{name}: it has {given} items; write {words}", name, "E106")
-    for at, side in zip(fields["at"] or (), sides, strict=False):
-        if not 0.0 <= at <= side - 1:
-            message = f"at: {at:g} is beyond its masses, which are at 0 to {side - 1:,}"
+            return wrong(f"{name}: it has {n_values} items; write {words}", name, "E106")
+    for position, side in zip(fields["at"] or (), sides, strict=False):
+        if not 0.0 <= position <= side - 1:
+            message = f"at: {position:g} is beyond its masses, which are at 0 to {side - 1:,}"
             return wrong(message, "at", "E105")
     return True
 

@@ -82,7 +82,7 @@ class Members(Shape):
         """Read a node."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        found: dict[str, Any] = {}
+        members: dict[str, Any] = {}
         for word, (key, child) in node.entries.items():
             try:
                 check_note(word)
@@ -92,8 +92,8 @@ class Members(Shape):
             inside = Context(context.collector, context.owner, context.name, key.place)
             value = self.item.read(child, "", inside)
             if value is not MISSING:
-                found[word] = value
-        return found
+                members[word] = value
+        return members
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -194,20 +194,20 @@ def form(node: Node) -> Form:
     return "ca" if text("units") == "ca" else "si"
 
 
-def _with_more(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+def _with_more(first: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """A schema with the properties and types that another has in addition."""
-    own, their = one.get("type"), other.get("type")
-    if isinstance(own, list) and isinstance(their, list) and not {*own} & {*their}:
-        return merged(other, one)
-    found = {
+    first_type, their = first.get("type"), other.get("type")
+    if isinstance(first_type, list) and isinstance(their, list) and not {*first_type} & {*their}:
+        return merged(other, first)
+    merged_schema = {
         key: _with_more(value, other[key])
         if isinstance(value, dict) and isinstance(other.get(key), dict)
         else value
-        for key, value in one.items()
+        for key, value in first.items()
     }
-    if "properties" in found:
-        found["properties"] = {**other.get("properties", {}), **found["properties"]}
-    return found
+    if "properties" in merged_schema:
+        merged_schema["properties"] = {**other.get("properties", {}), **merged_schema["properties"]}
+    return merged_schema
 
 
 INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
@@ -256,14 +256,14 @@ def _with_modules(name: str, values: Values, axes: int) -> tuple[Values, tuple[M
     return values, with_ground_point(module(name, values.kind, body, axes))
 
 
-def with_ground_point(own: Module) -> tuple[Module, ...]:
+def with_ground_point(module: Module) -> tuple[Module, ...]:
     """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
-    to = own.fields.get("to")
-    if own.kind != "DRY" or to is None:
-        return (own,)
-    ground = Module(f"{own.name} ground", "SOL", {"X0": 0.0}, own.place)
-    ends = (Name(ground.name, own.place), to)
-    return ground, replace(own, fields={**own.fields, "to": None, "between": ends})
+    to = module.fields.get("to")
+    if module.kind != "DRY" or to is None:
+        return (module,)
+    ground = Module(f"{module.name} ground", "SOL", {"X0": 0.0}, module.place)
+    ends = (Name(ground.name, module.place), to)
+    return ground, replace(module, fields={**module.fields, "to": None, "between": ends})
 
 
 def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
@@ -306,7 +306,7 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
     """An instrument from its values, with `like:` and `from:` already followed; `recall` gives
     modules that were read before.
     """
-    made: list[Module] = []
+    built: list[Module] = []
     space = _space(values)
     axes = 1 if space is None else space.axes
     if values.kind:
@@ -314,7 +314,7 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
         if body is not MISSING and axes == 1:
             body = _retuned(values, body)
         if body is not MISSING and body is not None and whole(values.kind, body, axes):
-            made.append(module("", values.kind, body, axes))
+            built.append(module("", values.kind, body, axes))
     elif extra := [
         name
         for name in values.written("t60", "M")
@@ -326,7 +326,7 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
         values.error("E111", message, extra[0])
     elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
         values.error("E202", f"{values.context.of('f')}: only a BANK has a range", "f")
-    made += modules(values, axes, recall)
+    built += modules(values, axes, recall)
     if not values.kind and not values.written("modules"):
         values.error("E103", f"{values.context.of('')} has no modules")
     if values.kind and values.written("modules"):
@@ -347,11 +347,11 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
         for output in values["out"] or ()
     )
     pitch = None if values.kind else named_pitch(values)
-    own = tuple(made), outputs, _ca_rate(values), values.place
+    arguments = tuple(built), outputs, _ca_rate(values), values.place
     placing = _placing(values["place"])
     return Instrument(
         values.context.name,
-        *own,
+        *arguments,
         pitch=pitch,
         placing=placing,
         space=space,
@@ -361,7 +361,7 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
 
 
 # Fields of an instrument of one axis that one in space does not have.
-_ONE_AXIS = ("f", "t60", "M", "transpose", "notes", "members", "units", "at", "place", "rate")
+_SINGLE_AXIS = ("f", "t60", "M", "transpose", "notes", "members", "units", "at", "place", "rate")
 
 
 def _space(values: Values) -> Space | None:
@@ -380,7 +380,7 @@ def _space(values: Values) -> Space | None:
             message = f"{values.context.of('gravity')}: only an instrument in space has this field"
             values.error("E111", f"{message}; write space: 2 or 3", "gravity")
         return None
-    for name in values.written(*_ONE_AXIS):
+    for name in values.written(*_SINGLE_AXIS):
         message = f"{values.context.of(name)}: an instrument in space has no such field"
         values.error("E111", message, name)
     return Space(axes, values["gravity"] or 0.0)
@@ -389,8 +389,8 @@ def _space(values: Values) -> Space | None:
 def _placing(values: Values | None) -> Placing | None:
     if values is None:
         return None
-    at = values["at"] if len(values["at"]) == 2 else (0.0, 0.0)
-    return Placing(values["across"], at, values["height"])
+    position = values["at"] if len(values["at"]) == 2 else (0.0, 0.0)
+    return Placing(values["across"], position, values["height"])
 
 
 def _ca_rate(values: Values) -> float | None:
@@ -427,10 +427,12 @@ def _retuned(values: Values, body: Values) -> Values | None:
     completes it.
     """
     if values.kind == "MODES":
-        own = retuned_modes(body, values, lambda f, to: moved("f", f, between(min(f), to)))
-        return _followed("MODES", own)
+        retuned_values = retuned_modes(
+            body, values, lambda f, to: moved("f", f, between(min(f), to))
+        )
+        return _followed("MODES", retuned_values)
     body = from_material(values.kind, body, quietly=True) or body
-    given, nodes = dict(body.given), dict(body.nodes)
+    fields, nodes = dict(body.given), dict(body.nodes)
     for name in values.written("f", "t60", "M"):
         if name not in values.given:
             continue
@@ -441,6 +443,6 @@ def _retuned(values: Values, body: Values) -> Values | None:
                 message = f"{values.context.of(name)}: only a BANK has a range"
                 values.error("E202", message, name)
             value = value[0]
-        given[name], nodes[name] = value, values.nodes[name]
-    retuned = Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
+        fields[name], nodes[name] = value, values.nodes[name]
+    retuned = Values(body.record, body.node, body.context, fields, nodes, body.free, body.kind)
     return _followed(values.kind, retuned)

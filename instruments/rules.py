@@ -89,8 +89,8 @@ def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[
     """
     names = module.fields["between"] or ()
     wanted: Wanted = "points" if part.axes > 1 else "mats"
-    found = (part_names.target(name, wanted, who, part) for name in names)
-    ends = tuple(end for end in found if end is not None)
+    targets = (part_names.target(name, wanted, who, part) for name in names)
+    ends = tuple(end for end in targets if end is not None)
     if spread.is_pairwise(module.kind, module.fields, ends):
         spread.may_touch_all(
             module.kind, ends, spread.has_wall(module.fields), who, part_names.collector
@@ -105,15 +105,17 @@ def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target
     was reported.
     """
     name = module.fields["of"]
-    found = None if name is None else part_names.target(name, "body", who, part)
-    if found is None:
+    target = None if name is None else part_names.target(name, "body", who, part)
+    if target is None:
         return None
-    kind = part_names.parts[found.part].modules[found.module].kind
+    kind = part_names.parts[target.part].modules[target.module].kind
     if kind not in BODIES:
-        message = f"{who}: of: {quote(found.text)} is a {kind}; a surface is that of a STRING or a "
+        message = (
+            f"{who}: of: {quote(target.text)} is a {kind}; a surface is that of a STRING or a "
+        )
         part_names.collector.error("E304", f"{message}PLATE: of: gong", name.place)
         return None
-    return found
+    return target
 
 
 def _starts(module: Module, who: str, collector: Collector) -> None:
@@ -207,8 +209,8 @@ def outputs(
         family = "point" if output.is_distance else output.traits.sources
         names: tuple[Any, ...] = output.targets
         each = (one for name in names for one in _each(name, part, part_names))
-        found = (_output_target(name, family, who, part, part_names) for name in each)
-        targets = tuple(target for target in found if target is not None)
+        target_lists = (_output_target(name, family, who, part, part_names) for name in each)
+        targets = tuple(target for target in target_lists if target is not None)
         if output.is_distance and not _is_distance(targets, who, part_names):
             continue
         room = None
@@ -252,9 +254,9 @@ def _output_target(
     springs of a net.
     """
     if family == "links":
-        own = part.modules.get(str(name))
-        if own is not None and own.kind in NETS:
-            return Target(part.name, own.name, 0, 1, str(name), name.place)
+        output_module = part.modules.get(str(name))
+        if output_module is not None and output_module.kind in NETS:
+            return Target(part.name, output_module.name, 0, 1, str(name), name.place)
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):

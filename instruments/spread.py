@@ -27,7 +27,7 @@ MAX_SPREAD = 10_000  # points of one link
 MAX_MEETING = 200_000  # points that meet each other
 MAX_ATTRACTING = 1_000  # points that attract each other: each looks at all others in every frame
 # Links that act between all pairs: their name, and the largest number of points.
-_MOST = {"BUT": ("a contact", MAX_MEETING), "ATTRACTION": ("an attraction", MAX_ATTRACTING)}
+_PAIRS_MAX = {"BUT": ("a contact", MAX_MEETING), "ATTRACTION": ("an attraction", MAX_ATTRACTING)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +121,9 @@ def _walls(module: Module) -> Iterator[Module]:
     for axis, width in enumerate(widths):
         for sign, side in ((1.0, "from"), (-1.0, "to")):
             normal = tuple(sign if other == axis else 0.0 for other in range(len(widths)))
-            own = {"box": None, "normal": normal, "gap": module.fields["gap"] - 0.5 * width}
+            wall_fields = {"box": None, "normal": normal, "gap": module.fields["gap"] - 0.5 * width}
             name = f"{module.name} {side} {AXES[axis]}"
-            yield replace(module, name=name, fields={**module.fields, **own})
+            yield replace(module, name=name, fields={**module.fields, **wall_fields})
 
 
 def _member(end: Target, i: int) -> Target:
@@ -167,7 +167,7 @@ def may_touch_all(
     if len(ends) != 2:
         return False
     a, b = ends
-    what, most = _MOST[kind]
+    what, limit = _PAIRS_MAX[kind]
     problem = ""
     code = "E304"
     if is_wall and a.count > b.count:
@@ -181,9 +181,9 @@ def may_touch_all(
         elif not is_same and isinstance(b.first, int) and max(a.first, b.first) < last:
             problem = f"{quote(a.text)} and {quote(b.text)} have points in common; write the same "
             problem += "range twice, or two that have none"
-    if not problem and size(ends) > most:
+    if not problem and size(ends) > limit:
         code = "E105"
-        problem = f"{what} of all pairs has at most {most:,} points, not {size(ends):,}"
+        problem = f"{what} of all pairs has at most {limit:,} points, not {size(ends):,}"
     if problem:
         collector.error(code, f"{who}: {problem}", b.place)
     return not problem
@@ -196,8 +196,8 @@ def _shared(a: Target, b: Target) -> str | None:
     if "centre" in (a.first, b.first):
         return b.text if a.first == b.first else None
     n = size((a, b))
-    for one, other in ((_member(a, i), _member(b, i)) for i in range(n)):
-        if one.first == other.first:
+    for first, other in ((_member(a, i), _member(b, i)) for i in range(n)):
+        if first.first == other.first:
             return other.text
     return None
 

@@ -26,5 +26,5 @@ def start(name: str, unit: Shape, letter: str) -> Shape:
         Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
         Field(letter, unit, "the value", None, True),
     )
-    one = Record("start", f"{name} of some members", fields, build)
-    return Either(unit, one, ListOf(one))
+    start_record = Record("start", f"{name} of some members", fields, build)
+    return Either(unit, start_record, ListOf(start_record))

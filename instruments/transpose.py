@@ -27,7 +27,7 @@ from ergon.notation.tables.shapes import MISSING, Text
 from ergon.notation.text.errors import TextError, quote
 
 AUDIBLE = 20.0  # [Hz] slower CELs are mechanics
-MOST_CENTS = 12000.0  # ten octaves
+CENTS_MAX = 12000.0  # ten octaves
 _EXAMPLE = "7st, -14cents or 3/2"
 _RATIO = re.compile(r"\d{1,15}/\d{1,15}")
 _INTERVAL = re.compile(r"([+-]?(?:\d{1,5}\.?\d{0,6}|\.\d{1,6})) *(st|cents?)")
@@ -100,7 +100,7 @@ def parse_interval(text: str) -> Interval:
         raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code=code)
     amount = Fraction(match[1])
     cents = float(amount * (100 if match[2] == "st" else 1))
-    if abs(cents) > MOST_CENTS:
+    if abs(cents) > CENTS_MAX:
         message = f"{quote(word)} lies outside the range from -120st to 120st"
         raise TextError(message, length=len(word), code="E202")
     is_keys = match[2] == "st" and amount.denominator == 1
@@ -134,9 +134,9 @@ def pitch(frequency: float, interval: Interval) -> float:
     """A frequency [Hz] moved by an interval; the frequency of a note becomes exactly that of
     another note.
     """
-    own = _cents(frequency) if interval.cents is not None else None
-    if own is not None and interval.cents is not None and (own + interval.cents).is_integer():
-        return _note(int(own + interval.cents))
+    cents = _cents(frequency) if interval.cents is not None else None
+    if cents is not None and interval.cents is not None and (cents + interval.cents).is_integer():
+        return _note(int(cents + interval.cents))
     return _times(frequency, interval.power(1))
 
 
@@ -168,49 +168,50 @@ def _cents(frequency: float) -> int | None:
 _POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def at_own_pitch(base: Values, own: Values, *, is_root: bool) -> Values:
+def at_own_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
     """The base of an instrument, at the pitch that the instrument's own `f` and `transpose` ask
     for.
 
     For a root, which has no `like` or `from`, the base is the instrument itself. Reports a base
     without a pitch.
     """
-    interval = own["transpose"] if own.written("transpose") else None
-    f = own.given.get("f")
+    interval = member["transpose"] if member.written("transpose") else None
+    f = member.given.get("f")
     if not is_root and isinstance(f, tuple) and base.written("modules"):
-        if own.written("modules") and f[0] != f[1]:
+        if member.written("modules") and f[0] != f[1]:
             return base
-        own_pitch = named_pitch(base)
-        if own_pitch is None:
+        base_pitch = named_pitch(base)
+        if base_pitch is None:
             message = (
-                f"{own.context.of('f')}: {base.context.of('')} has no named pitch; write `f` "
+                f"{member.context.of('f')}: {base.context.of('')} has no named pitch; write `f` "
                 "beside its modules, the pitch at which they are written, or `transpose`"
             )
-            own.error("E103", message, "f")
+            member.error("E103", message, "f")
         elif f[0] == f[1]:
-            step = between(own_pitch, f[0])
+            step = between(base_pitch, f[0])
             interval = step.then(interval) if interval is not None else step
     if interval is None or (interval.ratio == 1.0 and is_root):
         return base
-    if base["units"] == "ca" or own["units"] == "ca":
-        name = "transpose" if own.written("transpose") else "f"
+    if base["units"] == "ca" or member["units"] == "ca":
+        name = "transpose" if member.written("transpose") else "f"
         message = (
-            f"{own.context.of(name)}: under `units: ca` K and Z are those of a discrete network, "
+            f"{member.context.of(name)}: under `units: ca` K and Z are those of a discrete "
+            "network, "
             "whose modes no factor moves alike; write them in SI units"
         )
-        own.error("E111", message, name)
+        member.error("E111", message, name)
         return base
     return _instrument(base, interval)
 
 
 def at_note(values: Values, note: str) -> Values:
     """An instrument with `notes` at one of its notes; it must have a named pitch."""
-    own, high = named_pitch(values), q.frequency(note)
-    assert own is not None
-    given = {name: value for name, value in values.given.items() if name != "notes"}
-    member = replace(values, given=given)
+    base_pitch, high = named_pitch(values), q.frequency(note)
+    assert base_pitch is not None
+    fields = {name: value for name, value in values.given.items() if name != "notes"}
+    member = replace(values, given=fields)
     if not values.kind:
-        member = _instrument(member, between(own, high))
+        member = _instrument(member, between(base_pitch, high))
     # Set `f` beside a generator, as if it were written.
     nodes = {"f": values.nodes["notes"], **values.nodes}
     return replace(member, given={**member.given, "f": (high, high)}, nodes=nodes)
@@ -225,7 +226,7 @@ def named_pitch(values: Values) -> float | None:
     if isinstance(written, tuple):
         return written[0] if written[0] == written[1] else None
     bodies = [body for body in (values["modules"] or {}).values() if isinstance(body, Values)]
-    found = []
+    pitches = []
     for body in [values] if values.kind else bodies:
         fields = body.given.get(body.kind)
         if isinstance(fields, Values):
@@ -236,23 +237,23 @@ def named_pitch(values: Values) -> float | None:
         elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
             f = f[0]
         if isinstance(f, float) and not (body.kind == "CEL" and f < AUDIBLE):
-            found.append(f)
-    return found[0] if len(found) == 1 else None
+            pitches.append(f)
+    return pitches[0] if len(pitches) == 1 else None
 
 
 def _instrument(values: Values, interval: Interval) -> Values:
-    given = dict(values.given)
-    if isinstance(given.get("modules"), dict):
-        given["modules"] = {
+    fields = dict(values.given)
+    if isinstance(fields.get("modules"), dict):
+        fields["modules"] = {
             name: _body(body, interval) if isinstance(body, Values) else body
-            for name, body in given["modules"].items()
+            for name, body in fields["modules"].items()
         }
-    if values.kind and isinstance(body := given.get(values.kind), Values):
-        given[values.kind] = _fields(values.kind, body, interval)
+    if values.kind and isinstance(body := fields.get(values.kind), Values):
+        fields[values.kind] = _fields(values.kind, body, interval)
     for name in ("f", "t60"):
-        if name in given:
-            given[name] = moved(name, given[name], interval)
-    return replace(values, given=given)
+        if name in fields:
+            fields[name] = moved(name, fields[name], interval)
+    return replace(values, given=fields)
 
 
 def _body(body: Values, interval: Interval) -> Values:
@@ -269,10 +270,12 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
     if is_mechanics(kind, fields):
         return fields
     fields = from_material(kind, fields, quietly=True) or fields
-    given = {name: moved(name, value, interval) for name, value in fields.given.items()}
+    moved_fields = {name: moved(name, value, interval) for name, value in fields.given.items()}
     if KINDS[kind].role == "law" or fields.written("modes"):
-        given["interval"] = given["interval"].then(interval) if "interval" in given else interval
-    return replace(fields, given=given)
+        moved_fields["interval"] = (
+            moved_fields["interval"].then(interval) if "interval" in moved_fields else interval
+        )
+    return replace(fields, given=moved_fields)
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:

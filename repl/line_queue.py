@@ -70,10 +70,10 @@ class LineQueue(Generic[Sender]):
 
     def next(self) -> QueuedLine[Sender] | None:
         """Wait for the next line; None at the end."""
-        while (one := self._waiting.get()) is not None:
-            if isinstance(one, str):  # a panic also ends what lines before it began
+        while (item := self._waiting.get()) is not None:
+            if isinstance(item, str):  # a panic also ends what lines before it began
                 self._session.panic()
                 continue
-            sender, text, stops = one
+            sender, text, stops = item
             return QueuedLine(sender, text, stops == self._stops)
         return None

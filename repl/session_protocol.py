@@ -113,8 +113,8 @@ _STOP = re.compile(
 
 def stop_of(text: str) -> str | None:
     """The stop that a line, or any line of a block, asks for: "panic", "quit" or None."""
-    found = {match.lastgroup for line in text.split("\n") if (match := _STOP.fullmatch(line))}
-    return "panic" if "panic" in found else "quit" if found else None
+    stops = {match.lastgroup for line in text.split("\n") if (match := _STOP.fullmatch(line))}
+    return "panic" if "panic" in stops else "quit" if stops else None
 
 
 class SignalWatch(Protocol):

@@ -30,7 +30,7 @@ ROOT = HERE.parents[1]
 BESIDE = ROOT / "scores" / "library" / "card.yaml"  # where such a score would lie
 STROKES = ("soft", "middle", "hard")
 SECONDS = 1.5  # of each stroke, which falls at 50 ms
-_HEARD = 0.55  # s, in which spectra are taken
+_SPECTRUM_SECONDS = 0.55  # s, in which spectra are taken
 _FLOOR = -60.0  # dB below the strongest partial
 _TAIL = 0.35  # s after the beginning: no mallet touches any more
 
@@ -82,22 +82,35 @@ def score(family: str, name: str, card: dict[str, Any]) -> str:
     """A score that plays the instrument soft, middle and hard, each into a channel of its own."""
     lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
     if "strike" in card:
-        lines += ["instruments:", *(f"  {own}: {{like: {name}}}" for own in STROKES), "strikes:"]
-        for own, impulse in zip(STROKES, card["impulse"].split(), strict=True):
-            to = ", ".join(f"{own}.{target}" for target in card["strike"].split())
-            lines.append(f"  s-{own}: {{to: [{to}], at: 50ms, impulse: {impulse}}}")
+        lines += [
+            "instruments:",
+            *(f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES),
+            "strikes:",
+        ]
+        for stroke_name, impulse in zip(STROKES, card["impulse"].split(), strict=True):
+            to = ", ".join(f"{stroke_name}.{target}" for target in card["strike"].split())
+            lines.append(f"  s-{stroke_name}: {{to: [{to}], at: 50ms, impulse: {impulse}}}")
     else:
-        keys = [f"  k-{own}: {{M: 200g, K: 0.5N/m, Z: 0.2Ns/m}}" for own in STROKES]
+        keys = [f"  k-{stroke_name}: {{M: 200g, K: 0.5N/m, Z: 0.2Ns/m}}" for stroke_name in STROKES]
         lines += ["keys:", *keys, "instruments:"]
-        for own in STROKES:
-            hair = f"{{LNL: {{between: [k-{own}, {card['bow']}], {card['law']}}}}}"
-            lines.append(f"  {own}: {{from: {family}/{name}, modules: {{hair: {hair}}}}}")
-        lines += ["players:", *(f"  p-{own}: {{key: k-{own}}}" for own in STROKES), "gestures:"]
-        for own, speed in zip(STROKES, card["speed"].split(), strict=True):
-            lines.append(f"  g-{own}: 0mm@0 line {2 * float(speed):g}mm@2s")
-        parts = [f"  p-{own}: [{{at: 0, play: g-{own}, touch: tracked}}]" for own in STROKES]
+        for stroke_name in STROKES:
+            hair = f"{{LNL: {{between: [k-{stroke_name}, {card['bow']}], {card['law']}}}}}"
+            lines.append(f"  {stroke_name}: {{from: {family}/{name}, modules: {{hair: {hair}}}}}")
+        lines += [
+            "players:",
+            *(f"  p-{stroke_name}: {{key: k-{stroke_name}}}" for stroke_name in STROKES),
+            "gestures:",
+        ]
+        for stroke_name, speed in zip(STROKES, card["speed"].split(), strict=True):
+            lines.append(f"  g-{stroke_name}: 0mm@0 line {2 * float(speed):g}mm@2s")
+        parts = [
+            f"  p-{stroke_name}: [{{at: 0, play: g-{stroke_name}, touch: tracked}}]"
+            for stroke_name in STROKES
+        ]
         lines += ["parts:", *parts]
-    routes = ", ".join(f"{{from: {own}, to: {i}}}" for i, own in enumerate(STROKES, 1))
+    routes = ", ".join(
+        f"{{from: {stroke_name}, to: {i}}}" for i, stroke_name in enumerate(STROKES, 1)
+    )
     lines += [f"mix: {{channels: 3, route: [{routes}]}}", f"render: {{tail: {SECONDS}s}}"]
     return "\n".join(lines) + "\n"
 
@@ -125,9 +138,9 @@ def spectrum(x: Samples, rate: float) -> tuple[Samples, Samples]:
 def centroid(x: Samples, rate: float) -> float:
     """Energy-weighted mean frequency between 20 Hz and 16 kHz [Hz]."""
     f, magnitude = spectrum(x, rate)
-    heard = (f > 20) & (f < 16_000)
-    power = magnitude[heard] ** 2
-    return float(np.sum(f[heard] * power) / np.sum(power))
+    audible = (f > 20) & (f < 16_000)
+    power = magnitude[audible] ** 2
+    return float(np.sum(f[audible] * power) / np.sum(power))
 
 
 def above(x: Samples, rate: float, lowest: float) -> float:
@@ -145,12 +158,14 @@ def partials(x: Samples, rate: float) -> list[tuple[float, float]]:
     padded = np.pad(levels, (width, width), constant_values=-300.0)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).max(axis=1)
     tops = np.flatnonzero((levels >= around) & (levels > _FLOOR) & (f > 20) & (f < 20_000))
-    found = []
+    peaks = []
     for i in tops:
         a, b, c = levels[i - 1 : i + 2]
-        bend = a - 2 * b + c
-        found.append((float(f[i] + (0.5 * (a - c) / bend if bend else 0.0) * f[1]), float(b)))
-    return found
+        curvature = a - 2 * b + c
+        peaks.append(
+            (float(f[i] + (0.5 * (a - c) / curvature if curvature else 0.0) * f[1]), float(b))
+        )
+    return peaks
 
 
 def decay(x: Samples, rate: float, f: float) -> float:
@@ -173,25 +188,25 @@ def measured(family: str, name: str, card: dict[str, Any]) -> Card:
     """Play an instrument and measure it."""
     sounds, rate = play(score(family, name, card), SECONDS)
     first = 0 if "strike" in card else int(0.5 * rate)
-    heard = sounds[:, first : first + int(_HEARD * rate)]
-    hard = heard[2]
-    found = sorted(partials(hard, rate), key=lambda one: -one[1])
-    soft, middle, strong = (centroid(x, rate) for x in heard)
+    strokes = sounds[:, first : first + int(_SPECTRUM_SECONDS * rate)]
+    hard = strokes[2]
+    by_level = sorted(partials(hard, rate), key=lambda one: -one[1])
+    soft, middle, strong = (centroid(x, rate) for x in strokes)
     peak = float(np.max(np.abs(sounds[2])))
     figures = Figures(
         family,
         name,
-        round(found[0][0], 2),
+        round(by_level[0][0], 2),
         round(soft, 1),
         round(middle, 1),
         round(strong, 1),
-        len(found),
-        round(max(f for f, _ in found), 0),
+        len(by_level),
+        round(max(f for f, _ in by_level), 0),
         round(20 * np.log10(float(np.max(np.abs(sounds[1])))), 1),
         round(above(hard, rate, 16_000), 1),
         round(20 * np.log10(abs(float(np.mean(sounds[2]))) / peak + 1e-12), 0),
     )
-    strongest = sorted(found[:8])
+    strongest = sorted(by_level[:8])
     modes = tuple(
         Mode(f, level, decay(sounds[2], rate, f) if "strike" in card else float("nan"))
         for f, level in strongest
@@ -206,25 +221,30 @@ def note(f: float) -> str:
     return f"{name} {away:+d} cents".replace("-", "−") if away else name
 
 
-def text(card: Card, said: dict[str, Any]) -> str:
+def text(card: Card, texts: dict[str, Any]) -> str:
     """A card as Markdown."""
-    own = card.figures
-    octaves = np.log2(own.hard / own.soft)
+    figures = card.figures
+    octaves = np.log2(figures.hard / figures.soft)
     rows = [
-        f"## {own.name}",
+        f"## {figures.name}",
         "",
-        f"![{own.name}: soft, middle, hard]({own.name}.svg)",
+        f"![{figures.name}: soft, middle, hard]({figures.name}.svg)",
         "",
-        _played(own.name, said),
+        _played(figures.name, texts),
         "",
         "| | soft | middle | hard |",
         "|---|---|---|---|",
-        f"| centre of the spectrum [Hz] | {own.soft:.0f} | {own.middle:.0f} | {own.hard:.0f} |",
+        f"| centre of the spectrum [Hz] | {figures.soft:.0f} | {figures.middle:.0f} | "
+        f"{figures.hard:.0f} |",
         "",
-        f"From soft to hard the centre of the spectrum moves by {octaves:+.1f} octaves. The hard "
-        f"stroke has {own.partials} partials within 60 dB, up to {own.highest:,.0f} Hz, a share of "
-        f"{own.treble:.0f} dB above 16 kHz, and a mean {-own.lean:.0f} dB below its peak. The "
-        f"middle one peaks at {own.loudness:.0f} dB re {_unit(own)}.".replace("-", "−"),
+        f"From soft to hard the centre of the spectrum moves by {octaves:+.1f} octaves. The "
+        "hard "
+        f"stroke has {figures.partials} partials within 60 dB, up to {figures.highest:,.0f} Hz, a "
+        "share "
+        "of "
+        f"{figures.treble:.0f} dB above 16 kHz, and a mean {-figures.lean:.0f} dB below its peak. "
+        "The "
+        f"middle one peaks at {figures.loudness:.0f} dB re {_unit(figures)}.".replace("-", "−"),
         "",
         "| strongest modes | note | level [dB] | T60 [s] |",
         "|---|---|---|---|",
@@ -233,33 +253,35 @@ def text(card: Card, said: dict[str, Any]) -> str:
         lasts = f"{mode.t60:.2g}" if np.isfinite(mode.t60) else "–"
         level = f"{mode.level:.0f}".replace("-", "−")
         rows.append(f"| {mode.f:.1f} Hz | {note(mode.f)} | {level} | {lasts} |")
-    if "known" in said:
-        rows += ["", *_known(card, said["known"])]
+    if "known" in texts:
+        rows += ["", *_known(card, texts["known"])]
     return "\n".join(rows) + "\n"
 
 
-def _unit(own: Figures) -> str:
+def _unit(figures: Figures) -> str:
     """The unit of the instrument's output."""
-    path = BESIDE.parents[2] / "instruments" / "library" / f"{own.family}.yaml"
+    path = BESIDE.parents[2] / "instruments" / "library" / f"{figures.family}.yaml"
     read = yaml.safe_load(path.read_text(encoding="utf-8"))
-    out = read["instruments"][own.name]["out"]
+    out = read["instruments"][figures.name]["out"]
     kind = next(iter(out)) if "left" not in out else next(iter(out["left"]))
     return f"1 {OUTPUTS[kind].unit}"
 
 
-def _played(name: str, said: dict[str, Any]) -> str:
-    if "strike" in said:
-        to = ", ".join(f"`{name}.{target}`" for target in said["strike"].split())
-        return f"Struck at {to} with {', '.join(said['impulse'].split())}."
-    speeds = ", ".join(said["speed"].split())
-    return f"Rubbed at `{name}.{said['bow']}` by `{{{said['law']}}}` at {speeds} mm/s."
+def _played(name: str, texts: dict[str, Any]) -> str:
+    if "strike" in texts:
+        to = ", ".join(f"`{name}.{target}`" for target in texts["strike"].split())
+        return f"Struck at {to} with {', '.join(texts['impulse'].split())}."
+    speeds = ", ".join(texts["speed"].split())
+    return f"Rubbed at `{name}.{texts['bow']}` by `{{{texts['law']}}}` at {speeds} mm/s."
 
 
 def _known(card: Card, known: dict[str, Any]) -> list[str]:
-    found = [f for f, _ in partials(card.sounds[2][: int(_HEARD * card.rate)], card.rate)]
+    frequencies = [
+        f for f, _ in partials(card.sounds[2][: int(_SPECTRUM_SECONDS * card.rate)], card.rate)
+    ]
     cells, away = [], []
     for ratio in known["ratios"]:
-        nearest = min(found, key=lambda f: abs(np.log2(f / (known["of"] * ratio))))
+        nearest = min(frequencies, key=lambda f: abs(np.log2(f / (known["of"] * ratio))))
         off = 1200 * np.log2(nearest / (known["of"] * ratio))
         cells.append(f"{ratio:g}")
         away.append(f"{off:+.0f}".replace("-", "−") if abs(off) < 150 else "not heard")
@@ -280,23 +302,23 @@ def main() -> None:
     folder = Path(sys.argv[1])
     table = folder / "cards.csv"
     names = [one.name for one in fields(Figures)]
-    kept: dict[str, list[dict[str, Any]]] = {}
+    cards_by_family: dict[str, list[dict[str, Any]]] = {}
     if table.exists():
         with table.open(encoding="utf-8") as file:
             for row in csv.DictReader(file):
-                kept.setdefault(row["family"], []).append(row)
+                cards_by_family.setdefault(row["family"], []).append(row)
     families = described()
     for family in sys.argv[2:] or families:
-        said = families[family]
-        cards = [measured(family, name, card) for name, card in said["cards"].items()]
-        kept[family] = [asdict(card.figures) for card in cards]
+        texts = families[family]
+        cards = [measured(family, name, card) for name, card in texts["cards"].items()]
+        cards_by_family[family] = [asdict(card.figures) for card in cards]
         parts = [
-            f"# {said['title']}\n\nMeasured by `make docs` ([how](README.md)). The text of these "
+            f"# {texts['title']}\n\nMeasured by `make docs` ([how](README.md)). The text of these "
             f"instruments is `instruments/library/{family}.yaml`; `use: "
             f"[instruments/{family}.yaml]` brings them in.\n"
         ]
         for card in cards:
-            parts.append(text(card, said["cards"][card.figures.name]))
+            parts.append(text(card, texts["cards"][card.figures.name]))
             drawn = spectrogram(card.sounds, card.rate, card.figures.name, STROKES)
             (folder / f"{card.figures.name}.svg").write_text(drawn, encoding="utf-8")
         (folder / f"{family}.md").write_text("\n".join(parts), encoding="utf-8")
@@ -304,8 +326,8 @@ def main() -> None:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         for family in families:
-            writer.writerows(kept.get(family, []))
-    instruments = sum(len(kept.get(family, [])) for family in families)
+            writer.writerows(cards_by_family.get(family, []))
+    instruments = sum(len(cards_by_family.get(family, [])) for family in families)
     pages = [folder / "README.md"]
     if folder.resolve() == ROOT / "docs" / "instruments":
         pages.append(ROOT / "README.md")

@@ -100,8 +100,8 @@ def told(entry: Code, text: str) -> list[str]:
 
 def page(entry: Code) -> str:
     """One page in Markdown."""
-    said = told(entry, entry.bad)
-    if not said:
+    messages = told(entry, entry.bad)
+    if not messages:
         raise AssertionError(f"the example of {entry.code} does not get it")
     files = "".join(_shown(name, content) for name, content in entry.files.items())
     return (
@@ -110,7 +110,7 @@ def page(entry: Code) -> str:
         f"```yaml\n{entry.bad.rstrip()}\n```\n\n"
         f"{files}"
         f"The checker says:\n\n"
-        f"```text\n{chr(10).join(said)}\n```\n\n"
+        f"```text\n{chr(10).join(messages)}\n```\n\n"
         f"Corrected:\n\n"
         f"```yaml\n{entry.good.rstrip()}\n```\n"
     )
@@ -125,15 +125,15 @@ def _shown(name: str, content: str | bytes) -> str:
 
 def pages() -> dict[str, str]:
     """All pages by file name, with an index."""
-    found = {f"{entry.code}.md": page(entry) for entry in codes().values()}
+    text_by_file = {f"{entry.code}.md": page(entry) for entry in codes().values()}
     rows = "\n".join(f"| [{c.code}]({c.code}.md) | {c.title} |" for c in codes().values())
-    found["README.md"] = (
+    text_by_file["README.md"] = (
         "# What the checker says\n\n"
         "E is an error, W a warning, N a note. "
         "Made by `make docs`.\n\n"
         f"| code | title |\n|---|---|\n{rows}\n"
     )
-    return found
+    return text_by_file
 
 
 def write(folder: str | Path) -> None:

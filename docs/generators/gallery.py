@@ -31,15 +31,15 @@ def drawn(path: Path) -> tuple[str, str]:
     staged = stage(loaded.piece)
     level = level_of(loaded.piece, 24)
     mixer = staged.mixer(highpass=level.highpass, reference=level.reference)
-    heard = []
+    mixed_blocks = []
     for first in range(0, staged.n_frames, _BLOCK):
         n_frames = min(_BLOCK, staged.n_frames - first)
         frames = np.zeros((n_frames, staged.simulation.n_out))
         staged.simulation.process(frames)
         mixed = np.zeros((n_frames, staged.n_channels))
         mixer.process(frames, mixed)
-        heard.append(mixed.mean(axis=1))
-    sound = np.concatenate(heard)
+        mixed_blocks.append(mixed.mean(axis=1))
+    sound = np.concatenate(mixed_blocks)
     picture = spectrogram(sound[None, :], staged.rate, loaded.piece.title or path.stem)
     return picture, features(sound, staged.rate, loaded.piece.render.tail)
 
@@ -52,21 +52,21 @@ def features(sound: NDArray[np.float64], rate: float, tail: float) -> str:
         for first in range(0, len(sound) - _WINDOW, _WINDOW // 2)
     )
     f = np.fft.rfftfreq(_WINDOW, 1 / rate)
-    heard = (f >= _LOWEST) & (f < _HIGHEST)
-    centre = float(np.sum(f[heard] * power[heard]) / np.sum(power[heard]))
-    above = 10 * np.log10(np.sum(power[heard & (f > _BRIGHT)]) / np.sum(power[heard]))
+    in_range = (f >= _LOWEST) & (f < _HIGHEST)
+    centre = float(np.sum(f[in_range] * power[in_range]) / np.sum(power[in_range]))
+    above = 10 * np.log10(np.sum(power[in_range & (f > _BRIGHT)]) / np.sum(power[in_range]))
     wide = int(_LEVELS_S * rate)
     n_levels = int((len(sound) / rate - tail) / _LEVELS_S)
     levels = np.sqrt(np.mean(sound[: n_levels * wide].reshape(n_levels, wide) ** 2, axis=1))
     soft, loud = 20 * np.log10(np.percentile(levels, [10, 95]) + 1e-30)
     return (
         f"{len(sound) / rate:.0f} s; centre of the spectrum {centre:,.0f} Hz, "
-        f"{_said(above)} above 2 kHz; "
+        f"{_level_text(above)} above 2 kHz; "
         f"{loud - soft:.0f} dB from soft to loud."
     )
 
 
-def _said(level: float) -> str:
+def _level_text(level: float) -> str:
     return f"{level:.0f} dB".replace("-", "\N{MINUS SIGN}")
 
 

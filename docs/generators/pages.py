@@ -32,8 +32,8 @@ class Block:
 
     def note(self, word: str) -> str | None:
         """The text of a comment after `word:`."""
-        found = [note.removeprefix(f"{word}: ") for note in self.notes]
-        return next((f for f, note in zip(found, self.notes, strict=True) if f != note), None)
+        suggestions = [note.removeprefix(f"{word}: ") for note in self.notes]
+        return next((f for f, note in zip(suggestions, self.notes, strict=True) if f != note), None)
 
 
 def blocks(page: Path) -> Iterator[Block]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ergon.instruments.materials import MATERIALS, OWN_MATERIAL
+from ergon.instruments.materials import MATERIAL_RECORD, MATERIALS
 from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
 from ergon.instruments.read import INSTRUMENT, PLACING
 from ergon.instruments.space.fields import WALL
@@ -92,12 +92,18 @@ def _materials() -> Iterator[str]:
     yield ""
     yield "| material | density [kg/m³] | E [GPa] | Poisson's ratio | loss factor | source |"
     yield "|---|---|---|---|---|---|"
-    for name, one in MATERIALS.items():
-        young = f"{one.young / 1e9:g}"
-        if one.across is not None:
-            young += f", {one.across / 1e9:g}"
-        cells = (f"`{name}`", f"{one.density:g}", young, f"{one.poisson:g}", f"{one.loss:g}")
-        yield "| " + " | ".join((*cells, one.source)) + " |"
+    for name, material in MATERIALS.items():
+        young = f"{material.young / 1e9:g}"
+        if material.across is not None:
+            young += f", {material.across / 1e9:g}"
+        cells = (
+            f"`{name}`",
+            f"{material.density:g}",
+            young,
+            f"{material.poisson:g}",
+            f"{material.loss:g}",
+        )
+        yield "| " + " | ".join((*cells, material.source)) + " |"
     yield ""
 
 
@@ -117,7 +123,7 @@ def text() -> str:
         if "si" in kind.tables:
             lines += _section(f"`{kind.name}`", kind.table, "###")
     lines += _section("`gap`", PROFILE, "###")
-    lines += _section("`material`", OWN_MATERIAL, "###")
+    lines += _section("`material`", MATERIAL_RECORD, "###")
     lines += ["## Modules of an instrument in space", ""]
     for name, table in tables("space", _MATTER).items():
         lines += _section(f"`{name}` in space", table, "###")

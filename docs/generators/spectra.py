@@ -77,9 +77,9 @@ def _png(shades: NDArray[np.uint8]) -> bytes:
     padded = np.pad(shades, ((0, 0), (0, width % 2)))
     packed = (padded[:, ::2] << 4 | padded[:, 1::2]).astype(np.uint8)
     rows = b"".join(b"\0" + row.tobytes() for row in packed)
-    at = np.linspace(0, 1, len(_COLOURS))
+    positions = np.linspace(0, 1, len(_COLOURS))
     palette = bytes(
-        round(float(np.interp(step / (_STEPS - 1), at, [c[i] for c in _COLOURS])))
+        round(float(np.interp(step / (_STEPS - 1), positions, [c[i] for c in _COLOURS])))
         for step in range(_STEPS)
         for i in range(3)
     )

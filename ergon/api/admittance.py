@@ -129,10 +129,10 @@ def admittance(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     names = (heard,) if isinstance(heard, str) else tuple(heard) or (forced,)
-    at = point(piece, "forced", forced)
+    place = point(piece, "forced", forced)
     ends = [point(piece, "heard", name) for name in names]
-    parts = tuple(dict.fromkeys(end.part for end in (at, *ends)))
-    for number, end in enumerate((at, *ends)):
+    parts = tuple(dict.fromkeys(end.part for end in (place, *ends)))
+    for number, end in enumerate((place, *ends)):
         refuse_several_axes("heard" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built
@@ -145,7 +145,7 @@ def admittance(
             axis = _with_peaks(network, parts, axis)
         mats = [
             _masses("heard" if number else "forced", end, built.assembly.members(end), each)
-            for number, end in enumerate((at, *ends))
+            for number, end in enumerate((place, *ends))
         ]
         values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]
         together = network.elements(list(parts)).kinds
@@ -162,16 +162,16 @@ def admittance(
 
 
 def _masses(
-    option: str, target: Target, found: Sequence[int], parts: Sequence[_core.Elements]
+    option: str, target: Target, candidates: Sequence[int], parts: Sequence[_core.Elements]
 ) -> list[int]:
-    """Those of the MATs `found` that move. Raises OptionError if none does."""
+    """Those of the MATs `candidates` that move. Raises OptionError if none does."""
     moving = {mat for part in parts for mat in part.mats}
-    own = [mat for mat in found if mat in moving]
-    if not own:
+    moving_mats = [mat for mat in candidates if mat in moving]
+    if not moving_mats:
         raise OptionError(
             option, f"{target.text} is fixed, so no force moves it; name a point that moves"
         )
-    return own
+    return moving_mats
 
 
 def _with_peaks(

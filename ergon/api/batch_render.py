@@ -77,8 +77,8 @@ def render_several(
     """
     wanted = _wanted(paths, folder, options, report)
     if options.on is None:
-        for one in wanted:
-            yield _rendered(one, report)
+        for score in wanted:
+            yield _rendered(score, report)
         return
     from .cluster import open_cluster
 
@@ -90,8 +90,8 @@ def staged_scores(
     paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
 ) -> Iterator[PreparedRender]:
     """The same scores, planned and staged one after the other. Raises what `prepare` does."""
-    for one in _wanted(paths, folder, options, report):
-        yield prepare(one.loaded, one.target, one.options, report)
+    for score in _wanted(paths, folder, options, report):
+        yield prepare(score.loaded, score.target, score.options, report)
 
 
 def _wanted(
@@ -112,26 +112,28 @@ def _wanted(
             )
     read = [(str(path), scores.read(path, options, report)) for path in paths]
     _refuse_mistakes([loaded for _, loaded in read])
-    found: dict[Path, _Wanted] = {}
+    wanted_by_path: dict[Path, _Wanted] = {}
     for path, loaded in read:
         file = target(path, loaded, None)
         if folder is not None:
             file = str(Path(folder, Path(file).name))
         place = Path(file).resolve()
-        if place in found:
+        if place in wanted_by_path:
             raise OptionError(
                 "output",
-                f"{found[place].score} and {path} would both be written to "
+                f"{wanted_by_path[place].score} and {path} would both be written to "
                 f"{file}; render one alone",
             )
         stems = options.stems
-        own = replace(options, stems=None if stems is None else Path(stems, Path(file).stem))
-        found[place] = _Wanted(path, loaded, file, own)
-    inputs = [Path(input) for one in found.values() for input in one.loaded.inputs]
-    for one in found.values():
-        check_ending(one.target)
-        check_target(Path(one.target), force=options.force, inputs=inputs)
-    return list(found.values())
+        score_options = replace(
+            options, stems=None if stems is None else Path(stems, Path(file).stem)
+        )
+        wanted_by_path[place] = _Wanted(path, loaded, file, score_options)
+    inputs = [Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs]
+    for score in wanted_by_path.values():
+        check_ending(score.target)
+        check_target(Path(score.target), force=options.force, inputs=inputs)
+    return list(wanted_by_path.values())
 
 
 def _refuse_mistakes(read: Sequence[Loaded]) -> None:
@@ -144,19 +146,19 @@ def _refuse_mistakes(read: Sequence[Loaded]) -> None:
         raise ScoreError([found for one in wrong for found in one.diagnostics], sources)
 
 
-def _rendered(one: _Wanted, report: Report) -> Rendered:
+def _rendered(score: _Wanted, report: Report) -> Rendered:
     try:
-        prepared = prepare(one.loaded, one.target, one.options, report)
-        return Rendered(one.score, write(prepared, report))
+        prepared = prepare(score.loaded, score.target, score.options, report)
+        return Rendered(score.score, write(prepared, report))
     except (ErgonError, _core.EngineError) as error:
-        return Rendered(one.score, None, error)
+        return Rendered(score.score, None, error)
 
 
 # --- together -----------------------------------------------------------------------------------
 
 
 @dataclass(slots=True)
-class _Own:
+class _SharedScore:
     """A score that a thread renders, and how many chains of stretches and modules it has."""
 
     score: str
@@ -167,48 +169,52 @@ class _Own:
 
 def _together(wanted: Sequence[_Wanted], cluster: Cluster, report: Report) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
-    told = _Locked(report)
+    locked_report = _Locked(report)
     left = list(reversed(wanted))
-    running: dict[cf.Future[Completed], _Own] = {}
-    most = min(_TOGETHER_MAX, 2 * cluster.count + 1)
-    with cf.ThreadPoolExecutor(most, "ergon-render") as pool:
+    running: dict[cf.Future[Completed], _SharedScore] = {}
+    workers_max = min(_TOGETHER_MAX, 2 * cluster.count + 1)
+    with cf.ThreadPoolExecutor(workers_max, "ergon-render") as pool:
         try:
             while left or running:
-                if left and _is_room(running.values(), cluster.count, most):
-                    one = left.pop()
+                if left and _is_room(running.values(), cluster.count, workers_max):
+                    score = left.pop()
                     try:
-                        prepared = prepare(one.loaded, one.target, one.options, told)
+                        prepared = prepare(score.loaded, score.target, score.options, locked_report)
                     except (ErgonError, _core.EngineError) as error:
-                        yield Rendered(one.score, None, error)
+                        yield Rendered(score.score, None, error)
                         continue
-                    own = _own(one.score, prepared, cluster.count)
-                    running[pool.submit(partial(_write, own.work, prepared, told, cluster))] = own
+                    score_work = _shared_score(score.score, prepared, cluster.count)
+                    running[
+                        pool.submit(
+                            partial(_write, score_work.work, prepared, locked_report, cluster)
+                        )
+                    ] = score_work
                 # If there is room for another score, do not wait: yield only what has ended by now.
-                has_more = bool(left) and _is_room(running.values(), cluster.count, most)
+                has_more = bool(left) and _is_room(running.values(), cluster.count, workers_max)
                 limit = 0.0 if has_more else _LOOK_EVERY
                 for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
                     yield _ended(running.pop(future).score, future)
         finally:
-            for own in running.values():  # renders still running after an error or Ctrl-C
-                own.work.cancel()
+            for score_work in running.values():  # renders still running after an error or Ctrl-C
+                score_work.work.cancel()
 
 
-def _is_room(running: Iterable[_Own], count: int, most: int) -> bool:
+def _is_room(running: Iterable[_SharedScore], count: int, limit: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
-    own = list(running)
-    return len(own) < most and (
-        not own
+    running_list = list(running)
+    return len(running_list) < limit and (
+        not running_list
         or (
-            sum(one.n_chains for one in own) < chain_count(count)
-            and sum(one.n_modules for one in own) < MODULES_MAX
+            sum(one.n_chains for one in running_list) < chain_count(count)
+            and sum(one.n_modules for one in running_list) < MODULES_MAX
         )
     )
 
 
-def _own(score: str, prepared: PreparedRender, count: int) -> _Own:
+def _shared_score(score: str, prepared: PreparedRender, count: int) -> _SharedScore:
     stage = prepared.stage
     n_chains = chain_count(count, stage.simulation)
-    return _Own(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
+    return _SharedScore(score, n_chains, stage.network.n_mat + stage.network.n_lia, _core.Work())
 
 
 def _write(
@@ -254,10 +260,10 @@ class _Locked(Report):
 
     def diagnostics(
         self,
-        found: Iterable[Diagnostic],
+        diagnostics: Iterable[Diagnostic],
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
         """Pass on."""
         with self._lock:
-            self._report.diagnostics(found, sources, left_out)
+            self._report.diagnostics(diagnostics, sources, left_out)

@@ -50,8 +50,8 @@ def check(
     """
     loaded = scores.read(score, options, report)
     _, staging = try_stage(loaded, report)
-    found = (*loaded.diagnostics, *staging)
-    return Checked(found, {kind: n for kind, n in loaded.left_out.items() if n})
+    diagnostics = (*loaded.diagnostics, *staging)
+    return Checked(diagnostics, {kind: n for kind, n in loaded.left_out.items() if n})
 
 
 def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list[Diagnostic]]:
@@ -68,18 +68,22 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     staged = None
     try:
         staged = stage_as_checked(loaded.piece, report)
-        found = [*warn_unused(loaded.piece), *warn_implausible(loaded.piece), *staged.diagnostics]
-        found += warn_low_modes(highest_modes(loaded.piece, staged.built))
-        found += warn_over_limit(loaded.piece, staged.built, staged.paths)
+        diagnostics = [
+            *warn_unused(loaded.piece),
+            *warn_implausible(loaded.piece),
+            *staged.diagnostics,
+        ]
+        diagnostics += warn_low_modes(highest_modes(loaded.piece, staged.built))
+        diagnostics += warn_over_limit(loaded.piece, staged.built, staged.paths)
     except StageError as error:
-        found = list(error.diagnostics)
-        if loaded.piece.automation and any(one.code == "E309" for one in found):
+        diagnostics = list(error.diagnostics)
+        if loaded.piece.automation and any(one.code == "E309" for one in diagnostics):
             # If the engine refuses the network itself, there is nothing to look at.
             with contextlib.suppress(_core.EngineError):
                 ready = prepare(loaded.piece)
-                found += warn_over_limit(loaded.piece, ready.built, ready.paths)
-    scores.show(report, loaded, found)
-    return staged, found
+                diagnostics += warn_over_limit(loaded.piece, ready.built, ready.paths)
+    scores.show(report, loaded, diagnostics)
+    return staged, diagnostics
 
 
 def stage_as_checked(piece: Piece, report: Report | None) -> Stage:

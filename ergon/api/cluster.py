@@ -47,7 +47,7 @@ _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
 @dataclass(slots=True)
-class _Told:
+class _WorkerShare:
     """What a worker has computed: stretches, and the time that they took [s]."""
 
     n_stretches: int = 0
@@ -63,13 +63,13 @@ class Cluster:
     client: Any
     count: int
     on: str
-    _told: dict[str, _Told] = field(default_factory=dict)
+    _shares_by_worker: dict[str, _WorkerShare] = field(default_factory=dict)
     _telling: threading.Lock = field(default_factory=threading.Lock)
 
     def executor(self) -> Executor:
         """An executor on the workers; a task is repeated if its worker dies."""
-        made: Executor = self.client.get_executor(retries=_RETRIES, pure=False)
-        return made
+        executor: Executor = self.client.get_executor(retries=_RETRIES, pure=False)
+        return executor
 
     def wait(self, futures: Sequence[Future[Any]]) -> None:
         """Return when one of the futures has ended. Raises ClusterError if no worker is left."""
@@ -124,20 +124,20 @@ class Cluster:
     def heard(self, answer: Answer) -> None:
         """Count what the worker has computed."""
         with self._telling:
-            own = self._told.setdefault(answer["worker"], _Told())
-            own.n_stretches += 1
-            own.seconds += answer["seconds"]
+            worker_total = self._shares_by_worker.setdefault(answer["worker"], _WorkerShare())
+            worker_total.n_stretches += 1
+            worker_total.seconds += answer["seconds"]
 
     def tell(self, report: Report) -> None:
         """Report a line for each worker that computed stretches."""
-        whole = sum(told.seconds for told in self._told.values())
-        for name, told in sorted(self._told.items()):
-            share = 100.0 * told.seconds / whole if whole else 0.0
+        total_seconds = sum(worker.seconds for worker in self._shares_by_worker.values())
+        for name, worker in sorted(self._shares_by_worker.items()):
+            share = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
             report.say(
-                f"worker {name}: {told.n_stretches} stretches in {told.seconds:.1f} s, "
+                f"worker {name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
                 f"{share:.0f} % of the work that was shared"
             )
-            fields = {"stretches": told.n_stretches, "seconds": told.seconds}
+            fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
             report.event("worker", worker=name, **fields)
 
     def _n_workers(self) -> int:
@@ -167,8 +167,8 @@ class Sharing:
 
     def answer(self, future: Future[Answer]) -> Answer:
         """The answer of one that has ended."""
-        found: Answer = self.cluster.result(future)
-        return found
+        answer: Answer = self.cluster.result(future)
+        return answer
 
     def heard(self, answer: Answer, n_frames: int) -> None:
         """Count what the worker has computed."""
@@ -227,11 +227,11 @@ def open_cluster(on: str, report: Report) -> Iterator[Cluster]:
                 f"{on}: no scheduler answers ({error}); `dask scheduler` starts one"
             ) from None
         workers = client.scheduler_info(n_workers=-1)["workers"]
-        made = Cluster(client, len(workers), on)
+        cluster = Cluster(client, len(workers), on)
         try:
-            yield made
+            yield cluster
         finally:
-            made.tell(report)
+            cluster.tell(report)
 
 
 def _encrypted(distributed: Any, on: str) -> Any:
@@ -284,8 +284,8 @@ def _missing(what: str) -> str:
 
 def share_work(cluster: Cluster, job: Job) -> Sharing:
     """Workers for the islands of a job."""
-    kept = cluster.client.submit(cluster_worker.return_job, job, pure=False)
-    return Sharing(cluster, cluster.executor(), kept)
+    job_future = cluster.client.submit(cluster_worker.return_job, job, pure=False)
+    return Sharing(cluster, cluster.executor(), job_future)
 
 
 def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -> Job:
@@ -299,7 +299,7 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     score = next(iter(loaded.files))  # the score is read first
     content = bundled(score, loaded)
     text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
-    own = hashlib.sha256(text.encode()).hexdigest()
+    score_digest = hashlib.sha256(text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),
         content=content,
@@ -307,5 +307,5 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
         plan_hash=plan.hash,
         rate=rate,
         seed=seed,
-        digest=digest(content, own, rate, seed, os.getpid()),
+        digest=digest(content, score_digest, rate, seed, os.getpid()),
     )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 # Bound on the modules of all staged pieces in memory; a single piece may have any number.
 MODULES_MAX = 1_000_000
-_MOST = 16
+_JOBS_MAX = 16
 _FORM = 1  # version of jobs, requests and answers
 
 
@@ -95,8 +95,8 @@ def stretch(job: Job, request: Request) -> Answer:
     with lock:
         try:
             ready = _staged(job)
-            for own in request["islands"]:
-                sound, state = _advanced(ready, request, own)
+            for island_request in request["islands"]:
+                sound, state = _advanced(ready, request, island_request)
                 answer["sounds"].append(sound)
                 answer["states"].append(state)
         except _core.DivergedError:
@@ -111,11 +111,11 @@ def stretch(job: Job, request: Request) -> Answer:
 
 def _staged(job: Job) -> _Ready:
     """The staged piece of a job; the pieces used last stay staged. Raises ErgonError."""
-    for one in _ready:
-        if one.digest == job["digest"]:
-            _ready.remove(one)
-            _ready.append(one)
-            return one
+    for ready in _ready:
+        if ready.digest == job["digest"]:
+            _ready.remove(ready)
+            _ready.append(ready)
+            return ready
     check_version(job["version"])
     with unpack(job["content"]) as path:
         plan = path.with_name(f"{path.name}.plan")
@@ -123,14 +123,14 @@ def _staged(job: Job) -> _Ready:
         options = AccuracyOptions(plan=plan, seed=job["seed"])
         loaded = scores.read(path, options, Report())
         staged = scores.stage_piece(loaded, options, rate=job["rate"])
-        made = staged.stage.plan
-        if made is None or made.hash != job["plan_hash"]:
+        staged_plan = staged.stage.plan
+        if staged_plan is None or staged_plan.hash != job["plan_hash"]:
             raise ClusterError(
                 "this worker makes another plan of the same score; install the same ergon"
             )
     simulation, network = staged.stage.simulation, staged.stage.network
     n_modules = network.n_mat + network.n_lia
-    while _ready and (len(_ready) >= _MOST or _n_modules() + n_modules > MODULES_MAX):
+    while _ready and (len(_ready) >= _JOBS_MAX or _n_modules() + n_modules > MODULES_MAX):
         _ready.pop(0)
     _ready.append(_Ready(job["digest"], simulation, simulation.storable(), n_modules))
     return _ready[-1]
@@ -140,21 +140,26 @@ def _n_modules() -> int:
     return sum(one.n_modules for one in _ready)
 
 
-def _advanced(ready: _Ready, request: Request, own: IslandRequest) -> tuple[bytes, bytes]:
+def _advanced(
+    ready: _Ready, request: Request, island_request: IslandRequest
+) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
-    at, stop, number = request["at"], request["stop"], own["number"]
+    first_frame, stop, number = request["at"], request["stop"], island_request["number"]
     if not 0 <= number < len(ready.islands):
         raise ClusterError(
             "this worker finds other islands in the same score; install the same ergon"
         )
     island, simulation = ready.islands[number], ready.simulation
-    if simulation.island_key(island, at, stop, own["before"]) != own["key"]:
+    if (
+        simulation.island_key(island, first_frame, stop, island_request["before"])
+        != island_request["key"]
+    ):
         raise ClusterError(
             "this worker reads the same score in another way; install the same ergon"
         )
     try:
-        simulation.set_state(island, own["state"])
-        sound = simulation.advance(island, stop - at).astype("<f8", copy=False).tobytes()
+        simulation.set_state(island, island_request["state"])
+        sound = simulation.advance(island, stop - first_frame).astype("<f8", copy=False).tobytes()
         return sound, simulation.recorded(island).state
     except BaseException:
         _ready.remove(ready)  # stopped in the middle of a frame

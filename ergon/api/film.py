@@ -93,12 +93,12 @@ def _keys(stage: Stage) -> list[tuple[str, int, bool]]:
     """
     hands = {hand.key: hand.mat for hand in stage.live}
     mats = stage.built.assembly.mats
-    own = [
+    key_rows = [
         (name, mats[name, key.struck], False)
         for name, key in stage.piece.keys.items()
         if name not in hands
     ]
-    return own + [(name, mat, True) for name, mat in hands.items()]
+    return key_rows + [(name, mat, True) for name, mat in hands.items()]
 
 
 def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:
     import numpy as np
 
     loose = np.flatnonzero((bench == 0.0).all(axis=1))
-    made = bench.copy()
+    spread_bench = bench.copy()
     if len(loose) > 1:
-        made[loose, 0] = _ROW * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
-    return made
+        spread_bench[loose, 0] = _ROW * (np.arange(len(loose)) / (len(loose) - 1) - 0.5)
+    return spread_bench

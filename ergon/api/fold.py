@@ -102,7 +102,7 @@ def fold_file(
     if target != "-":
         check_target(Path(target), force=options.force, inputs=inputs)
     held, effects = _source(path, info, options, report)
-    filters, made = _filters(held, (to, options.head), info.format.rate, report)
+    filters, adm_chunks = _filters(held, (to, options.head), info.format.rate, report)
     filters = _without(effects, filters)
     bits: Bits = options.bits or _WRITTEN.get(info.format.bits, info.format.bits)
     if info.damage is not None:
@@ -112,7 +112,7 @@ def fold_file(
     fold = _core.Fold(filters)
     n_frames = info.n_frames + fold.tail
     title = info.title if info.originator == ORIGINATOR else path.stem
-    chunks = b"" if made is None else chunks_of(made, title)
+    chunks = b"" if adm_chunks is None else chunks_of(adm_chunks, title)
     stamp = Stamp(title, chunks=chunks)
     folder = None if target == "-" else Path(target).resolve().parent
     with (
@@ -121,7 +121,7 @@ def fold_file(
         report.progress("folding", n_frames, format.rate) as progress,
     ):
         true_peak, n_folded = TruePeak(format.n_channels), 0
-        blocks = _whole(path, info, sound.read_blocks(path), fold.tail)
+        blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
         for block in _folded(blocks, fold, format.n_channels):
             spool.take(block)
             true_peak.take(block)
@@ -175,8 +175,8 @@ def fold_of(
     if layout is None:
         reason = "the score does not say where its loudspeakers are: write `mix: {layout: …}` in it"
         raise OptionError("to", reason, value=options.to)
-    heard = options.to, options.head
-    filters, _ = _filters(_in_order(layout), heard, piece.rate, report or Report())
+    fold_to = options.to, options.head
+    filters, _ = _filters(_in_order(layout), fold_to, piece.rate, report or Report())
     return _core.Fold(_without(layout.others(piece.mix.channels), filters))
 
 
@@ -187,12 +187,12 @@ def _folded(
     import numpy as np
 
     for block in blocks:
-        made = np.zeros((len(block), n_channels))
-        fold.process(block, made)
-        yield made
+        folded = np.zeros((len(block), n_channels))
+        fold.process(block, folded)
+        yield folded
 
 
-def _whole(
+def _folded_file(
     path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
 ) -> Iterator[NDArray[np.float64]]:
     """The blocks of a file, then zeros for the tail of the fold. Raises FoldError for infinite
@@ -200,12 +200,12 @@ def _whole(
     """
     import numpy as np
 
-    at = 0
+    start = 0
     try:
         for block in blocks:
             if not np.isfinite(block).all():
-                raise FoldError(f"{path} holds samples that are not finite, after frame {at:,}")
-            at += len(block)
+                raise FoldError(f"{path} holds samples that are not finite, after frame {start:,}")
+            start += len(block)
             yield np.ascontiguousarray(block)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
@@ -278,20 +278,20 @@ def _source(
 
     kind = "for low-frequency effects"
     if options.from_ is not None:
-        found, effects = _named(options.from_, "from", report)
+        field_names, effects = _named(options.from_, "from", report)
         kind = "not among the loudspeakers of the layout"
     else:
         reason = "it does not say what its channels are"
         try:
-            said = adm.read(info)
+            adm_field = adm.read(info)
         except XmlError as error:
-            said, reason = None, str(error)
-        if said is None:
+            adm_field, reason = None, str(error)
+        if adm_field is None:
             raise FoldError(f"{path}: {reason}; name them by --from LAYOUT, such as --from dome24")
-        found = Field(tuple(point(*one) for one in said.speakers), said.order)
-        effects = said.effects
-    if found.n_channels + len(effects) != info.format.n_channels:
-        named = f"{options.from_ or 'its description'} has {found.n_channels}"
+        field_names = Field(tuple(point(*one) for one in adm_field.speakers), adm_field.order)
+        effects = adm_field.effects
+    if field_names.n_channels + len(effects) != info.format.n_channels:
+        named = f"{options.from_ or 'its description'} has {field_names.n_channels}"
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
     if effects:
         *first, last = (str(channel + 1) for channel in effects)
@@ -299,29 +299,29 @@ def _source(
         if first:
             words = f"channels {', '.join(first)} and {last} are {kind}, and are left out"
         report.warn(f"{path}: {words}")
-    return found, effects
+    return field_names, effects
 
 
 def _filters(
-    source: Field, heard: tuple[str, str | Path | None], rate: float, report: Report
+    source: Field, fold_to: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
     """Filters (n_in, n_out, n_taps), and the target if it is a field, not stereo or two ears.
 
-    `heard`: the name of the target, and the SOFA file of a head.
+    `fold_to`: the name of the target, and the SOFA file of a head.
     """
     import numpy as np
 
     from ergon.space import fold_filters, head
     from ergon.space.panning import ArrayError
 
-    to, sofa = heard
+    to, sofa = fold_to
     if sofa is not None and to != "binaural":
         raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":
         return fold_filters.to_stereo(source), None
     if to == "binaural":
-        own = head.kemar() if sofa is None else _head(sofa, source)
-        return fold_filters.to_ears(source, own, rate), None
+        head_responses = head.kemar() if sofa is None else _head(sofa, source)
+        return fold_filters.to_ears(source, head_responses, rate), None
     target, others = _named(to, "to", report)
     try:
         filters = fold_filters.to_field(source, target)

@@ -84,7 +84,7 @@ def prepare(
         report,
         rate=options.rate,
         threads=options.threads,
-        silent=[part for part in _heard(piece) if part not in parts],
+        silent=[part for part in _audible_parts(piece) if part not in parts],
     ).stage
     folder = Path(out) if out is not None else _folder(str(score))
     taps = {part: stage.listening.taps(part) for part in parts}
@@ -121,7 +121,7 @@ def _folder(path: str) -> Path:
     return Path(folder.name) if is_from_pack(path) else folder
 
 
-def _heard(piece: Piece) -> list[str]:
+def _audible_parts(piece: Piece) -> list[str]:
     from ergon.scores.staging.listening import heard
 
     return list(dict.fromkeys(instrument.name for _, instrument, _ in heard(piece)))
@@ -130,9 +130,9 @@ def _heard(piece: Piece) -> list[str]:
 def _are_there(piece: Piece, parts: Iterable[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
-    heard = _heard(piece)
+    audible_names = _audible_parts(piece)
     for part in parts:
-        if part in heard:
+        if part in audible_names:
             continue
         if part in piece.instruments:
             raise OptionError(
@@ -140,17 +140,17 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
                 "this instrument has no route to a channel; add a route to the mix",
                 value=part,
             )
-        close = nearest(part, heard)
-        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(heard)}"
+        close = nearest(part, audible_names)
+        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
         raise OptionError("freeze", f"the score has no instrument '{part}'{asked}")
 
 
 def _are_free(piece: Piece, parts: Collection[str], live: Iterable[str], option: str) -> None:
     from ergon.scores.staging.reach import ties
 
-    found = ties(piece, parts, live)
-    if found:
-        raise OptionError(option, "; ".join(map(str, found)))
+    tied_names = ties(piece, parts, live)
+    if tied_names:
+        raise OptionError(option, "; ".join(map(str, tied_names)))
 
 
 def _source(loaded: Loaded, stage: Stage) -> Source:

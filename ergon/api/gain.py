@@ -53,10 +53,13 @@ def gain_of(
         # As in a file: peaks hold a loudness down unless the score limits them.
         wanted = {name: getattr(master, name) for name in ("normalise", "loudness", "limit")}
         level = replace(scores.played_level(piece), **wanted)
-        found = find_gain(stage, level, frozen, progress.at)
-    heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
-    gained = f"{20 * log10(found.gain):+.1f} dB"
-    report.say(
-        f"gain {gained}, from a preflight that computed {heard} unheard; --gain sets another"
+        gain_result = find_gain(stage, level, frozen, progress.at)
+    computed_span = (
+        "the piece" if gain_result.seconds is None else f"its first {gain_result.seconds:.0f} s"
     )
-    return found.gain
+    gained = f"{20 * log10(gain_result.gain):+.1f} dB"
+    report.say(
+        f"gain {gained}, from a preflight that computed {computed_span} unheard; --gain sets "
+        "another"
+    )
+    return gain_result.gain

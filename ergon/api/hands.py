@@ -146,7 +146,7 @@ def guide_stiffnesses(
     from ergon.notation.text.errors import TextError
 
     real = {player for board in boards for _, player in board.axes}
-    found = {}
+    stiffness_by_player = {}
     for text in asked:
         player, is_said, stiffness = text.partition("=")
         if player not in real:
@@ -155,10 +155,12 @@ def guide_stiffnesses(
             reason = f"{player} has no device; --live {player}=DEVICE gives one"
             raise OptionError("guide", reason, value=text)
         try:
-            found[player] = quantity(stiffness, STIFFNESS) if is_said else GUIDANCE_MAX[0]
+            stiffness_by_player[player] = (
+                quantity(stiffness, STIFFNESS) if is_said else GUIDANCE_MAX[0]
+            )
         except TextError as error:
             raise OptionError("guide", error.message, value=text) from None
-    return found
+    return stiffness_by_player
 
 
 def no_player_message(piece: Piece, name: str) -> str:

@@ -45,10 +45,10 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
     files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
     layout = build.layout(path.name, path.parent, Place(str(path), 1, 1), files)
     is_refused = collector.has_errors()
-    found = collector.finish()
-    (report or Report()).diagnostics(found, files.documents, collector.left_out())
+    diagnostics = collector.finish()
+    (report or Report()).diagnostics(diagnostics, files.documents, collector.left_out())
     if layout is None or is_refused:
-        raise ScoreError(found, files.documents)
+        raise ScoreError(diagnostics, files.documents)
     return layout
 
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 # Time that a change needs from the session to the physics thread, on a busy machine too [s].
 _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
-_Heard = tuple[float, float | None]  # gain, and reference level: ratios
+_GainAndReference = tuple[float, float | None]  # gain, and reference level: ratios
 
 
 _EMPTY_PIECE = "ergon: 1\nmix: {channels: 2}\n"
@@ -156,7 +156,7 @@ class _Beginning:
     version: Version
     clock: Clock
     past: PastVersions | None = None
-    heard: _Heard | None = None
+    heard: _GainAndReference | None = None
     disk: Disk | None = None
     frozen: FrozenFolder | None = None
 
@@ -181,8 +181,10 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
             if gap := replay.gaps.sentence(str(resume)):
                 report.warn(gap)
             opening = replay.start
-            heard = opening.gain, opening.reference
-            return _Beginning(*resumed_state(replay), heard, replay.disk, opening.frozen)
+            gain_and_reference = opening.gain, opening.reference
+            return _Beginning(
+                *resumed_state(replay), gain_and_reference, replay.disk, opening.frozen
+            )
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
@@ -249,7 +251,7 @@ def _config(
     piece: Piece,
     options: SessionOptions,
     boards: Sequence[Board],
-    heard: _Heard | None,
+    gain_and_reference: _GainAndReference | None,
     frozen: Sequence[LoadedPart],
     report: Report,
 ) -> PlaybackConfig:
@@ -260,7 +262,7 @@ def _config(
     audio = options.card
     if audio.startswith("file:"):  # typed lines need a session in real time
         audio = audio.replace("file:", "clock:", 1)
-    gain, reference = heard or (None, piece.mix.reference())
+    gain, reference = gain_and_reference or (None, piece.mix.reference())
     if gain is None or options.gain is not None:
         gain = gain_of(piece, partial(_preflight_stage, piece, frozen), options.gain, report)
     return PlaybackConfig(
@@ -318,12 +320,12 @@ def _engine(
         except _core.EngineError as error:
             raise not_begun(error, str(error)) from None
         report.say(engine.performance.output())
-        if heard := engine.performance.heard().sentence:
-            report.say(f"input: {heard}")
+        if sentence := engine.performance.heard().sentence:
+            report.say(f"input: {sentence}")
         return engine
 
     def opening(every: int, hands: Path | None) -> SessionStart:
-        heard = config.gain, config.limit, config.highpass
+        gain_options = config.gain, config.limit, config.highpass
         take = None
         if hands is not None:
             players = version.piece.players
@@ -338,7 +340,7 @@ def _engine(
             clock.stopped_beat,
             version.faders,
             every,
-            *heard,
+            *gain_options,
             past,
             version.base,
             take,

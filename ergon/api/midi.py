@@ -42,21 +42,21 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
 
     def port(option: str, name: str, make: Callable[[str], Port]) -> Port:
         try:
-            found = make(name)
+            port = make(name)
         except MidiError as error:
-            for one in opened:
-                one.close()
+            for opened_port in opened:
+                opened_port.close()
             raise OptionError(option, str(error), value=name) from None
-        opened.append(found)
-        return found
+        opened.append(port)
+        return port
 
     inputs = [port("midi", name, SystemInput) for name in options.midi]
     clock_from = options.midi_clock_from and port(
         "midi_clock_from", options.midi_clock_from, SystemInput
     )
     clock_to = options.midi_clock_to and port("midi_clock_to", options.midi_clock_to, TimedSender)
-    for one in inputs:
-        report.say(f"MIDI is heard from {one.name}")
+    for port_info in inputs:
+        report.say(f"MIDI is heard from {port_info.name}")
     if clock_from:
         report.say(f"the MIDI clock of {clock_from.name} is followed")
     if clock_to:

@@ -100,9 +100,9 @@ class PartModes:
         import numpy as np
 
         size = np.abs(self.points[point])
-        most = size.max(initial=0.0)
+        largest = size.max(initial=0.0)
         with np.errstate(divide="ignore"):
-            return 20 * np.log10(size / most) if most > 0 else np.full(size.shape, -np.inf)
+            return 20 * np.log10(size / largest) if largest > 0 else np.full(size.shape, -np.inf)
 
 
 def modes(
@@ -135,25 +135,25 @@ def modes_of(
     import numpy as np
 
     network = built.network
-    found = _asked(network, name, asked)
-    decay = -found.poles.real
+    modes = _asked(network, name, asked)
+    decay = -modes.poles.real
     is_damped = decay > LN_1000 / _LONGEST_T60
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
-    slots = points_of(piece, built, name, found.mats)
-    points = {label: found.shapes[:, own].sum(axis=1) for label, own in slots.items()}
-    places = [network.position_of(mat) for mat in found.mats]
+    slots = points_of(piece, built, name, modes.mats)
+    points = {label: modes.shapes[:, own].sum(axis=1) for label, own in slots.items()}
+    places = [network.position_of(mat) for mat in modes.mats]
     return PartModes(
         name,
-        found.poles.imag / (2 * np.pi),
+        modes.poles.imag / (2 * np.pi),
         t60,
-        found.poles,
-        found.shapes,
-        tuple(network.name_of(mat) for mat in found.mats),
+        modes.poles,
+        modes.shapes,
+        tuple(network.name_of(mat) for mat in modes.mats),
         np.array(places, dtype=float).reshape(len(places), 2),
         points,
-        found.is_certified,
-        found.n_laws,
-        found.n_contacts,
+        modes.is_certified,
+        modes.n_laws,
+        modes.n_contacts,
         tuple(inputs),
     )
 
@@ -178,11 +178,11 @@ def points_of(
     points = {}
     for text, targets in _points(piece, name):
         all_mats = [mat for target in targets for mat in built.assembly.members(target)]
-        own = [slots[mat] for mat in all_mats if mat in slots]
-        if own:
+        mat_slots = [slots[mat] for mat in all_mats if mat in slots]
+        if mat_slots:
             is_one = len(all_mats) == 1
             label = text or (built.network.name_of(all_mats[0]) if is_one else targets[0].text)
-            points[label] = own
+            points[label] = mat_slots
     return points
 
 

@@ -73,7 +73,7 @@ class AccuracyOptions(ReadOptions):
         None, "Seed of every chance operation, instead of the score's.", Whole()
     )
 
-    def accuracy(self, of_score: Accuracy, followed: PlanFile | None = None) -> Accuracy:
+    def accuracy(self, score_accuracy: Accuracy, followed: PlanFile | None = None) -> Accuracy:
         """The accuracy that a piece is computed with. Raises OptionError.
 
         What is asked for here comes first, then what a plan that is `followed` was made for.
@@ -83,8 +83,8 @@ class AccuracyOptions(ReadOptions):
         from ergon.scores.staging.planning import requested_accuracy
 
         check_seed(self.seed)
-        given = {"method": self.method, "error": self.error, "cents": self.cents}
-        names = [name for name, value in given.items() if value is not None]
+        options_by_name = {"method": self.method, "error": self.error, "cents": self.cents}
+        names = [name for name, value in options_by_name.items() if value is not None]
         if len(names) > 1:
             advice = "; give one of method, error and cents"
             raise OptionError(names[1], advice, excludes=names[0])
@@ -99,9 +99,9 @@ class AccuracyOptions(ReadOptions):
             method = followed.budget.get("method")
             if method is not None and method not in METHODS:
                 raise OptionError("plan", f"there is no method '{method}'", value=str(self.plan))
-            return Accuracy(**followed.budget, cpu=of_score.cpu)  # type: ignore[arg-type]
+            return Accuracy(**followed.budget, cpu=score_accuracy.cpu)  # type: ignore[arg-type]
         return requested_accuracy(
-            of_score, method=self.method, error=self._error_db(), cents=self.cents
+            score_accuracy, method=self.method, error=self._error_db(), cents=self.cents
         )
 
     def _error_db(self) -> float | None:
@@ -113,8 +113,8 @@ class AccuracyOptions(ReadOptions):
         written = self.error if isinstance(self.error, str) else f"{self.error}dB"
         try:
             return quantity(written, ERROR)
-        except TextError as found:
-            raise OptionError("error", found.message) from None
+        except TextError as error:
+            raise OptionError("error", error.message) from None
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from ergon.live.osc import OscServer
 
 
-def osc_of(heard: str | None, told: str | None, report: Report) -> OscServer | None:
+def osc_of(receive_from: str | None, send_to: str | None, report: Report) -> OscServer | None:
     """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
-    if heard is None and told is None:
+    if receive_from is None and send_to is None:
         return None
     from ergon.live.datagrams import PythonOscMissingError
     from ergon.live.osc import KEY_VARIABLE, OscError, OscServer, parse_address
 
     try:
-        here = None if heard is None else parse_address(heard)
-        there = None if told is None else parse_address(told)
+        here = None if receive_from is None else parse_address(receive_from)
+        there = None if send_to is None else parse_address(send_to)
         osc = OscServer(here, there, key=os.environ.get(KEY_VARIABLE, ""))
     except (PythonOscMissingError, OscError) as error:
-        raise OptionError("osc" if heard is not None else "osc_to", str(error)) from None
+        raise OptionError("osc" if receive_from is not None else "osc_to", str(error)) from None
     if osc.place is not None:
         host, port = osc.place
         report.event("osc", host=host, port=port)

@@ -55,7 +55,7 @@ def sees_all(options: PerformanceOptions) -> bool:
 
 
 def serve(
-    at: str,
+    address: str,
     option: str,
     report: Report,
     motion: Path | None = None,
@@ -68,10 +68,10 @@ def serve(
     """
     from ergon import _core
 
-    is_local = _is_loopback(at)
-    key = _local_key(at) if is_local else secrets.token_hex(16)
+    is_local = _is_loopback(address)
+    key = _local_key(address) if is_local else secrets.token_hex(16)
     try:
-        server = _core.ViewServer(motion, sound=sound, at=at, key=key, leads=leads)
+        server = _core.ViewServer(motion, sound=sound, at=address, key=key, leads=leads)
     except _core.EngineError as error:
         raise OptionError(option, str(error)) from None
     if not is_local:
@@ -83,17 +83,17 @@ def serve(
     return server
 
 
-def _local_key(at: str) -> str:
+def _local_key(address: str) -> str:
     """The key of pages for this machine. On a port that was chosen it is the same each time, so
     that an open page finds a server that is begun again.
     """
-    if at.endswith(":0"):
+    if address.endswith(":0"):
         return secrets.token_hex(16)
     try:
         secret = _secret_of_user()
     except (OSError, NotPrivateError):
         return secrets.token_hex(16)
-    return hmac.new(secret, at.encode(), "sha256").hexdigest()[:32]
+    return hmac.new(secret, address.encode(), "sha256").hexdigest()[:32]
 
 
 def _secret_of_user() -> bytes:
@@ -111,8 +111,8 @@ def _secret_of_user() -> bytes:
     return secret
 
 
-def _is_loopback(at: str) -> bool:
-    host = at.rpartition(":")[0].strip("[]")
+def _is_loopback(address: str) -> bool:
+    host = address.rpartition(":")[0].strip("[]")
     if host == "localhost":
         return True
     try:

@@ -15,19 +15,19 @@ def results_as_completed(
     submit: Callable[[K], Future[V]],
     wait: Callable[[Sequence[Future[V]]], None],
     result: Callable[[Future[V]], V],
-    most: int,
+    limit: int,
 ) -> Iterator[tuple[K, V]]:
     """Each item with its result, in order of completion.
 
-    `submit` begins one, `wait` returns when one of some has ended; at most `most` are under way.
+    `submit` begins one, `wait` returns when one of some has ended; at most `limit` are under way.
     """
     left = iter(items)
     running: dict[Future[V], K] = {}
     while True:
-        while len(running) < most and (one := next(left, None)) is not None:
-            running[submit(one)] = one
+        while len(running) < limit and (item := next(left, None)) is not None:
+            running[submit(item)] = item
         if not running:
             return
         wait(list(running))
-        for future in [one for one in running if one.done()]:
+        for future in [item for item in running if item.done()]:
             yield running.pop(future), result(future)

@@ -23,9 +23,9 @@ def hertz(option: str, value: float | str) -> float:
 
     try:
         return frequency(value if isinstance(value, str) else f"{float(value)!r}Hz")
-    except TextError as found:
-        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
-        raise OptionError(option, f"{found.message}{asked}") from None
+    except TextError as error:
+        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{asked}") from None
 
 
 def selected_parts(piece: Piece, asked: Sequence[str]) -> tuple[str, ...]:
@@ -67,9 +67,9 @@ def point(piece: Piece, option: str, text: str) -> Target:
 
     try:
         return named_point(piece, text)
-    except TextError as found:
-        asked = f"; did you mean '{found.suggestion}'?" if found.suggestion else ""
-        raise OptionError(option, f"{found.message}{asked}") from None
+    except TextError as error:
+        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{asked}") from None
 
 
 def stretches(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray[np.complex128]:

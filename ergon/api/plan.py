@@ -89,20 +89,20 @@ def plan(
     loaded = scores.read(score, options, report)
     has_motion = scores.piece_of(loaded).motion is not None
     staged = scores.stage_piece(loaded, options, report, is_seen=has_motion)
-    made, wished = staged.stage.plan, staged.stage.planned_for
-    assert made is not None
+    staged_plan, wished = staged.stage.plan, staged.stage.planned_for
+    assert staged_plan is not None
     assert wished is not None
     budget = budget_of(wished)
-    rows = tuple(made.rows())
+    rows = tuple(staged_plan.rows())
     return Plan(
         rows,
-        made.hash,
+        staged_plan.hash,
         staged.stage.is_plan_kept,
         staged.plan_s,
-        made.choices(),
+        staged_plan.choices(),
         (*loaded.inputs, *options.files),
         budget,
         {one.name: one.hertz for one in highest_modes(staged.piece, staged.stage.built)},
         work_pieces(staged.stage.simulation, rows, staged.stage.rate),
-        tuple(made.seen()),
+        tuple(staged_plan.seen()),
     )

@@ -136,7 +136,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
         f"--socket={here}",
         "--engine",
     ]
-    with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as said:
+    with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as log_file:
         log = Path(sink.name)
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
@@ -144,7 +144,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
         try:
             while True:
                 code = process.poll()  # asked before its last output is read
-                _pass_on(said.read())
+                _pass_on(log_file.read())
                 if code is not None:
                     log.unlink()
                     raise EngineExitError(abs(code))
@@ -152,7 +152,7 @@ def _start(path: str | None, options: SessionOptions, here: Path, report: Report
                     remote = RemoteSession(here, _command(options))
                     break
                 time.sleep(_LOOK)
-            _pass_on(said.read())
+            _pass_on(log_file.read())
         except ProtocolError as error:
             process.terminate()
             raise ErgonError(f"{here}: {error}") from None
@@ -170,9 +170,9 @@ def _log(path: Path) -> IO[bytes]:
     """A new file under the first free one of its names: each of several engines gets its own."""
     from ergon.repl.session.journal import numbered_paths
 
-    for found in numbered_paths(path):
+    for log_path in numbered_paths(path):
         with contextlib.suppress(FileExistsError):
-            return found.open("xb")
+            return log_path.open("xb")
     raise AssertionError  # names do not end
 
 

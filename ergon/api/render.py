@@ -123,9 +123,9 @@ def render(
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))
     with (
         _shared(prepared, job, report) as job,
-        _render_progress(prepared, "rendering", report) as at,
+        _render_progress(prepared, "rendering", report) as progress,
     ):
-        frames, done, prepared.stage.reports = render_array(prepared.stage, job, at)
+        frames, done, prepared.stage.reports = render_array(prepared.stage, job, progress)
     levels = done.peak, done.loudness, done.gain, done.true_peak
     return Render(frames, prepared.stage.rate, *levels)
 
@@ -177,15 +177,15 @@ def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = No
     task = f"rendering {Path(job.target).name}"
     with (
         _shared(prepared, job, report, cluster) as job,
-        _render_progress(prepared, task, report) as at,
+        _render_progress(prepared, task, report) as progress,
     ):
-        done = render(stage, job, at)
+        done = render(stage, job, progress)
         stage.reports = done.outcome
     job = replace(job, stop=job.start + done.n_frames)
-    found = tuple(faint_diagnostics(stage.piece, job.format.bits, done.mix.peak))
-    scores.show(report, prepared.loaded, found)
+    faint = tuple(faint_diagnostics(stage.piece, job.format.bits, done.mix.peak))
+    scores.show(report, prepared.loaded, faint)
     reports = stage.simulation if stage.reports is None else stage.reports
-    return Completed(done, job, prepared.plan_s, stage.network, reports, found)
+    return Completed(done, job, prepared.plan_s, stage.network, reports, faint)
 
 
 def check_shared(options: RenderOptions) -> None:
@@ -306,13 +306,13 @@ def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:
         return loaded
     piece = scores.piece_of(loaded)
     path = Path(options.input)
-    heard = {name for name, take in piece.takes.items() if take.card_channel}
-    if not heard:
+    card_takes = {name for name, take in piece.takes.items() if take.card_channel}
+    if not card_takes:
         raise OptionError("input", "this score has no inputs; leave the option out")
     if path.suffix.lower() != ".wav" or not path.is_file():
         raise OptionError("input", "this is not a .wav file that exists", value=str(path))
     takes = {
-        name: replace(take, path=path, channel=None) if name in heard else take
+        name: replace(take, path=path, channel=None) if name in card_takes else take
         for name, take in piece.takes.items()
     }
     return replace(loaded, piece=replace(piece, takes=takes))

@@ -188,9 +188,9 @@ def computing(stage: Stage, loaded: Loaded, report: Report) -> Iterator[None]:
     try:
         yield
     except _core.DivergedError as error:
-        found = [stage.fault(error)]
-        show(report, loaded, found)
-        raise DivergedError(found, loaded.files) from error
+        diagnostics = [stage.fault(error)]
+        show(report, loaded, diagnostics)
+        raise DivergedError(diagnostics, loaded.files) from error
     if gains := stage.gains():
         show(report, loaded, gains)
 

@@ -42,21 +42,21 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     """A score that was read, with its files. Raises NotBundledError and OSError."""
     scores.piece_of(loaded)
     texts = {_place(name): document.text for name, document in loaded.files.items()}
-    found = {place: text.encode() for place, text in texts.items()}
-    left = _BYTES_MAX - sum(map(len, found.values()))
+    bundle = {place: text.encode() for place, text in texts.items()}
+    left = _BYTES_MAX - sum(map(len, bundle.values()))
     for input in loaded.inputs:
         place = _place(str(input))
-        if place not in found and left >= 0:
-            found[place] = read_bounded(Path(place), left)
-            left -= len(found[place])
+        if place not in bundle and left >= 0:
+            bundle[place] = read_bounded(Path(place), left)
+            left -= len(bundle[place])
     if left < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
             "that goes to another process"
         )
-    root = os.path.commonpath([os.path.dirname(place) for place in found])
-    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in found}
-    files = {names[place]: content for place, content in found.items()}
+    root = os.path.commonpath([os.path.dirname(place) for place in bundle])
+    names = {place: Path(os.path.relpath(place, root)).as_posix() for place in bundle}
+    files = {names[place]: content for place, content in bundle.items()}
     return ScoreBundle(score=names[_place(path)], root=root, files=files)
 
 
@@ -64,11 +64,11 @@ def digest(content: ScoreBundle, *more: object) -> str:
     """A hash of a score, its files and `more`, which says what is done with them (64 hex
     digits).
     """
-    whole = hashlib.sha256(repr((content["score"], *more)).encode())
-    for name, own in sorted(content["files"].items()):
-        whole.update(f"\0{len(own)} {name}\0".encode())
-        whole.update(own)
-    return whole.hexdigest()
+    combined_hash = hashlib.sha256(repr((content["score"], *more)).encode())
+    for name, data in sorted(content["files"].items()):
+        combined_hash.update(f"\0{len(data)} {name}\0".encode())
+        combined_hash.update(data)
+    return combined_hash.hexdigest()
 
 
 @contextmanager
@@ -80,10 +80,10 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="ergon-") as name:
         folder = Path(os.path.realpath(name))
         (folder / MARKER).touch()  # all below is one project
-        for own, data in content["files"].items():
-            place = PurePosixPath(own)
-            if place.is_absolute() or ".." in place.parts or "\\" in own or ":" in own:
-                raise NotBundledError(f"'{own}' is not a file of this score")
+        for file_name, data in content["files"].items():
+            place = PurePosixPath(file_name)
+            if place.is_absolute() or ".." in place.parts or "\\" in file_name or ":" in file_name:
+                raise NotBundledError(f"'{file_name}' is not a file of this score")
             path = folder.joinpath(*place.parts)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)

@@ -54,31 +54,31 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
         moved, closed, bows = measure_excursions(stage, points, progress.at)
-    heard = gesture_fidelities(stage)
-    return Simulated(heard, moved, closed, stage.rate, points.left_out, bows, stage)
+    fidelities = gesture_fidelities(stage)
+    return Simulated(fidelities, moved, closed, stage.rate, points.left_out, bows, stage)
 
 
 def never_stuck_warnings(done: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
-    found = []
-    stuck = {one.rubbing.whole for one in done.bows if one.has_stuck}
-    for one in done.bows:
-        rubbing = one.rubbing
-        if rubbing.whole in stuck or not one.has_slipped:
+    warnings = []
+    stuck = {bow.rubbing.whole for bow in done.bows if bow.has_stuck}
+    for bow in done.bows:
+        rubbing = bow.rubbing
+        if rubbing.whole in stuck or not bow.has_slipped:
             continue
         message = (
             f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
-            f"{rubbing.b.name} against {rubbing.a.name} does not stay between {one.low:.3g} and "
-            f"{one.high:.3g} m/s for half a millisecond"
+            f"{rubbing.b.name} against {rubbing.a.name} does not stay between {bow.low:.3g} and "
+            f"{bow.high:.3g} m/s for half a millisecond"
         )
         help = "press harder, bow more slowly, or rub where the string gives way more"
-        found.append(Diagnostic("W323", message, rubbing.module.place, None, help))
-    return found
+        warnings.append(Diagnostic("W323", message, rubbing.module.place, None, help))
+    return warnings
 
 
-def shared_name(whole: str, families: Mapping[str, str]) -> str:
+def shared_name(full_name: str, families: Mapping[str, str]) -> str:
     """The name of a contact for all notes of its instrument; families: `Piece.note_families`."""
-    part, _, name = whole.rpartition(".")
+    part, _, name = full_name.rpartition(".")
     return f"{families.get(part, part)}.{name}"
 
 
@@ -88,28 +88,30 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     A contact over a range closes if one of its points does; else the nearest of them counts.
     """
     families = piece.note_families()
-    closed = {shared_name(one.contact.whole, families) for one in done.contacts if one.times}
+    closed = {
+        shared_name(closing.contact.whole, families) for closing in done.contacts if closing.times
+    }
     nearest_of: dict[str, ContactClosings] = {}
-    for one in done.contacts:
-        known = nearest_of.get(one.contact.whole)
-        if known is None or one.deepest > known.deepest:
-            nearest_of[one.contact.whole] = one
-    found = []
-    for one in nearest_of.values():
-        if shared_name(one.contact.whole, families) in closed:
+    for closing in done.contacts:
+        known = nearest_of.get(closing.contact.whole)
+        if known is None or closing.deepest > known.deepest:
+            nearest_of[closing.contact.whole] = closing
+    warnings = []
+    for closing in nearest_of.values():
+        if shared_name(closing.contact.whole, families) in closed:
             continue
-        contact, nearest = one.contact, scores.where(piece, one.deepest_at / done.rate)
+        contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / done.rate)
         message = (
             f"contact {quote(contact.whole)} never closes: {contact.a.name} comes within "
-            f"{-1e3 * one.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
+            f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
         )
         help = "make the gap smaller by more than that, or the movement larger"
-        if one.deepest_swapped > 0.0:
+        if closing.deepest_swapped > 0.0:
             part = contact.whole.rpartition(".")[0]
             ends = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
             help = (
                 f"its ends may be swapped: as `between: [{', '.join(ends)}]` it closes, "
-                f"{1e3 * one.deepest_swapped:.3g} mm deep in this motion; or {help}"
+                f"{1e3 * closing.deepest_swapped:.3g} mm deep in this motion; or {help}"
             )
-        found.append(Diagnostic("W320", message, contact.module.place, None, help))
-    return found
+        warnings.append(Diagnostic("W320", message, contact.module.place, None, help))
+    return warnings

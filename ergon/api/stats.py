@@ -128,30 +128,30 @@ def _stats(
 ) -> PartStats:
     import numpy as np
 
-    own = built.network.elements([name])
+    elements = built.network.elements([name])
     modes = modes_of(piece, built, name, {"to": to}, inputs)
-    n_free = int(is_free(modes.shapes, own).sum())
+    n_free = int(is_free(modes.shapes, elements).sum())
     swinging = modes.frequencies[n_free:]
     middles, counts = _bands(swinging[swinging > 0])
     guarantee, oversampling = _certificate(piece, name)
-    mats = own.mats
+    mats = elements.mats
     points = points_of(piece, built, name, mats)
     return PartStats(
         name,
         len(mats),
-        own.n_held,
-        float(own.masses.sum()),
-        (float(own.masses.min()), float(own.masses.max())) if mats else (0.0, 0.0),
-        tuple(_links(own)),
+        elements.n_held,
+        float(elements.masses.sum()),
+        (float(elements.masses.min()), float(elements.masses.max())) if mats else (0.0, 0.0),
+        tuple(_links(elements)),
         modes,
         n_free,
         middles,
         counts,
-        _highest(built.network, name, own),
+        _highest(built.network, name, elements),
         guarantee,
         oversampling,
         tuple(
-            _point(built.network, name, own, modes, label, np.array(slots))
+            _point(built.network, name, elements, modes, label, np.array(slots))
             for label, slots in points.items()
         ),
         tuple(inputs),
@@ -164,16 +164,16 @@ def _modules(piece: Piece, name: str) -> Sequence[Module]:
     return () if part is None else part.modules
 
 
-def _links(own: _core.Elements) -> Sequence[LinkStats]:
+def _links(elements: _core.Elements) -> Sequence[LinkStats]:
     import numpy as np
 
-    kinds = np.array(own.kinds)
-    found = []
-    for kind in dict.fromkeys(own.kinds):
-        k, z = own.stiffness[kinds == kind], own.damping[kinds == kind]
+    kinds = np.array(elements.kinds)
+    rows = []
+    for kind in dict.fromkeys(elements.kinds):
+        k, z = elements.stiffness[kinds == kind], elements.damping[kinds == kind]
         k_range, z_range = ((float(x.min()), float(x.max())) for x in (k, z))
-        found.append(LinkStats(kind, len(k), k_range, z_range))
-    return found
+        rows.append(LinkStats(kind, len(k), k_range, z_range))
+    return rows
 
 
 def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -190,22 +190,22 @@ def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
     return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
 
 
-def _highest(network: _core.Network, name: str, own: _core.Elements) -> float:
+def _highest(network: _core.Network, name: str, elements: _core.Elements) -> float:
     """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
     bound, or the bound where no mode is found.
     """
     import numpy as np
 
-    if not own.mats:
+    if not elements.mats:
         return 0.0
-    stiffness = np.where([kind == "BUT" for kind in own.kinds], 0.0, own.stiffness)
-    ties = np.zeros(len(own.mats) + 1)  # index -1 is a held end
-    np.add.at(ties, own.a, stiffness)
-    np.add.at(ties, own.b, stiffness)
-    highest = float((ties[:-1] / own.masses).max())  # λ is at most twice this (Gershgorin)
+    stiffness = np.where([kind == "BUT" for kind in elements.kinds], 0.0, elements.stiffness)
+    ties = np.zeros(len(elements.mats) + 1)  # index -1 is a held end
+    np.add.at(ties, elements.a, stiffness)
+    np.add.at(ties, elements.b, stiffness)
+    highest = float((ties[:-1] / elements.masses).max())  # λ is at most twice this (Gershgorin)
     if highest <= 0:
         return 0.0
-    rate = own.ca_rate
+    rate = elements.ca_rate
     bound = np.sqrt(2.002 * highest)
     f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
     poles = network.part_modes(name, around=float(f), count=1).poles
@@ -222,28 +222,28 @@ def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
     network = TunablePart(piece, name).network({})
     for oversampling in (1, 2, 4, 8, 16):
         try:
-            found = network.certify(piece.rate * oversampling)
+            certificate = network.certify(piece.rate * oversampling)
         except (_core.UnstableError, _core.UnsureError):
             continue
-        return found.guarantee, oversampling * found.oversampling
+        return certificate.guarantee, oversampling * certificate.oversampling
     return None, 1
 
 
 def _point(
     network: _core.Network,
     name: str,
-    own: _core.Elements,
+    elements: _core.Elements,
     modes: PartModes,
     label: str,
     slots: NDArray[np.intp],
 ) -> PointStats:
     import numpy as np
 
-    masses = own.masses[slots]
+    masses = elements.masses[slots]
     shares = np.abs(modes.points[label]) ** 2 / np.sum(1 / masses)
-    told = float(shares.sum())
-    centroid = float(shares @ modes.frequencies / told) if told > 0 else 0.0
-    mats = [own.mats[slot] for slot in slots]
+    total_share = float(shares.sum())
+    centroid = float(shares @ modes.frequencies / total_share) if total_share > 0 else 0.0
+    mats = [elements.mats[slot] for slot in slots]
     compliance = np.inf
     lowest = network.part_modes(name, count=1)
     # A mass that only a damper holds has a pole at 0: a constant force moves it without bound.
@@ -252,9 +252,9 @@ def _point(
     swinging = 2 * np.pi * min(modes.frequencies[stands], default=0.0)
     slowest = float(np.abs(lowest.poles[:1]).sum() or swinging)
     if not isfinite(slowest):  # a discrete network may be at rest within a frame
-        slowest = 2 * np.pi * (own.ca_rate or 0.0)
+        slowest = 2 * np.pi * (elements.ca_rate or 0.0)
     is_pushed_away = bool((shares[~stands] > _NOTHING).any()) or slowest == 0
-    if not is_pushed_away and not is_free(lowest.shapes, own).any():
+    if not is_pushed_away and not is_free(lowest.shapes, elements).any():
         f = _STATIC * slowest / (2 * np.pi)
         answer = network.admittance([name], mats, [mats], [f])[0, 0]
         compliance = float((answer / (2j * np.pi * f)).real)

@@ -53,13 +53,17 @@ def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     """
     families = piece.note_families()
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
-    found: dict[str, list[Diagnostic | None]] = {}
-    for whole, points in groupby(done.contacts, lambda one: one.contact.whole):
-        own = list(points)
-        if any(one.first is not None for one in own):
-            told = _contact_warning(piece, done, own, kinds)
-            found.setdefault(shared_name(whole, families), []).append(told)
-    return [told[0] for told in found.values() if told[0] is not None and None not in told]
+    warnings: dict[str, list[Diagnostic | None]] = {}
+    for full_name, points in groupby(done.contacts, lambda one: one.contact.whole):
+        point_list = list(points)
+        if any(one.first is not None for one in point_list):
+            contact_diagnostic = _contact_warning(piece, done, point_list, kinds)
+            warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
+    return [
+        contact_diagnostic[0]
+        for contact_diagnostic in warnings.values()
+        if contact_diagnostic[0] is not None and None not in contact_diagnostic
+    ]
 
 
 def _contact_warning(
@@ -92,8 +96,8 @@ def _contact_warning(
 
 def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> Iterator[_Player]:
     """Keys that close a contact, and strikes on one of its ends."""
-    for key, way in _keys(piece, contact, kinds):
-        strokes = (s for g in done.gestures if g.key == key for s in _strokes(g, way))
+    for key, direction in _keys(piece, contact, kinds):
+        strokes = (s for g in done.gestures if g.key == key for s in _strokes(g, direction))
         yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
     timeline, mats = done.stage.timeline, done.stage.built.assembly.mats
     if timeline is None:
@@ -101,9 +105,9 @@ def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> I
     for end in contact.fields["between"]:
         if kinds[end.part, end.module] not in _THROWN:
             continue
-        name, way = f"{end.part}.{end.module}", _way(contact, end)
+        name, direction = f"{end.part}.{end.module}", _direction(contact, end)
         struck = timeline.strikes_on(mats[end.part, end.module])
-        strokes = (_Stroke(at, way * impulse) for at, impulse in struck)
+        strokes = (_Stroke(at, direction * impulse) for at, impulse in struck)
         yield _Player(f"strike on {name} is as strong", f"strikes on {name} are as strong", strokes)
 
 
@@ -114,7 +118,7 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
     struck = {(name, key.struck): name for name, key in piece.keys.items()}
     for end in contact.fields["between"]:
         if key := struck.get((end.part, end.module)):
-            yield key, _way(contact, end)
+            yield key, _direction(contact, end)
     thrown = {(e.part, e.module) for e in contact.fields["between"]} - struck.keys()
     for _, module in piece.modules():
         if module.kind != "BUT" or module is contact:
@@ -122,29 +126,29 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
         ends = {(end.part, end.module): end for end in module.fields["between"]}
         between = thrown & ends.keys()
         if any(kinds[end] in _THROWN for end in between):
-            yield from ((struck[w], _way(module, e)) for w, e in ends.items() if w in struck)
+            yield from ((struck[w], _direction(module, e)) for w, e in ends.items() if w in struck)
 
 
-def _way(contact: Module, end: Target) -> float:
+def _direction(contact: Module, end: Target) -> float:
     """The direction in which an end of a contact moves to close it: upwards 1, downwards -1."""
     upwards = contact.fields["side"] == "below"
     return 1.0 if upwards == (end == contact.fields["between"][0]) else -1.0
 
 
-def _strokes(gesture: StagedGesture, way: float) -> Iterator[_Stroke]:
+def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
     """The strokes of a written gesture in a direction, each from one turn to the turn back."""
     if gesture.layer:
         return  # a layer adds to an unknown path
     begins, lowest, highest = gesture.start, float("inf"), -float("inf")
-    for at, x in zip(gesture.t, gesture.x, strict=True):
-        reach = way * x
+    for begins_at, x in zip(gesture.t, gesture.x, strict=True):
+        reach = direction * x
         if reach < highest - _SAME:
             if highest > lowest + _SAME:
                 yield _Stroke(begins, highest)
-            begins, lowest, highest = at, reach, reach
+            begins, lowest, highest = begins_at, reach, reach
             continue
         if reach <= lowest + _SAME and highest <= lowest + _SAME:
-            begins, lowest = at, min(lowest, reach)
+            begins, lowest = begins_at, min(lowest, reach)
         highest = max(highest, reach)
     if highest > lowest + _SAME:
         yield _Stroke(begins, highest)

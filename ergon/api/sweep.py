@@ -100,27 +100,29 @@ def sweep(
     loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
     scores.piece_of(loaded)
     folder = _folder(score, options)
-    table = Table(folder / "sweep.csv", tuple(one.target for one in varied))
+    table = Table(folder / "sweep.csv", tuple(variant.target for variant in varied))
     check_target(table.path, force=options.force, inputs=loaded.inputs)
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
-    made = _variants(score, options, loaded, varied, combined, report)
-    wanted = _wanted(str(score), options, made)
+    variants = _variants(score, options, loaded, varied, combined, report)
+    wanted = _wanted(str(score), options, variants)
     known = _known(table, wanted, folder)
-    for one in wanted:
-        if one.file and one.number not in known:
-            check_target(folder / one.file, force=options.force, inputs=loaded.inputs)
+    for variant in wanted:
+        if variant.file and variant.number not in known:
+            check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
     rows = dict(known)
-    missing = [one for one in wanted if one.number not in known]
+    missing = [variant for variant in wanted if variant.number not in known]
     title = scores.piece_of(loaded).title or Path(score).stem
     try:
         _compute(str(score), options, missing, folder, rows, table, report)
     finally:  # what was computed before Ctrl-C is kept
-        whole = [rows[number] for number in sorted(rows)]
-        if whole:
-            table.write(whole, title, force=options.force)
-            _draw(picture, title, [one.target for one in varied], whole, options.force)
-    return Sweep(table.targets, tuple(whole), table.path, picture, len(known))
+        ordered_rows = [rows[number] for number in sorted(rows)]
+        if ordered_rows:
+            table.write(ordered_rows, title, force=options.force)
+            _draw(
+                picture, title, [variant.target for variant in varied], ordered_rows, options.force
+            )
+    return Sweep(table.targets, tuple(ordered_rows), table.path, picture, len(known))
 
 
 def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
@@ -172,11 +174,13 @@ def _variants(
     try:
         for variant in variants(_texts(score, options, loaded), targets, combined):
             if variant.loaded.piece is None:
-                said = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
-                report.say(f"the variant {said} has mistakes; nothing is rendered")
-                found = variant.loaded
-                report.diagnostics(found.diagnostics, found.files, found.left_out)
-                raise ScoreError(found.diagnostics, found.files)
+                variant_text = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
+                report.say(f"the variant {variant_text} has mistakes; nothing is rendered")
+                variant_loaded = variant.loaded
+                report.diagnostics(
+                    variant_loaded.diagnostics, variant_loaded.files, variant_loaded.left_out
+                )
+                raise ScoreError(variant_loaded.diagnostics, variant_loaded.files)
             yield variant
     except EditError as error:
         raise OptionError("vary", str(error)) from None
@@ -191,12 +195,12 @@ def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
     return Texts(path, text, bounds=scores.bounds(path, options.trust)).complete()
 
 
-def _wanted(score: str, options: SweepOptions, made: Iterator[Variant]) -> list[_Wanted]:
+def _wanted(score: str, options: SweepOptions, variants: Iterator[Variant]) -> list[_Wanted]:
     """The variants with the names of their files and their hashes."""
     targets = [text.partition("=")[0].strip() for text in options.vary]
     asked = _asked(options)
-    found, names = [], set[str]()
-    for number, variant in enumerate(made):
+    wanted_variants, names = [], set[str]()
+    for number, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
         name = stem = _file_name(", ".join(map("=".join, values)))
         count = 1
@@ -206,24 +210,24 @@ def _wanted(score: str, options: SweepOptions, made: Iterator[Variant]) -> list[
         names.add(name.lower())
         file = f"{name}.wav" if options.sound else ""
         key = digest(bundled(score, variant.loaded), sorted(asked.items()), _version())
-        found.append(_Wanted(number, variant.values, variant.texts, file, key))
-    return found
+        wanted_variants.append(_Wanted(number, variant.values, variant.texts, file, key))
+    return wanted_variants
 
 
-def _file_name(said: str) -> str:
+def _file_name(variant_text: str) -> str:
     """Values as the name of a file: `bell.m.K=1kN_m,seed=3`."""
-    name = re.sub(r"[^\w.=+,-]", "_", said.replace(", ", ","))
+    name = re.sub(r"[^\w.=+,-]", "_", variant_text.replace(", ", ","))
     if len(name.encode()) <= _NAME_MAX:
         return name
-    return f"{name[: _NAME_MAX // 2]}-{sha256(said.encode()).hexdigest()[:16]}"
+    return f"{name[: _NAME_MAX // 2]}-{sha256(variant_text.encode()).hexdigest()[:16]}"
 
 
 def _asked(options: SweepOptions) -> dict[str, Any]:
     """The RenderOptions of each variant; the file of a plan is made absolute."""
     names = ("method", "error", "cents", "draft", "seed", "rate", "bits")
-    own = {name: getattr(options, name) for name in names}
+    options_by_name = {name: getattr(options, name) for name in names}
     plan = None if options.plan is None else os.path.abspath(options.plan)
-    return {**own, "plan": plan, "threads": 1}
+    return {**options_by_name, "plan": plan, "threads": 1}
 
 
 def _version() -> str:
@@ -237,15 +241,15 @@ def _known(table: Table, wanted: Sequence[_Wanted], folder: Path) -> dict[int, S
     unchanged.
     """
     earlier = table.read()
-    found = {}
-    for one in wanted:
-        row = earlier.get(one.digest)
-        if row is None or (one.file and row.status == "ok" and not _is_whole(folder, row)):
+    earlier_rows = {}
+    for variant in wanted:
+        row = earlier.get(variant.digest)
+        if row is None or (variant.file and row.status == "ok" and not _is_whole(folder, row)):
             continue
-        if one.file and row.status == "ok" and row.file != one.file:
+        if variant.file and row.status == "ok" and row.file != variant.file:
             continue
-        found[one.number] = replace(row, values=one.values)
-    return found
+        earlier_rows[variant.number] = replace(row, values=variant.values)
+    return earlier_rows
 
 
 def _is_whole(folder: Path, row: SweepRow) -> bool:
@@ -285,10 +289,12 @@ def _compute(
         from .cluster_worker import version
 
         with open_cluster(options.on, report) as cluster:
-            own = version()
+            engine_version = version()
             pairs = cluster.computed(
                 missing,
-                lambda pool, one: pool.submit(on_worker, own, content(one), asked, one.file),
+                lambda pool, one: pool.submit(
+                    on_worker, engine_version, content(one), asked, one.file
+                ),
             )
             _keep(pairs, len(missing), folder, options, rows, table, report)
         return
@@ -322,19 +328,19 @@ def _keep(
 ) -> None:
     n_done, seconds = 0, 0.0
     with report.progress("sweeping", count, 0.0) as progress:
-        for one, outcome in pairs:
+        for variant, outcome in pairs:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
-            sound, file = outcome["sound"], one.file if outcome["status"] == "ok" else ""
+            sound, file = outcome["sound"], variant.file if outcome["status"] == "ok" else ""
             if file:
                 path = folder / file
                 with open_for_writing(path, binary=True, force=options.force) as to:
                     to.write(sound)
-            rows[one.number] = SweepRow(
-                one.values,
+            rows[variant.number] = SweepRow(
+                variant.values,
                 outcome["status"],
                 file,
                 figures,
-                one.digest,
+                variant.digest,
                 sha256(sound).hexdigest() if file else "",
                 outcome["reason"],
             )
@@ -342,7 +348,7 @@ def _keep(
             n_done += 1
             table.keep([rows[number] for number in sorted(rows)], force=options.force)
             progress.at(n_done)
-            report.event("variant", **asdict(rows[one.number]))
+            report.event("variant", **asdict(rows[variant.number]))
 
 
 @contextmanager

@@ -54,7 +54,7 @@ class Table:
     def __init__(self, path: Path, targets: tuple[str, ...]) -> None:
         """Nothing is read or written yet."""
         self.path, self.targets = path, targets
-        self._kept = float("-inf")
+        self._saved_time = float("-inf")
 
     def read(self) -> dict[str, SweepRow]:
         """The rows of an earlier run by their digest; none if the file is damaged or not ours."""
@@ -77,9 +77,9 @@ class Table:
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
         now = time.monotonic()
-        if now - self._kept >= _EVERY:
+        if now - self._saved_time >= _EVERY:
             self.write(rows, "", force=force)
-            self._kept = now
+            self._saved_time = now
 
     def write(self, rows: Sequence[SweepRow], title: str, *, force: bool) -> None:
         """Write the whole table."""

@@ -78,7 +78,7 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     with scores.computing(stage, loaded, Report()):
         frames, done, _ = render_array(stage, job, lambda _: None)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - begun
-    found = measures(frames, stage.rate)
+    sound_measures = measures(frames, stage.rate)
     rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in rows if row.error_db is not None]
     audible = [row.audible for row in rows if row.audible is not None]
@@ -87,10 +87,10 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
         "seconds": len(frames) / stage.rate,
         "loudness_lufs": done.loudness,
         "peak_db": _decibels(done.peak),
-        "centroid_hz": found.centroid,
-        "pitch_hz": found.pitch,
-        "partial_hz": found.partial,
-        "t60_s": found.t60,
+        "centroid_hz": sound_measures.centroid,
+        "pitch_hz": sound_measures.pitch,
+        "partial_hz": sound_measures.partial,
+        "t60_s": sound_measures.t60,
         "cpu_s": cpu,
         "x_real_time": len(frames) / stage.rate / wall,
         "plan_cost": sum(row.cost for row in rows),

@@ -83,10 +83,10 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
         if name not in names:
             raise OptionError("hands", f"there is no hand {name!r}; there are {', '.join(names)}")
     wanted = options.hands or names
-    return tuple(_of_hand(recording, names.index(name), cutoff) for name in wanted)
+    return tuple(_hand_stats(recording, names.index(name), cutoff) for name in wanted)
 
 
-def _of_hand(recording: _core.Recording, axis: int, cutoff: float) -> HandStats:
+def _hand_stats(recording: _core.Recording, axis: int, cutoff: float) -> HandStats:
     from ergon.exchange.recording import instants
     from ergon.scores.gesture.movement import movement_stats
 

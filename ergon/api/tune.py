@@ -122,23 +122,23 @@ def tune(
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     (name,) = selected_parts(piece, (part,))
-    own = TunablePart(piece, name)
-    chosen = _chosen(own, options.by)
+    tuned_part = TunablePart(piece, name)
+    chosen = _chosen(tuned_part, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
         if is_ratios:
             first = next(iter(wanted))
-            base = _Search(own, (), {first: 1.0}).begun[0] / wanted[first]
+            base = _Search(tuned_part, (), {first: 1.0}).begun[0] / wanted[first]
             wanted = {number: float(base * ratio) for number, ratio in wanted.items()}
-        search = _Search(own, chosen, wanted)
-        found = search.run()
+        search = _Search(tuned_part, chosen, wanted)
+        tuned_poles = search.run()
     before = search.begun
-    after = [replace(value, number=x) for value, x in zip(search.values, found, strict=True)]
+    after = [replace(value, number=x) for value, x in zip(search.values, tuned_poles, strict=True)]
     changed = [
         (old, new)
         for old, new in zip(search.values, after, strict=True)
         if old.number != new.number
     ]
-    texts, trouble = _edited(score, options, loaded, own, [new for _, new in changed])
+    texts, trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
     frequencies = search.frequencies({value.where: value.number for value in after})
     if texts is not None and (written := texts.load().piece) is not None:
         frequencies = _Search(TunablePart(written, name), (), wanted).begun
@@ -150,7 +150,7 @@ def tune(
         np.array(list(wanted.values())),
         frequencies,
         tuple(
-            TunedValue(own.target(new), old.number, new.number, own.text(new))
+            TunedValue(tuned_part.target(new), old.number, new.number, tuned_part.text(new))
             for old, new in changed
         ),
         search.rank,
@@ -184,21 +184,26 @@ def _wanted(
         pairs = list(targets.items())
     else:
         each = targets.split() if isinstance(targets, str) else targets
-        pairs = [(n, one) for n, one in enumerate(each, 1) if one != "_"]
+        pairs = [(n, target_text) for n, target_text in enumerate(each, 1) if target_text != "_"]
     if not pairs:
         raise OptionError(
             "targets", "no target is given; write ratios (1:2.76), frequencies or notes"
         )
-    found = {}
-    for number, one in sorted(pairs):
+    hertz_by_mode = {}
+    for number, target_text in sorted(pairs):
         if number < 1:
             raise OptionError("targets", f"name mode {number}; modes count from 1")
-        found[number] = hertz("targets", one)
-    if any(a >= b for a, b in zip(list(found.values()), list(found.values())[1:], strict=False)):
+        hertz_by_mode[number] = hertz("targets", target_text)
+    if any(
+        a >= b
+        for a, b in zip(
+            list(hertz_by_mode.values()), list(hertz_by_mode.values())[1:], strict=False
+        )
+    ):
         raise OptionError(
             "targets", "the targets must rise from mode to mode, because modes count by their pitch"
         )
-    return found, False
+    return hertz_by_mode, False
 
 
 def _ratio(word: str) -> float:
@@ -212,39 +217,39 @@ def _ratio(word: str) -> float:
     return ratio
 
 
-def _chosen(own: TunablePart, by: Sequence[str]) -> list[Value]:
+def _chosen(part: TunablePart, by: Sequence[str]) -> list[Value]:
     """The values that `by` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
-    known = list(own.values())
+    known = list(part.values())
     if not known:
-        raise OptionError("part", f"{own.name} has no value above 0 that moves its modes")
+        raise OptionError("part", f"{part.name} has no value above 0 that moves its modes")
     if not by:
         return known
     names: dict[str, list[Value]] = {}
     for value in known:
-        full = own.target(value)
-        words = [value.field, own.listed(value), full]
-        words += [word.removeprefix(f"{own.name}.") for word in words[1:]]
+        full = part.target(value)
+        words = [value.field, part.listed(value), full]
+        words += [word.removeprefix(f"{part.name}.") for word in words[1:]]
         for name in dict.fromkeys(words):
             names.setdefault(name, []).append(value)
-    found: dict[Value, None] = {}
+    chosen_values: dict[Value, None] = {}
     for word in by:
         meant = names.get(_WORDS.get(word, word))
         if meant is None:
             words = [word for word, field in _WORDS.items() if field in names]
             close = nearest(word, [*names, *words])
             asked = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
-            raise OptionError("by", f"{own.name} has no value '{word}' above 0; {asked}")
-        found.update(dict.fromkeys(meant))
-    return list(found)
+            raise OptionError("by", f"{part.name} has no value '{word}' above 0; {asked}")
+        chosen_values.update(dict.fromkeys(meant))
+    return list(chosen_values)
 
 
 def _edited(
     score: str | Path,
     options: TuneOptions,
     loaded: Loaded,
-    own: TunablePart,
+    part: TunablePart,
     values: Sequence[Value],
 ) -> tuple[Texts | None, str]:
     """The texts with the values in them; or why they could not be written."""
@@ -255,13 +260,13 @@ def _edited(
     texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
     texts = begun = texts.complete()
     try:
-        texts = own.edit(texts, values)
+        texts = part.edit(texts, values)
     except EditError as error:
         return None, str(error)
     others = [file for file, text in texts.overlay.items() if begun.overlay.get(file) != text]
     if others:
         where = ", ".join(others)
-        return None, f"{own.name} is written in {where}, which other scores may use: set it there"
+        return None, f"{part.name} is written in {where}, which other scores may use: set it there"
     return texts, ""
 
 
@@ -273,23 +278,23 @@ class _Search:
     """
 
     def __init__(
-        self, own: TunablePart, values: Sequence[Value], wanted: Mapping[int, float]
+        self, part: TunablePart, values: Sequence[Value], wanted: Mapping[int, float]
     ) -> None:
         import numpy as np
 
-        self.own, self.wanted = own, wanted
+        self.own, self.wanted = part, wanted
         self.values: list[Value] = []
         self.log_targets = np.log(list(wanted.values()))
         self.rank = 0
-        poles, shapes, found = self._modes({})
+        poles, shapes, swinging = self._modes({})
         self.begun = poles.imag / (2 * np.pi)
         # Values that no mode depends on are left out.
         for value in values:
-            slope = self._slope(poles, shapes, found, value, value.number, {})
+            slope = self._slope(poles, shapes, swinging, value, value.number, {})
             if np.abs(slope).max() > _FLAT:
                 self.values.append(value)
         if values and not self.values:
-            names = ", ".join(own.target(value) for value in values)
+            names = ", ".join(part.target(value) for value in values)
             raise OptionError("by", f"no mode depends on {names}; name others, or leave `by` out")
 
     def frequencies(self, values: Mapping[Where, float]) -> NDArray[np.float64]:
@@ -303,32 +308,32 @@ class _Search:
         import numpy as np
 
         begin = np.log([value.number for value in self.values])
-        at, size = begin.copy(), math.inf
-        state = self._modes(self._numbers(at))
+        logs, size = begin.copy(), math.inf
+        state = self._modes(self._numbers(logs))
         for _ in range(_STEPS):
             poles = state[0]
             left = np.log(poles.imag / (2 * np.pi)) - self.log_targets
             size = float(np.abs(left).max())
-            slopes = self._slopes(state, at)
+            slopes = self._slopes(state, logs)
             step, self.rank = _least_step(slopes, left)
             if size * _CENTS <= _EXACT:
                 break
-            most = float(np.abs(step).max())
-            if most <= 1e-15:
+            largest_step = float(np.abs(step).max())
+            if largest_step <= 1e-15:
                 break
-            step *= min(1.0, _STRIDE / most)
-            moved = self._better(at, begin, step, float(left @ left))
+            step *= min(1.0, _STRIDE / largest_step)
+            moved = self._better(logs, begin, step, float(left @ left))
             if moved is None:
                 break
-            at, state = moved
+            logs, state = moved
         return [
             value.number if x == b else float(f"{math.exp(x):.{_DIGITS}g}")
-            for value, x, b in zip(self.values, at, begin, strict=True)
+            for value, x, b in zip(self.values, logs, begin, strict=True)
         ]
 
     def _better(
         self,
-        at: NDArray[np.float64],
+        logs: NDArray[np.float64],
         begin: NDArray[np.float64],
         step: NDArray[np.float64],
         size: float,
@@ -339,7 +344,7 @@ class _Search:
         from ergon import _core
 
         for _ in range(14):
-            there = np.clip(at + step, begin - _FARTHEST, begin + _FARTHEST)
+            there = np.clip(logs + step, begin - _FARTHEST, begin + _FARTHEST)
             try:
                 state = self._modes(self._numbers(there))
             except _core.EngineError:  # values that no module allows: try a shorter step
@@ -351,10 +356,10 @@ class _Search:
             step = step / 2
         return None
 
-    def _numbers(self, at: NDArray[np.float64]) -> dict[Where, float]:
+    def _numbers(self, logs: NDArray[np.float64]) -> dict[Where, float]:
         import numpy as np
 
-        return {value.where: float(np.exp(x)) for value, x in zip(self.values, at, strict=True)}
+        return {value.where: float(np.exp(x)) for value, x in zip(self.values, logs, strict=True)}
 
     def _modes(self, values: Mapping[Where, float]) -> _State:
         """Poles (n_targets,) and shapes (n_targets, n_masses) of the modes that have targets."""
@@ -368,10 +373,12 @@ class _Search:
         count = last + 2
         while True:
             try:
-                found = network.part_modes(self.own.name, count=count)
+                part_modes = network.part_modes(self.own.name, count=count)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
-            swings = np.flatnonzero((found.poles.imag > 0) & ~is_free(found.shapes, elements))
+            swings = np.flatnonzero(
+                (part_modes.poles.imag > 0) & ~is_free(part_modes.shapes, elements)
+            )
             if len(swings) >= last or count >= n:
                 break
             count = min(n, 2 * count)
@@ -379,13 +386,13 @@ class _Search:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
             raise OptionError("targets", f"name mode {last}, but {self.own.name} has {has}")
         rows = swings[np.array(list(self.wanted)) - 1]
-        return found.poles[rows], found.shapes[rows], elements
+        return part_modes.poles[rows], part_modes.shapes[rows], elements
 
-    def _slopes(self, state: _State, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _slopes(self, state: _State, logs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Derivatives of ln f by the logarithm of each value (n_targets, n_values)."""
         import numpy as np
 
-        numbers = self._numbers(at)
+        numbers = self._numbers(logs)
         columns = [
             self._slope(*state, value, numbers[value.where], numbers) for value in self.values
         ]
@@ -439,9 +446,9 @@ def _least_step(
     import numpy as np
 
     u, sizes, v = np.linalg.svd(slopes, full_matrices=False)
-    told = sizes > _FLAT
-    weights = (u.T @ -left)[told] / sizes[told]
-    return np.asarray(v[told].T @ weights), int(told.sum())
+    sensitive = sizes > _FLAT
+    weights = (u.T @ -left)[sensitive] / sizes[sensitive]
+    return np.asarray(v[sensitive].T @ weights), int(sensitive.sum())
 
 
 if TYPE_CHECKING:

@@ -48,18 +48,18 @@ def sound_beside(motion: Path, report: Report) -> Path | None:
     from ergon import _core
     from ergon.exchange import sound
 
-    found = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
-    if found is None:
+    sound_path = next((p for kind in _SOUNDS if (p := motion.with_suffix(kind)).is_file()), None)
+    if sound_path is None:
         return None
     seen = parse_json(_core.read_motion(motion).manifest).get("score_sha256")
     try:
-        heard = sound.read_info(found).score
+        score_name = sound.read_info(sound_path).score
     except (NotWaveError, OSError):
-        heard = None
-    if heard is None or heard != seen:
-        report.say(f"{found} is not the sound of {motion}, so it is not played")
+        score_name = None
+    if score_name is None or score_name != seen:
+        report.say(f"{sound_path} is not the sound of {motion}, so it is not played")
         return None
-    return found
+    return sound_path
 
 
 def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
@@ -78,20 +78,20 @@ def for_two_ears(path: Path, folder: Path, report: Report) -> Path:
         and info.format.bits in (16, 24, "float")
     ):
         return path
-    made = folder / "two-ears.wav"
+    folded_path = folder / "two-ears.wav"
     if info.format.n_channels > _EARS:
         try:
             options = FoldOptions(bits=16, force=True)
-            fold_file(path, made, "binaural", options, report=report)
+            fold_file(path, folded_path, "binaural", options, report=report)
         except FoldError:
             report.say(
                 f"{path} does not say where its loudspeakers are: its odd channels are heard on "
                 "the left, its even ones on the right"
             )
         else:
-            return made
-    _by_sides(path, info, made)
-    return made
+            return folded_path
+    _by_sides(path, info, folded_path)
+    return folded_path
 
 
 def as_flac(path: Path, folder: Path) -> Path:
@@ -101,12 +101,12 @@ def as_flac(path: Path, folder: Path) -> Path:
     """
     from ergon.exchange import sound
 
-    made = folder / "sound.flac"
-    _by_sides(path, sound.read_info(path), made)
-    return made
+    flac_path = folder / "sound.flac"
+    _by_sides(path, sound.read_info(path), flac_path)
+    return flac_path
 
 
-def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
+def _by_sides(path: Path, info: WaveInfo, folded_path: Path) -> None:
     """The means of odd and of even channels; one channel alone stays one."""
     import numpy as np
 
@@ -116,8 +116,8 @@ def _by_sides(path: Path, info: WaveInfo, made: Path) -> None:
 
     channels = min(info.format.n_channels, _EARS)
     format = WaveFormat(info.format.rate, channels, 16)
-    with open_for_writing(str(made), binary=True, force=True, inputs=(path,)) as file:
-        writer = sound.writer(str(made), file, format, info.n_frames, Stamp(path.stem))
+    with open_for_writing(str(folded_path), binary=True, force=True, inputs=(path,)) as file:
+        writer = sound.writer(str(folded_path), file, format, info.n_frames, Stamp(path.stem))
         for block in sound.read_blocks(path):
             sides = [block[:, side::channels].mean(axis=1) for side in range(channels)]
             writer.write(_core.pcm(np.ascontiguousarray(np.stack(sides, axis=1)), 1.0, 16))

@@ -55,7 +55,7 @@ def work_pieces(
     simulation: Simulation, rows: Sequence[PlanRow], rate: float
 ) -> tuple[WorkPiece, ...]:
     """The islands that other processes can compute, with the names of the parts in them."""
-    found = []
+    pieces = []
     left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():
         cost = 1e-9 * rate * island.cost
@@ -66,15 +66,15 @@ def work_pieces(
             rest -= row.cost
             parts.update(dict.fromkeys(row.parts))
         if is_expensive(island):
-            found.append(WorkPiece(tuple(parts), cost))
-    return tuple(found)
+            pieces.append(WorkPiece(tuple(parts), cost))
+    return tuple(pieces)
 
 
-def share_out(own: Sequence[WorkPiece], whole: float, count: int) -> Shares:
-    """Share out pieces among `count` processes; home computes the rest of the `whole` work."""
-    costs = [piece.cost for piece in own]
+def share_out(pieces: Sequence[WorkPiece], total_cost: float, count: int) -> Shares:
+    """Share out pieces among `count` processes; home computes the rest of the `total_cost` work."""
+    costs = [piece.cost for piece in pieces]
     loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
     loads += [0.0] * (count - len(loads))
-    home = max(0.0, whole - sum(costs))
-    dearest = max(own, key=lambda piece: piece.cost, default=None)
+    home = max(0.0, total_cost - sum(costs))
+    dearest = max(pieces, key=lambda piece: piece.cost, default=None)
     return Shares(count, tuple(loads), home, dearest)

@@ -40,11 +40,11 @@ def open_regular(path: Path) -> BufferedReader:
         raise
 
 
-def read_bounded(path: Path, most: int) -> bytes:
-    """Up to `most` + 1 bytes of a regular file; more than `most` mean that the file is larger."""
+def read_bounded(path: Path, limit: int) -> bytes:
+    """Up to `limit` + 1 bytes of a regular file; more than `limit` mean that the file is larger."""
     with open_regular(path) as file:
         # `read` allocates as many bytes as it is asked for: ask for no more than the file has.
-        return file.read(min(most, os.fstat(file.fileno()).st_size) + 1)
+        return file.read(min(limit, os.fstat(file.fileno()).st_size) + 1)
 
 
 def file_digest(path: Path) -> bytes:

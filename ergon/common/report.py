@@ -49,12 +49,12 @@ class Report:
 
     def diagnostics(
         self,
-        found: Iterable[Diagnostic],
+        diagnostics: Iterable[Diagnostic],
         sources: Mapping[str, Source],
         left_out: Mapping[Severity, int],
     ) -> None:
         """Show mistakes, warnings and notes of a score. `sources` are the texts of its files by
-        name, `left_out` counts the diagnostics of each severity that are not in `found`.
+        name, `left_out` counts the diagnostics of each severity that are not in `diagnostics`.
         """
 
     def progress(self, task: str, total: int, rate: float) -> Progress:

@@ -70,8 +70,8 @@ def _chna(sounded: ChannelLayout) -> bytes:
     pack = f"AP_{_TYPES[_kind(sounded)]}{_FIRST:04x}".encode()
     ids = _ids(sounded)
     rows = [
-        _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{one}_01".encode(), pack)
-        for i, one in enumerate(ids, 1)
+        _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
+        for i, number in enumerate(ids, 1)
     ]
     return struct.pack("<HH", len(ids), len(ids)) + b"".join(rows)
 
@@ -95,26 +95,28 @@ def _axml(sounded: ChannelLayout, title: str) -> str:
         "</audioObject>",
         f'<audioPackFormat audioPackFormatID="{pack}" audioPackFormatName={name} '
         f"{typed}{absolute}>",
-        *(f"<audioChannelFormatIDRef>AC_{one}</audioChannelFormatIDRef>" for one in ids),
+        *(f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>" for number in ids),
         "</audioPackFormat>",
     ]
-    for i, one in enumerate(ids):
+    for i, number in enumerate(ids):
         called = f"{i + 1}"
         order += [
-            f'<audioChannelFormat audioChannelFormatID="AC_{one}" '
+            f'<audioChannelFormat audioChannelFormatID="AC_{number}" '
             f'audioChannelFormatName="{called}" {typed}>'
-            f'<audioBlockFormat audioBlockFormatID="AB_{one}_00000001">',
+            f'<audioBlockFormat audioBlockFormatID="AB_{number}_00000001">',
             *_block(sounded, i, farthest),
             "</audioBlockFormat></audioChannelFormat>",
-            f'<audioStreamFormat audioStreamFormatID="AS_{one}" audioStreamFormatName="{called}" '
+            f'<audioStreamFormat audioStreamFormatID="AS_{number}" '
+            f'audioStreamFormatName="{called}" '
             'formatLabel="0001" formatDefinition="PCM">'
-            f"<audioChannelFormatIDRef>AC_{one}</audioChannelFormatIDRef>"
-            f"<audioTrackFormatIDRef>AT_{one}_01</audioTrackFormatIDRef></audioStreamFormat>",
-            f'<audioTrackFormat audioTrackFormatID="AT_{one}_01" audioTrackFormatName="{called}" '
+            f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>"
+            f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef></audioStreamFormat>",
+            f'<audioTrackFormat audioTrackFormatID="AT_{number}_01" '
+            f'audioTrackFormatName="{called}" '
             'formatLabel="0001" formatDefinition="PCM">'
-            f"<audioStreamFormatIDRef>AS_{one}</audioStreamFormatIDRef></audioTrackFormat>",
+            f"<audioStreamFormatIDRef>AS_{number}</audioStreamFormatIDRef></audioTrackFormat>",
             f'<audioTrackUID UID="ATU_{i + 1:08x}">'
-            f"<audioTrackFormatIDRef>AT_{one}_01</audioTrackFormatIDRef>"
+            f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef>"
             f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef></audioTrackUID>",
         ]
     body = "\n".join(order)
@@ -175,18 +177,18 @@ def _tracks(data: bytes, n_channels: int) -> list[str]:
     not name exactly the channels of the file.
     """
     names: dict[int, str] = {}
-    for at in range(4, len(data) - _UID.size + 1, _UID.size):
-        index, _, name, _ = _UID.unpack_from(data, at)
+    for offset in range(4, len(data) - _UID.size + 1, _UID.size):
+        index, _, name, _ = _UID.unpack_from(data, offset)
         if index:
             names.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
-    whole = range(1, min(n_channels, _CHANNELS_MAX) + 1)
-    return [names[i] for i in whole] if set(names) == set(whole) else []
+    track_numbers = range(1, min(n_channels, _CHANNELS_MAX) + 1)
+    return [names[i] for i in track_numbers] if set(names) == set(track_numbers) else []
 
 
 def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
     wanted = []
-    for one in channels:
-        block = one.find("audioBlockFormat")
+    for channel in channels:
+        block = channel.find("audioBlockFormat")
         if block is None or (block.findtext("normalization") or "SN3D").strip() != "SN3D":
             return None
         n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
@@ -203,19 +205,19 @@ def _speakers(
     channels: Sequence[ElementTree.Element | str], root: ElementTree.Element
 ) -> ChannelLayout | None:
     """The loudspeakers of definitions in the file, or of labels of common ones."""
-    packs = (one.get("absoluteDistance") for one in root.iter("audioPackFormat"))
-    far = next((_number(one) for one in packs if one), 1.0)
+    packs = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
+    far = next((_number(pack) for pack in packs if pack), 1.0)
     speakers: list[Angles] = []
     effects = []
-    for channel, one in enumerate(channels):
-        if isinstance(one, str) or _is_effects(one):
-            common = place_of(one) if isinstance(one, str) else None
+    for channel, pack in enumerate(channels):
+        if isinstance(pack, str) or _is_effects(pack):
+            common = place_of(pack) if isinstance(pack, str) else None
             if common is None:
                 effects.append(channel)
             else:
                 speakers.append((*common[:2], far))
             continue
-        block = one.find("audioBlockFormat")
+        block = pack.find("audioBlockFormat")
         if block is None:
             return None
         place = {

@@ -99,8 +99,8 @@ class CacheFolder:
 
 def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
     """The path of `name` in the user's own cache folder; None if nothing is to be kept."""
-    kept = environment.get("ERGON_CACHE", "").lower()
-    if kept in ("off", "0", "no") or (kept == PLANS and name != PLANS):
+    setting = environment.get("ERGON_CACHE", "").lower()
+    if setting in ("off", "0", "no") or (setting == PLANS and name != PLANS):
         return None
     folder = cache_folder(environment)
     return None if folder is None else folder / name

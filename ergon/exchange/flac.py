@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _MAGIC = b"fLaC"  # RFC 9639, section 8
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
-_MADE_BY = "made by ergon;"  # this mark identifies a file of ergon
+_MARK = "made by ergon;"  # this mark identifies a file of ergon
 _SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
 _BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
 _BLOCK = 65_536  # frames read at once
@@ -98,7 +98,7 @@ class FlacWriter:
         )
         if stamp.title:  # libsndfile refuses an empty one
             self._sound.title = stamp.title
-        self._sound.comment = f"{_MADE_BY} {stamp.description().decode()}"
+        self._sound.comment = f"{_MARK} {stamp.description().decode()}"
 
     @property
     def sha256(self) -> str:
@@ -146,7 +146,7 @@ def read_info(path: Path) -> WaveInfo:
                     message = f"the file is damaged: it declares {sound.frames:,} frames, which "
                     raise NotWaveError(f"{message}{size:,} bytes cannot hold")
                 comment = sound.comment or ""
-                is_ours = comment.startswith(_MADE_BY)
+                is_ours = comment.startswith(_MARK)
                 return WaveInfo(
                     "FLAC",
                     WaveFormat(sound.samplerate, sound.channels, bits),
@@ -154,7 +154,7 @@ def read_info(path: Path) -> WaveInfo:
                     0,
                     size,
                     ORIGINATOR if is_ours else None,
-                    comment.removeprefix(_MADE_BY).strip(),
+                    comment.removeprefix(_MARK).strip(),
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None

@@ -85,14 +85,15 @@ class VerifiedStem:
     n_frames: int
     taps: tuple[int, ...]
 
-    def samples(self, at: int = 0, n_frames: int | None = None) -> NDArray[np.float64]:
-        """Its samples (n_frames, n_taps) from frame `at` on; all of them if `n_frames` is None."""
+    def samples(self, first_frame: int = 0, n_frames: int | None = None) -> NDArray[np.float64]:
+        """Its samples (n_frames, n_taps) from frame `first_frame` on; all of them if `n_frames` "
+        "is None."""
         import numpy as np
 
         width = len(self.taps)
-        n_frames = self.n_frames - at if n_frames is None else n_frames
+        n_frames = self.n_frames - first_frame if n_frames is None else n_frames
         with self.path.open("rb") as file:
-            file.seek(self.offset + at * width * 8)
+            file.seek(self.offset + first_frame * width * 8)
             samples = np.frombuffer(file.read(n_frames * width * 8), "<f8")
         return samples.reshape(n_frames, width)
 

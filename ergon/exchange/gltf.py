@@ -23,7 +23,7 @@ _PEAKS = 15  # kind of the chunks of largest displacements
 _SIDE = 0.004  # [m], of the little octahedron that each point is
 
 
-def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) -> str:
+def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | None) -> str:
     """A glTF 2.0 scene: a node for each point under a node for each part.
 
     Displacements are drawn along y (up), multiplied by `exaggeration`; with None, the largest is
@@ -45,8 +45,8 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) ->
         )
     if exaggeration is None:
         exaggeration = _automatic_exaggeration(motion, manifest["parts"], others.union(space))
-    places, moved = motion.places(), motion.displacements(at.tolist())
-    scene = _Scene(at)
+    places, moved = motion.places(), motion.displacements(instants.tolist())
+    scene = _Scene(instants)
     drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
     for part in manifest["parts"]:
         parent = scene.node({"name": part["name"]})
@@ -55,13 +55,13 @@ def gltf(motion: Motion, at: NDArray[np.float64], exaggeration: float | None) ->
             if point in others:
                 continue
             if point in space:
-                own = space[point]
-                place, path = own.rest(places), own.path(places, moved)
-                children.append(scene.point(own.name, place, path))
+                space_point = space[point]
+                place, path = space_point.rest(places), space_point.path(places, moved)
+                children.append(scene.point(space_point.name, place, path))
                 drawn[point] = children[-1], path
                 continue
             place = places[point, :3] + [0.0, 0.0, places[point, 3]]
-            path = np.tile(place, (len(at), 1))
+            path = np.tile(place, (len(instants), 1))
             if np.isfinite(moved[:, point]).all():
                 path[:, 2] += exaggeration * moved[:, point]
             children.append(scene.point(names[point], place, path))
@@ -90,9 +90,13 @@ def _automatic_exaggeration(
     if not peaks:
         return 1.0
     payload = motion.payload(peaks[-1])
-    found = struct.unpack(f"<{len(payload) // 4}f", payload[: len(payload) // 4 * 4])
-    own = (peak for peak, part in zip(found, parts, strict=False) if part["first"] not in in_space)
-    largest = max(own, default=0.0)
+    peak_values = struct.unpack(f"<{len(payload) // 4}f", payload[: len(payload) // 4 * 4])
+    part_peaks = (
+        peak
+        for peak, part in zip(peak_values, parts, strict=False)
+        if part["first"] not in in_space
+    )
+    largest = max(part_peaks, default=0.0)
     return 0.05 / largest if largest > 0.0 else 1.0
 
 
@@ -130,9 +134,9 @@ class _Scene:
         self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron()}}]})
         self._times = self._instants(self.at.astype(np.float32))
 
-    def node(self, own: dict[str, Any]) -> int:
+    def node(self, node: dict[str, Any]) -> int:
         """Add a node; returns its number."""
-        self.nodes.append(own)
+        self.nodes.append(node)
         return len(self.nodes) - 1
 
     def point(self, name: str, rest: NDArray[np.float64], path: NDArray[np.float64]) -> int:
@@ -140,10 +144,12 @@ class _Scene:
         number.
         """
         turned = _to_gltf_axes(path)
-        made = self.node({"name": name, "mesh": 0, "translation": _to_gltf_axes(rest).tolist()})
+        point_node = self.node(
+            {"name": name, "mesh": 0, "translation": _to_gltf_axes(rest).tolist()}
+        )
         if (path != rest).any():
-            self._move(made, "translation", self._sampler(self._times, turned))
-        return made
+            self._move(point_node, "translation", self._sampler(self._times, turned))
+        return point_node
 
     def line(self, a: tuple[int, NDArray[Any]], b: tuple[int, NDArray[Any]], until: float) -> int:
         """Add a line between two points, given by node and path [m], until an instant [s].
@@ -156,7 +162,7 @@ class _Scene:
         apart = _to_gltf_axes(b[1] - a[1])
         if until <= self.at[0]:
             apart[:] = 0.0
-        made = self.node(
+        line_node = self.node(
             {
                 "name": f"{self.nodes[a[0]]['name']}, {self.nodes[b[0]]['name']}",
                 "mesh": self._line_mesh(),
@@ -165,7 +171,7 @@ class _Scene:
             }
         )
         if a[0] in self._moved:
-            self._move(made, "translation", self._moved[a[0]])
+            self._move(line_node, "translation", self._moved[a[0]])
         times = self.at.astype(np.float32)
         end = np.float32(until)
         if self.at[0] < until <= self.at[-1]:
@@ -173,10 +179,10 @@ class _Scene:
             last = [np.interp(until, self.at, axis) for axis in apart.T]
             apart = np.vstack([apart[:n], [last], np.zeros((1, 3))]).astype(np.float32)
             times = np.append(times[:n], [end, np.nextafter(end, np.float32(np.inf))])
-            self._move(made, "scale", self._sampler(self._instants(times), apart))
+            self._move(line_node, "scale", self._sampler(self._instants(times), apart))
         elif (apart != apart[0]).any():
-            self._move(made, "scale", self._sampler(self._times, apart))
-        return made
+            self._move(line_node, "scale", self._sampler(self._times, apart))
+        return line_node
 
     def _sampler(self, times: int, values: NDArray[np.float32]) -> int:
         output = self._array(values, "VEC3")
@@ -204,10 +210,10 @@ class _Scene:
             self._meshes.append({"primitives": [{"attributes": position, "mode": _LINES}]})
         return 1
 
-    def text(self, title: str, made_by: str) -> str:
+    def text(self, title: str, generator: str) -> str:
         """The whole file as JSON."""
-        whole: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": made_by},
+        document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": generator},
             "scene": 0,
             "scenes": [{"name": title, "nodes": self.roots}],
             "nodes": self.nodes,
@@ -217,10 +223,10 @@ class _Scene:
         }
         if self._channels:
             motion_of = {"name": "motion", "samplers": self._samplers, "channels": self._channels}
-            whole["animations"] = [motion_of]
+            document["animations"] = [motion_of]
         uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self._data)).decode()
-        whole["buffers"] = [{"byteLength": len(self._data), "uri": uri}]
-        return json.dumps(whole)
+        document["buffers"] = [{"byteLength": len(self._data), "uri": uri}]
+        return json.dumps(document)
 
     def _octahedron(self) -> int:
         import numpy as np
@@ -235,7 +241,7 @@ class _Scene:
         self._views.append(
             {"buffer": 0, "byteOffset": len(self._data), "byteLength": values.nbytes}
         )
-        found: dict[str, Any] = {
+        accessor: dict[str, Any] = {
             "bufferView": len(self._views) - 1,
             "componentType": _FLOAT,
             "count": len(values),
@@ -243,7 +249,7 @@ class _Scene:
         }
         if bounds:
             rows = values.reshape(len(values), -1)
-            found["min"], found["max"] = rows.min(0).tolist(), rows.max(0).tolist()
-        self._accessors.append(found)
+            accessor["min"], accessor["max"] = rows.min(0).tolist(), rows.max(0).tolist()
+        self._accessors.append(accessor)
         self._data.extend(values.astype("<f4").tobytes())
         return len(self._accessors) - 1

@@ -26,7 +26,7 @@ FILE_BYTES_MAX = 4 << 20  # bytes of a file
 SPEAKERS_MAX = 1024
 _FARTHEST = 100.0  # [m]
 _NEAREST = 0.01
-_MOST_DEPTH = 32
+_DEPTH_MAX = 32
 
 
 class LayoutFileError(ErgonError, ValueError):
@@ -92,20 +92,20 @@ def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -
                 "Gain": 0.0,
             }
         )
-    whole = {
+    document = {
         "Name": title,
         "Description": "made by ergon",
         "LoudspeakerLayout": {"Name": title, "Loudspeakers": rows},
     }
-    return json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
 def _read_iem(data: bytes) -> ReadLayout:
     try:
-        whole = parse_json(data)
+        document = parse_json(data)
     except MalformedTextError as error:
         raise LayoutFileError(str(error)) from None
-    layout = whole.get("LoudspeakerLayout") if isinstance(whole, dict) else None
+    layout = document.get("LoudspeakerLayout") if isinstance(document, dict) else None
     rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
@@ -140,15 +140,15 @@ def _read_ear(data: bytes) -> ReadLayout:
                 raise LayoutFileError("its YAML has aliases, which are not read")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > _MOST_DEPTH:
+            if depth > _DEPTH_MAX:
                 raise LayoutFileError("its YAML is nested too deeply")
-        whole = yaml.safe_load(text)
+        document = yaml.safe_load(text)
     except (UnicodeDecodeError, ValueError, yaml.YAMLError) as error:
         if isinstance(error, LayoutFileError):
             raise
-        said = " ".join(str(error).split())
-        raise LayoutFileError(f"this is not YAML: {said}") from None
-    rows = whole.get("speakers") if isinstance(whole, dict) else whole
+        reason = " ".join(str(error).split())
+        raise LayoutFileError(f"this is not YAML: {reason}") from None
+    rows = document.get("speakers") if isinstance(document, dict) else document
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `speakers`")
     numbered, left_out = [], []
@@ -209,22 +209,26 @@ def _read_spatgris(data: bytes) -> ReadLayout:
     for group in root.iter("SPEAKER_GROUP"):
         turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
         moved = [*turned, *_axes(group.get(_PLACE, "0, 0, 0"))]
-        if any(_number(one, "place of a group") for one in moved):
+        if any(_number(element, "place of a group") for element in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered, left_out = [], []
-    for one in root.iter():
-        number = one.get("SPEAKER_PATCH_ID", "") if one.tag == "SPEAKER" else one.tag[8:]
-        is_speaker = one.tag == "SPEAKER" or (one.tag.startswith("SPEAKER_") and number.isdecimal())
+    for element in root.iter():
+        number = (
+            element.get("SPEAKER_PATCH_ID", "") if element.tag == "SPEAKER" else element.tag[8:]
+        )
+        is_speaker = element.tag == "SPEAKER" or (
+            element.tag.startswith("SPEAKER_") and number.isdecimal()
+        )
         if not is_speaker:
             continue
-        if one.get("DIRECT_OUT_ONLY") == "1":
+        if element.get("DIRECT_OUT_ONLY") == "1":
             label = printable(number[:20])
             left_out.append(
                 f"output {label} is a direct out, no loudspeaker of the room: it is left out"
             )
             continue
-        place = one.find("POSITION")
-        axes = _axes(one.get(_PLACE, "")) if place is None else [place.get(a) for a in "XYZ"]
+        place = element.find("POSITION")
+        axes = _axes(element.get(_PLACE, "")) if place is None else [place.get(a) for a in "XYZ"]
         if len(axes) != 3:
             raise LayoutFileError(f"loudspeaker {printable(number[:20])} has no position")
         x, y, z = (_number(axis, "position") for axis in axes)
@@ -259,16 +263,16 @@ def _in_order(
 
 
 def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
-    found = (
+    angles = (
         _number(azimuth, "azimuth"),
         _number(elevation, "elevation"),
         _number(distance, "radius"),
     )
-    if not (abs(found[0]) <= 360.0 and abs(found[1]) <= 90.0):
-        raise LayoutFileError(f"a loudspeaker lies at {found[0]:g}°, {found[1]:g}°")
-    if not _NEAREST <= found[2] <= _FARTHEST:
-        raise LayoutFileError(f"a loudspeaker is {found[2]:g} m away")
-    return found
+    if not (abs(angles[0]) <= 360.0 and abs(angles[1]) <= 90.0):
+        raise LayoutFileError(f"a loudspeaker lies at {angles[0]:g}°, {angles[1]:g}°")
+    if not _NEAREST <= angles[2] <= _FARTHEST:
+        raise LayoutFileError(f"a loudspeaker is {angles[2]:g} m away")
+    return angles
 
 
 def _number(value: Any, what: str) -> float:

@@ -51,7 +51,7 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
     return np.arange(count) / rate
 
 
-def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
+def write_npz(to: BinaryIO, motion: Motion, instants: NDArray[np.float64]) -> None:
     """`t` [s], `names`, `places` (x, y, z, rest) [m] and `displacement` [m] (n_instants, n_points).
 
     Displacements are single floats; NaN marks those that were not computed. `manifest` is JSON.
@@ -62,7 +62,7 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
     """
     import numpy as np
 
-    places, moved = motion.places(), motion.displacements(at.tolist())
+    places, moved = motion.places(), motion.displacements(instants.tolist())
     arrays: dict[str, NDArray[Any]] = {}
     if space := points_in_space(read_manifest(motion).get("space"), motion.names):
         paths = [point.path(places, moved).astype(np.float32) for point in space]
@@ -74,7 +74,7 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
     np.savez_compressed(
         to,
         allow_pickle=False,
-        t=at,
+        t=instants,
         names=np.array(motion.names),
         places=places,
         displacement=moved.astype(np.float32),
@@ -83,13 +83,13 @@ def write_npz(to: BinaryIO, motion: Motion, at: NDArray[np.float64]) -> None:
     )
 
 
-def csv_rows(motion: Motion, at: NDArray[np.float64]) -> Iterator[str]:
+def csv_rows(motion: Motion, instants: NDArray[np.float64]) -> Iterator[str]:
     """The text of a CSV in pieces: t and the displacement of each point, one row per instant."""
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
     count = max(1, _BLOCK // max(1, len(motion.names)))
-    for first in range(0, len(at), count):
-        some = at[first : first + count].tolist()
+    for first in range(0, len(instants), count):
+        some = instants[first : first + count].tolist()
         for t, row in zip(some, motion.displacements(some), strict=True):
             numbers = ("" if math.isnan(x) else repr(float(x)) for x in row)
             yield f"{t!r},{','.join(numbers)}\n"

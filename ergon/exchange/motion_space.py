@@ -40,10 +40,10 @@ class SpacePoint:
 
         `places` (n_points, 4) are those of the file.
         """
-        found = places[self.axes[0], :3].copy()
+        rest_place = places[self.axes[0], :3].copy()
         for axis, point in self._coordinates():
-            found[axis] += places[point, 3]
-        return found
+            rest_place[axis] += places[point, 3]
+        return rest_place
 
     def path(self, places: NDArray[np.float64], moved: NDArray[np.float64]) -> NDArray[np.float64]:
         """Its positions [m]   (n_instants, 3); `moved` (n_instants, n_points) are the file's
@@ -53,11 +53,11 @@ class SpacePoint:
         """
         import numpy as np
 
-        found = np.tile(self.rest(places), (len(moved), 1))
+        path = np.tile(self.rest(places), (len(moved), 1))
         for axis, point in self._coordinates():
             if np.isfinite(moved[:, point]).all():
-                found[:, axis] += moved[:, point]
-        return found
+                path[:, axis] += moved[:, point]
+        return path
 
     def _coordinates(self) -> Iterator[tuple[int, int]]:
         """Pairs of an axis of the room and the point of the file that moves along it."""
@@ -68,7 +68,7 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
     """The points of the manifest's table `space`. Raises NotMotionError where it is damaged."""
     if table is None:
         return []
-    found: list[SpacePoint] = []
+    points: list[SpacePoint] = []
     if not isinstance(table, list):
         raise NotMotionError("its table of points in space is not a list")
     taken: set[int] = set()
@@ -79,8 +79,8 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
         if len(taken.union(axes)) != len(taken) + len(axes):
             raise NotMotionError(f"its table of points in space names a point twice: {axes!r:.60}")
         taken.update(axes)
-        found.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
-    return found
+        points.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
+    return points
 
 
 def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]:
@@ -117,7 +117,7 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     import numpy as np
 
     chunks = list(enumerate(motion.chunks()))
-    tables = [at for at, chunk in chunks if chunk.kind == _LINKS]
+    tables = [offset for offset, chunk in chunks if chunk.kind == _LINKS]
     if not (tables and space):
         return []
     table = motion.payload(tables[0])
@@ -127,12 +127,12 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     if pairs.size and int(pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
     broken = np.full(len(pairs), np.inf)
-    for at, chunk in chunks:
+    for offset, chunk in chunks:
         if chunk.kind == _BROKEN:
-            told = np.frombuffer(motion.payload(at), [("dt", "<f4"), ("link", "<u4")])
-            if told.size and int(told["link"].max()) >= len(pairs):
+            rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
+            if rows.size and int(rows["link"].max()) >= len(pairs):
                 raise NotMotionError("a link that broke is not in its table")
-            np.minimum.at(broken, told["link"], chunk.seconds + told["dt"].astype(float))
+            np.minimum.at(broken, rows["link"], chunk.seconds + rows["dt"].astype(float))
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))
     ends = number[pairs]

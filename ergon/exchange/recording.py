@@ -100,9 +100,9 @@ def csv_rows(recording: Recording) -> Iterator[str]:
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow([name for name, _ in every])
     yield text.getvalue()
-    for at in range(0, len(every[0][1]), _BLOCK):
+    for first in range(0, len(every[0][1]), _BLOCK):
         text = io.StringIO()
-        lists = [values[at : at + _BLOCK].tolist() for _, values in every]
+        lists = [values[first : first + _BLOCK].tolist() for _, values in every]
         csv.writer(text, lineterminator="\n").writerows(zip(*lists, strict=True))
         yield text.getvalue()
 
@@ -141,8 +141,8 @@ def write_wav(file: BinaryIO, recording: Recording) -> None:
     n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
     form = WaveFormat(rate, len(takes), "float")
     writer = WaveWriter(file, form, n_frames, Stamp(", ".join(recording.names)))
-    for at in range(0, n_frames, _BLOCK):
-        now = np.arange(at, min(at + _BLOCK, n_frames)) / recording.rate
+    for first in range(0, n_frames, _BLOCK):
+        now = np.arange(first, min(first + _BLOCK, n_frames)) / recording.rate
         block = np.stack([take.positions(now) for take in takes], axis=1)
         writer.write(single(block, 1.0))
     writer.close()

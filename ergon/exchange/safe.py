@@ -193,33 +193,33 @@ class FileGroup:
 
     def commit(self) -> None:
         """Give all files their names; if one cannot get it, the others are as they were."""
-        for one in self.pending:
-            one.file.flush()
+        for pending in self.pending:
+            pending.file.flush()
             if self.sync:
-                os.fsync(one.file.fileno())
-            keep_mode(one.target, one.part)
+                os.fsync(pending.file.fileno())
+            keep_mode(pending.target, pending.part)
             if self.is_recorded:
-                written.remember(written.digest(one.file))
+                written.remember(written.digest(pending.file))
             if not temporary.IS_LOCKED:  # on such systems an open file cannot be renamed
-                one.file.close()
-        for one in self.pending:
-            self.check(one.path)  # somebody else may have written there meanwhile
+                pending.file.close()
+        for pending in self.pending:
+            self.check(pending.path)  # somebody else may have written there meanwhile
         moved: list[tuple[_Pending, Path | None]] = []  # and what was there before
         try:
-            for one in self.pending:
-                moved.append((one, self._keep_old(one.target)))
-                self._move(one)
+            for pending in self.pending:
+                moved.append((pending, self._keep_old(pending.target)))
+                self._move(pending)
         except BaseException:
-            for one, before in reversed(moved):
-                if not one.has_its_name():
+            for pending, before in reversed(moved):
+                if not pending.has_its_name():
                     continue
                 if before is None:
-                    one.target.unlink()
+                    pending.target.unlink()
                 else:
-                    os.replace(before, one.target)
+                    os.replace(before, pending.target)
             raise
         if self.sync and not self.is_recorded:  # what cannot be computed again
-            _sync(one.target.parent for one in self.pending)
+            _sync(pending.target.parent for pending in self.pending)
 
     def _keep_old(self, target: Path) -> Path | None:
         """A second name or a copy of a file that is about to be replaced; None if there is none, or
@@ -239,12 +239,12 @@ class FileGroup:
             keep_mode(target, paths[-1])
         return paths[-1]
 
-    def _move(self, one: _Pending) -> None:
+    def _move(self, pending: _Pending) -> None:
         try:
-            _move_to_target(one.part, one.target, is_new=not one.target.exists())
+            _move_to_target(pending.part, pending.target, is_new=not pending.target.exists())
         except FileExistsError:  # somebody was faster
-            self.check(one.path)
-            _move_to_target(one.part, one.target, is_new=False)
+            self.check(pending.path)
+            _move_to_target(pending.part, pending.target, is_new=False)
 
 
 @contextlib.contextmanager
@@ -333,8 +333,8 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        own = next(one for one in (folder, *folder.parents) if one.exists())
-        raise FileRefusedError(f"{own} is a file, and no folder to write into") from None
+        existing = next(one for one in (folder, *folder.parents) if one.exists())
+        raise FileRefusedError(f"{existing} is a file, and no folder to write into") from None
 
 
 def keep_mode(path: Path, part: Path) -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_MOST = 512 << 20  # bytes of a file
+_BYTES_MAX = 512 << 20  # bytes of a file
 _VALUES_MAX = 1 << 26  # of an array, as `sofa_reader.py` has it
 _HEAD_MAX = 4096  # bytes of the first line of an answer
 _SECONDS = 600.0  # by the clock, where the system does not end the reader by itself
@@ -55,8 +55,8 @@ def read(path: Path) -> HeadResponses:
     if importlib.util.find_spec("h5py") is None:
         raise SofaError(f"SOFA files are read by h5py; {install_command('head')}")
     with open_regular(path) as file:
-        if os.fstat(file.fileno()).st_size > _MOST:
-            raise SofaError(f"{path} is larger than {_MOST >> 20} MB")
+        if os.fstat(file.fileno()).st_size > _BYTES_MAX:
+            raise SofaError(f"{path} is larger than {_BYTES_MAX >> 20} MB")
         return _read(file, path)
 
 

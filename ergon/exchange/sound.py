@@ -41,8 +41,8 @@ def writer(
     target: str, file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp
 ) -> wave.WaveWriter | flac.FlacWriter:
     """A writer of the kind that a name asks for; `check_format` must have accepted it."""
-    made = flac.FlacWriter if _is_flac(Path(target)) else wave.WaveWriter
-    return made(file, format, n_frames, stamp)
+    sound_writer = flac.FlacWriter if _is_flac(Path(target)) else wave.WaveWriter
+    return sound_writer(file, format, n_frames, stamp)
 
 
 def read_info(path: Path) -> WaveInfo:

@@ -61,7 +61,7 @@ _COMMON = [
 # Bits of a mask, from the lowest on: the same, with the back ones further back.
 _MASKED = [label.replace("110", "135") for label in _COMMON[:18]]
 _SIDES, _BACKS = 0x600, 0x30  # without sides, the back ones are those of 5.1
-_AT_110 = {"M+135": "M+110", "M-135": "M-110"}
+_SURROUND_110 = {"M+135": "M+110", "M-135": "M-110"}
 
 
 def is_effects(label: str) -> bool:
@@ -85,7 +85,7 @@ def masked_labels(mask: int) -> list[str]:
         return []
     labels = [label for bit, label in enumerate(_MASKED) if mask >> bit & 1]
     if mask & _BACKS and not mask & _SIDES:
-        labels = [_AT_110.get(label, label) for label in labels]
+        labels = [_SURROUND_110.get(label, label) for label in labels]
     return labels
 
 

@@ -163,9 +163,9 @@ def _holds(handle: int, path: Path) -> bool:
 
 def _remove_if_abandoned(path: Path) -> bool:
     with contextlib.suppress(OSError):
-        found = path.lstat()
-        is_folder = stat.S_ISDIR(found.st_mode)
-        if not (is_folder or stat.S_ISREG(found.st_mode)) or found.st_uid != os.geteuid():
+        path_stat = path.lstat()
+        is_folder = stat.S_ISDIR(path_stat.st_mode)
+        if not (is_folder or stat.S_ISREG(path_stat.st_mode)) or path_stat.st_uid != os.geteuid():
             return False
         # A network file system locks for writing only what is open for writing; folders never are.
         handle = os.open(path, _LOOK | (os.O_RDONLY if is_folder else os.O_RDWR))

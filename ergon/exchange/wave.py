@@ -112,9 +112,9 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     with open_regular(path) as file:
         file.seek(info.offset)
         n_frames = info.n_frames
-        most = min(_BLOCK, max(1, _BLOCK_BYTES // info.format.frame_bytes))
+        block_max = min(_BLOCK, max(1, _BLOCK_BYTES // info.format.frame_bytes))
         while n_frames:
-            count = min(n_frames, most)
+            count = min(n_frames, block_max)
             data = read_exactly(file, count * info.format.frame_bytes, _CUT_SAMPLES)
             if bits in ("float", "double"):
                 form = "<f4" if bits == "float" else "<f8"

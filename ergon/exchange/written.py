@@ -31,7 +31,7 @@ _NAME, _OLD_NAME = "written", "written.old"
 _COARSE = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
 # What this process wrote is known to it even where no register can be kept.
-_of_this_process: set[str] = set()
+_written_here: set[str] = set()
 
 
 def digest(file: BinaryIO) -> str:
@@ -47,7 +47,7 @@ def remember(hashed: str) -> None:
     """Note the hash of a file that is about to get its name. Where no register can be kept, only
     this process knows it.
     """
-    _of_this_process.add(hashed)
+    _written_here.add(hashed)
     folder = state_folder()
     if folder is None:
         return
@@ -72,7 +72,7 @@ def is_known(path: Path) -> bool:
                 hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
     except OSError:
         return False
-    if hashed in _of_this_process:
+    if hashed in _written_here:
         return True
     folder = state_folder()
     names = () if folder is None else (folder / _NAME, folder / _OLD_NAME)

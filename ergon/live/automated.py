@@ -44,12 +44,14 @@ def felt_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Point
         )
         return reached.key()
 
-    found = {}
+    paths_by_module = {}
     for where, points in stage.paths.items():
-        own = points[0][1:]
-        if key(where, own) != key(where, [_PROBE_FACTOR * x + 1.0 for x in own]):
-            found[where] = points
-    return found
+        first_numbers = points[0][1:]
+        if key(where, first_numbers) != key(
+            where, [_PROBE_FACTOR * x + 1.0 for x in first_numbers]
+        ):
+            paths_by_module[where] = points
+    return paths_by_module
 
 
 def _engine_values(
@@ -58,12 +60,12 @@ def _engine_values(
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
     ties, factors = [], []
-    for where, own in zip(modules, numbers, strict=True):
-        if len(own) == 3:
-            k, z, m = own
+    for where, module_numbers in zip(modules, numbers, strict=True):
+        if len(module_numbers) == 3:
+            k, z, m = module_numbers
             ties.append((assembly.mats[where], k, z, m))
         else:
-            factors += [(link, max(own)) for link in assembly.links_of(where)]
+            factors += [(link, max(module_numbers)) for link in assembly.links_of(where)]
     return AutomatedValues(tuple(ties), tuple(factors))
 
 
@@ -72,12 +74,12 @@ def felt_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]
     left out."""
     hands = [hand for hand in stage.live if hand.player in players]
     mats = [hand.mat for hand in hands]
-    found = {
+    modules_by_player = {
         hand.player: [".".join(filter(None, where)) for where in felt_paths(stage, hand.mat, mats)]
         for hand in hands
         if stage.paths
     }
-    return {player: names for player, names in found.items() if names}
+    return {player: names for player, names in modules_by_player.items() if names}
 
 
 def value_sets(
@@ -124,8 +126,8 @@ def _ratio_step(x: float) -> int | None:
 def _largest_ratio(a: Sequence[Sequence[float]], b: Sequence[Sequence[float]]) -> float:
     pairs = [
         pair
-        for one, other in zip(a, b, strict=True)
-        for pair in zip(one, other, strict=True)
+        for first, other in zip(a, b, strict=True)
+        for pair in zip(first, other, strict=True)
         if min(pair) > 0.0
     ]
     return max((max(pair) / min(pair) for pair in pairs), default=1.0)
@@ -135,6 +137,6 @@ def _interpolated(
     a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], share: float
 ) -> list[tuple[float, ...]]:
     return [
-        tuple(x + (y - x) * share for x, y in zip(one, other, strict=True))
-        for one, other in zip(a, b, strict=True)
+        tuple(x + (y - x) * share for x, y in zip(first, other, strict=True))
+        for first, other in zip(a, b, strict=True)
     ]

@@ -112,7 +112,7 @@ def device_urls() -> dict[str, str]:
 
 def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
     """Devices with their axes, for `asked` player → device; one for each URL. Raises BoardError."""
-    found: dict[str, list[tuple[int, str]]] = {}
+    axes_by_device: dict[str, list[tuple[int, str]]] = {}
     names: dict[str, str] = {}
     for player, text in asked.items():
         url, axis = resolve(text, known)
@@ -121,14 +121,16 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
             url = url.replace(":", f":{player}", 1)
         if ":" not in text and (named := _DEVICE_NAME.match(text)):
             names.setdefault(url, named["name"])
-        axes = found.setdefault(url, [])
+        axes = axes_by_device.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
             raise BoardError(
                 f"axis {axis} of {url} is given to two players; a device with several axes has "
                 f"{url}#{axis + 1} too (`ergon emulate frame --axes 2` emulates one)"
             )
         axes.append((axis, player))
-    return [Board(url, tuple(axes), name=names.get(url, "")) for url, axes in found.items()]
+    return [
+        Board(url, tuple(axes), name=names.get(url, "")) for url, axes in axes_by_device.items()
+    ]
 
 
 def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
@@ -147,8 +149,8 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
     if device not in known:
         which = ", ".join(known) or "none yet (`ergon devices` says where to write one)"
         raise BoardError(f"no device is called {device}; known: {which}")
-    own, first = resolve(known[device], {})
-    return own, first if axis is None else int(axis)
+    board_url, first = resolve(known[device], {})
+    return board_url, first if axis is None else int(axis)
 
 
 def parse_live_options(pairs: Sequence[str]) -> dict[str, str]:

@@ -77,8 +77,10 @@ def axis_key(url: str, number: int) -> str:
 
 def _address(url: str) -> str:
     target, _, options = url.partition("?")
-    kept = [option for option in options.split("&") if option and option not in _PROTOCOL_OPTIONS]
-    return target + ("?" + "&".join(kept) if kept else "")
+    target_options = [
+        option for option in options.split("&") if option and option not in _PROTOCOL_OPTIONS
+    ]
+    return target + ("?" + "&".join(target_options) if target_options else "")
 
 
 def known_axes(url: str) -> dict[int, Axis]:
@@ -96,14 +98,17 @@ def own_axes(url: str) -> set[int]:
 
 def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
     table = _table(read_config())
-    own, address = board_identity(url), _address(url)
-    found = {}
+    identity, address = board_identity(url), _address(url)
+    axes = {}
     for number in range(16):
-        for name, is_own in ((f"{own}#{number}", own is not None), (f"{address}#{number}", False)):
+        for name, is_own in (
+            (f"{identity}#{number}", identity is not None),
+            (f"{address}#{number}", False),
+        ):
             if name in table:
-                found[number] = _parse_axis(name, table[name]), is_own
+                axes[number] = _parse_axis(name, table[name]), is_own
                 break
-    return found
+    return axes
 
 
 def _table(config: dict[str, Any]) -> dict[str, Any]:
@@ -115,18 +120,22 @@ def _table(config: dict[str, Any]) -> dict[str, Any]:
 
 def axis_header(board: Board, number: int) -> dict[str, object]:
     """An axis, as the header of a recording describes it."""
-    found = board.calibrations.get(number)
+    axis_calibration = board.calibrations.get(number)
     return {
         "device": f"{board.url}#{number}",
-        "calibration": None if found is None else asdict(found),
+        "calibration": None if axis_calibration is None else asdict(axis_calibration),
     }
 
 
 def _parse_axis(name: str, row: Any) -> Axis:
     try:
         low, high = row["range"]
-        said = (low, high, *(row[field] for field in ("sign", "zero", "gain", "force_max")))
-        if any(type(value) not in (int, float) for value in said):
+        written_numbers = (
+            low,
+            high,
+            *(row[field] for field in ("sign", "zero", "gain", "force_max")),
+        )
+        if any(type(value) not in (int, float) for value in written_numbers):
             raise TypeError
         axis = Axis(
             int(row["sign"]),
@@ -190,10 +199,10 @@ def store_axis(url: str, number: int, axis: Axis) -> Path:
     # However the user's file is formatted, everything else in it must stay the same.
     try:
         wanted = {**before, _TABLE: {**_table(before), name: row}}
-        kept = parse_toml(after.encode()) == wanted
+        is_unchanged = parse_toml(after.encode()) == wanted
     except MalformedTextError:
-        kept = False
-    if not kept:
+        is_unchanged = False
+    if not is_unchanged:
         raise BoardError(
             f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
         )
@@ -207,14 +216,16 @@ def _with_table(text: str, lines: list[str]) -> str:
     end = "\r\n" if "\r\n" in text else "\n"
     table = end.join(lines) + end
     rows = text.splitlines(keepends=True)
-    at = next((i for i, row in enumerate(rows) if row.strip() == lines[0]), None)
-    if at is None:
+    row_index = next((i for i, row in enumerate(rows) if row.strip() == lines[0]), None)
+    if row_index is None:
         gap = "" if not text else end if text.endswith("\n") else end + end
         return text + gap + table
-    after = at + 1
+    after = row_index + 1
     while after < len(rows) and not rows[after].lstrip().startswith("["):
         after += 1
     # Comments and empty lines above the next table belong to that one.
-    while after > at + 1 and (not rows[after - 1].strip() or rows[after - 1].startswith("#")):
+    while after > row_index + 1 and (
+        not rows[after - 1].strip() or rows[after - 1].startswith("#")
+    ):
         after -= 1
-    return "".join(rows[:at]) + table + "".join(rows[after:])
+    return "".join(rows[:row_index]) + table + "".join(rows[after:])

@@ -53,7 +53,7 @@ class ClockFollower:
         self.is_placed = False
         self.is_running = False
 
-    def receive(self, message: Message, at: float) -> None:
+    def receive(self, message: Message, instant: float) -> None:
         """Process a message that came at an instant [s]."""
         if isinstance(message, SongPosition):
             self._move_to(message.clocks)
@@ -65,7 +65,7 @@ class ClockFollower:
         elif message is Transport.STOP:
             self.is_running = False
         elif message is Transport.CLOCK:
-            self._add_clock(at)
+            self._add_clock(instant)
 
     @property
     def position(self) -> float:
@@ -82,20 +82,23 @@ class ClockFollower:
         self._next = clocks
         self.is_placed = True
 
-    def _add_clock(self, at: float) -> None:
-        if at - self._last > _SILENCE or at < self._last:
+    def _add_clock(self, instant: float) -> None:
+        if instant - self._last > _SILENCE or instant < self._last:
             self._clocks.clear()
             self._stray_clocks.clear()
-        self._last = at
-        known, own = self.estimate(), (self._next, at)
+        self._last = instant
+        known, observation = self.estimate(), (self._next, instant)
         self._next += 1
-        if known is None or abs(known.instant_of(own[0] / CLOCKS_PER_BEAT) - at) <= _ERROR_MAX:
+        if (
+            known is None
+            or abs(known.instant_of(observation[0] / CLOCKS_PER_BEAT) - instant) <= _ERROR_MAX
+        ):
             self._stray_clocks.clear()
-            self._clocks.append(own)
+            self._clocks.append(observation)
             return
         # After a delay in a program or a wire, several clocks come at once, and then it goes on as
         # before. Only if so many in a row are off the estimate has the tempo jumped.
-        self._stray_clocks.append(own)
+        self._stray_clocks.append(observation)
         if len(self._stray_clocks) == _CLOCKS_OF_A_JUMP:
             self._clocks.clear()
             self._clocks.extend(self._stray_clocks)
@@ -112,15 +115,17 @@ class ClockFollower:
         clocks = list(self._clocks)
         if len(clocks) < _CLOCKS_MIN:
             return None
-        found = _fit_line(clocks)
+        line = _fit_line(clocks)
         for _ in range(_TRIALS):
-            errors = [at - found.instant_of(number / CLOCKS_PER_BEAT) for number, at in clocks]
-            most = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
-            kept = [one for one, error in zip(clocks, errors, strict=True) if error <= most]
-            if len(kept) == len(clocks) or len(kept) < _CLOCKS_MIN // 2:
+            errors = [at - line.instant_of(number / CLOCKS_PER_BEAT) for number, at in clocks]
+            lateness_max = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
+            punctual = [
+                one for one, error in zip(clocks, errors, strict=True) if error <= lateness_max
+            ]
+            if len(punctual) == len(clocks) or len(punctual) < _CLOCKS_MIN // 2:
                 break
-            clocks, found = kept, _fit_line(kept)
-        return found if _BEAT_MIN <= found.length <= _BEAT_MAX else None
+            clocks, line = punctual, _fit_line(punctual)
+        return line if _BEAT_MIN <= line.length <= _BEAT_MAX else None
 
 
 def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:

@@ -40,17 +40,17 @@ def parse_messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     """
     from pythonosc.osc_message import OscMessage
 
-    found = []
+    messages = []
     for part in _unbundled(datagram, _BUNDLE_DEPTH_MAX):
         # python-osc writes to the terminal what it does not know; strangers must not cause that.
         if not part.startswith(b"/") or not _TYPES.match(_type_tags(part)):
             raise MalformedDatagramError
         try:
             message = OscMessage(part)
-            found.append((message.address, list(message.params)))
+            messages.append((message.address, list(message.params)))
         except Exception:  # whatever strange bytes make of a parser
             raise MalformedDatagramError from None
-    return found
+    return messages
 
 
 def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
@@ -60,20 +60,20 @@ def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
         return
     if deepest == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
         raise MalformedDatagramError
-    at = _BUNDLE_HEADER_BYTES
-    while at < len(datagram):
-        size = int.from_bytes(datagram[at : at + 4], "big")
-        at += 4
-        if size == 0 or size % 4 or at + size > len(datagram):
+    offset = _BUNDLE_HEADER_BYTES
+    while offset < len(datagram):
+        size = int.from_bytes(datagram[offset : offset + 4], "big")
+        offset += 4
+        if size == 0 or size % 4 or offset + size > len(datagram):
             raise MalformedDatagramError
-        yield from _unbundled(datagram[at : at + size], deepest - 1)
-        at += size
+        yield from _unbundled(datagram[offset : offset + size], deepest - 1)
+        offset += size
 
 
 def _type_tags(message: bytes) -> bytes:
     """The type tags of a message's arguments; `,` where it has none."""
-    at = (message.find(b"\0") // 4 + 1) * 4
-    return message[at:].partition(b"\0")[0] or b","
+    offset = (message.find(b"\0") // 4 + 1) * 4
+    return message[offset:].partition(b"\0")[0] or b","
 
 
 def encode_message(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:

@@ -69,15 +69,15 @@ class PerformanceViewer:
             HandView(
                 hand.player,
                 hand.key,
-                own.position,
+                hand_status.position,
                 stage.piece.keys[hand.key].travel or (-0.015, 0.015),
-                own.force,
-                own.real,
-                own.tripped,
-                own.sent,
-                own.scale,
+                hand_status.force,
+                hand_status.real,
+                hand_status.tripped,
+                hand_status.sent,
+                hand_status.scale,
             )
-            for hand, own in zip(stage.live, status.hands, strict=False)
+            for hand, hand_status in zip(stage.live, status.hands, strict=False)
         )
         peak = max(status.peaks, default=0.0)
         return PerformanceView(
@@ -136,11 +136,11 @@ def _key_line(key: HandView) -> str:
 def meter_of(x: float, low: float, high: float) -> str:
     """A text meter that shows x between two ends."""
     share = (x - low) / (high - low) if high > low else 0.5
-    at = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
+    cell = min(max(round(share * (_METER_WIDTH - 1)), 0), _METER_WIDTH - 1)
     middle = (_METER_WIDTH - 1) // 2
     cells = ["·"] * _METER_WIDTH
     cells[middle] = "+"
-    cells[at] = "#"
+    cells[cell] = "#"
     return "[" + "".join(cells) + "]"
 
 

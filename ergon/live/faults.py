@@ -41,28 +41,28 @@ def measure_faults() -> list[FaultRow]:
     Raises EngineError if an emulator does not answer its own driver.
     """
     rows: dict[str, list[FaultResult]] = {}
-    for one in _core.measure_faults():
+    for measured in _core.measure_faults():
         cell = FaultResult(
-            one.device,
-            _result_text(one),
-            one.seconds,
-            one.bound if one.excluded is None else None,
-            one.force,
-            one.rise,
-            one.exceeds,
+            measured.device,
+            _result_text(measured),
+            measured.seconds,
+            measured.bound if measured.excluded is None else None,
+            measured.force,
+            measured.rise,
+            measured.exceeds,
         )
-        rows.setdefault(one.fault, []).append(cell)
+        rows.setdefault(measured.fault, []).append(cell)
     return [FaultRow(fault, cells) for fault, cells in rows.items()]
 
 
-def _result_text(one: _core.FaultMeasurement) -> str:
-    if one.excluded is not None:
-        return f"not made: {one.excluded}"
-    if one.unbounded is not None:
-        return f"no bound: {one.unbounded}"
-    if one.seconds is None:
+def _result_text(measured: _core.FaultMeasurement) -> str:
+    if measured.excluded is not None:
+        return f"not made: {measured.excluded}"
+    if measured.unbounded is not None:
+        return f"no bound: {measured.unbounded}"
+    if measured.seconds is None:
         return "it does not end"
-    return f"{1e3 * one.seconds:.4g} ms"
+    return f"{1e3 * measured.seconds:.4g} ms"
 
 
 def bounds_text(row: FaultRow) -> str:

@@ -64,8 +64,8 @@ def describe_laws() -> Finding:
         todo = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
         return Finding("laws", f"computed step by step: {reason}", todo, {"numba": None})
     version = str(numba.__version__)
-    said = f"compiled by numba {version} where that is faster"
-    return Finding("laws", said, numbers={"numba": version})
+    law_text = f"compiled by numba {version} where that is faster"
+    return Finding("laws", law_text, numbers={"numba": version})
 
 
 def measure_speed(seconds: float) -> Finding:
@@ -74,10 +74,10 @@ def measure_speed(seconds: float) -> Finding:
     """
     ratios = [_cost_ratio(*work, seconds / 3.0) for work in _speed_tests()]
     correction = math.prod(ratios) ** (1.0 / len(ratios))
-    said = f"work takes {correction:.2g} times as long as the table of costs says"
+    speed_text = f"work takes {correction:.2g} times as long as the table of costs says"
     if max(ratios) > 2.0 * min(ratios):
-        said += f" ({min(ratios):.2g} to {max(ratios):.2g})"
-    return Finding("speed", said, numbers={"correction": correction, "each": ratios})
+        speed_text += f" ({min(ratios):.2g} to {max(ratios):.2g})"
+    return Finding("speed", speed_text, numbers={"correction": correction, "each": ratios})
 
 
 def _speed_tests() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"]]]:
@@ -120,24 +120,24 @@ def _cost_ratio(
     return best / (len(block) * cost)
 
 
-def describe_thread(found: Checkup) -> Iterator[Finding]:
+def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
-    if found.priority is None:
-        said, todo = "no real-time priority", _RIGHTS
+    if checkup.priority is None:
+        sentence, todo = "no real-time priority", _RIGHTS
         if platform.system() != "Linux":
             todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
     else:
-        said, todo = f"SCHED_FIFO {found.priority}", ""
-    yield Finding("thread", said, todo, {"fifo": found.priority})
-    said = "locked in RAM" if found.locked else "not locked: it may be swapped out"
-    yield Finding("memory", said, "" if found.locked else _RIGHTS, {"locked": found.locked})
+        sentence, todo = f"SCHED_FIFO {checkup.priority}", ""
+    yield Finding("thread", sentence, todo, {"fifo": checkup.priority})
+    sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
+    yield Finding("memory", sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked})
 
 
-def measure_wakeups(found: Checkup, what: str = "wake-up") -> Finding:
+def measure_wakeups(checkup: Checkup, what: str = "wake-up") -> Finding:
     """How late a thread wakes that sleeps from tick to tick."""
-    lateness = found.lateness()
+    lateness = checkup.lateness()
     late = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
-    said = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
+    sentence = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
     todo = ""
     if late > _LATE_TICKS_MAX * len(lateness):
         todo = (
@@ -145,7 +145,7 @@ def measure_wakeups(found: Checkup, what: str = "wake-up") -> Finding:
             "performance, and keep more ready for the card (--ahead 4096)"
         )
     numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
-    return Finding(what, said, todo, numbers)
+    return Finding(what, sentence, todo, numbers)
 
 
 def measure_sound(spec: str) -> Finding:
@@ -167,7 +167,7 @@ def measure_sound(spec: str) -> Finding:
         )
         return Finding("sound", str(error), todo, {"backend": None})
     total = FRAMES_AHEAD / rate + info.latency
-    said = f"{info.sentence}; heard {1e3 * total:.0f} ms after it is computed"
+    sentence = f"{info.sentence}; heard {1e3 * total:.0f} ms after it is computed"
     todo = ""
     if info.backend == "null":
         todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
@@ -184,19 +184,19 @@ def measure_sound(spec: str) -> Finding:
         "total_s": total,
         "gaps": gaps,
     }
-    return Finding("sound", said, todo, numbers)
+    return Finding("sound", sentence, todo, numbers)
 
 
 def measure_device(url: str, seconds: float) -> list[Finding]:
     """How long a device takes to answer. Raises EngineError where it is not there."""
-    own = _core.Device(url)
+    device = _core.Device(url)
     try:
-        found, lockstep = own.checkup(seconds, TICK_SECONDS), own.lockstep
+        checkup, lockstep = device.checkup(seconds, TICK_SECONDS), device.lockstep
     finally:
-        own.close()
-    trips = found.round_trips()
-    asked = len(trips) + found.unanswered
-    said = f"{quantiles_text(trips)}; {found.unanswered:,} of {asked:,} unanswered"
+        device.close()
+    trips = checkup.round_trips()
+    asked = len(trips) + checkup.unanswered
+    sentence = f"{quantiles_text(trips)}; {checkup.unanswered:,} of {asked:,} unanswered"
     todo = []
     timer = latency_timer(url)
     if timer is not None and timer > 1:
@@ -205,7 +205,7 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
             f"its FTDI chip holds bytes back for {timer} ms: "
             f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
         )
-    if found.unanswered > _LATE_TICKS_MAX * asked:
+    if checkup.unanswered > _LATE_TICKS_MAX * asked:
         todo.append("replies are lost: try another cable or port, without a hub")
     slow = quantile(trips, 0.99)
     if not lockstep and slow > _LATE_SHARE * TICK_SECONDS:
@@ -213,15 +213,15 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
     numbers: dict[str, object] = {
         "url": url,
         "asked": asked,
-        "unanswered": found.unanswered,
-        "garbage": found.garbage,
-        "drift_ppm": found.drift_ppm,
+        "unanswered": checkup.unanswered,
+        "garbage": checkup.garbage,
+        "drift_ppm": checkup.drift_ppm,
         "latency_timer_ms": timer,
-        "per_second": asked / found.seconds if found.seconds else None,
+        "per_second": asked / checkup.seconds if checkup.seconds else None,
         **histogram(trips),
     }
     return [
-        Finding("device", f"{url}: {said}", "; ".join(todo), numbers),
+        Finding("device", f"{url}: {sentence}", "; ".join(todo), numbers),
         _force_delay(url, trips, lockstep=lockstep),
     ]
 
@@ -231,7 +231,7 @@ def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Fin
     structural = STRUCTURAL_TICKS * TICK_SECONDS
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
     how = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
-    said = (
+    sentence = (
         f"{url}: {duration_text(usual)} from a position to its force, which is {STRUCTURAL_TICKS} "
         f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
         f"{duration_text(usual - structural)}; {how}"
@@ -243,7 +243,7 @@ def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Fin
         "felt_p50_s": usual,
         "felt_p99_s": mostly,
     }
-    return Finding("felt", said, "", numbers)
+    return Finding("felt", sentence, "", numbers)
 
 
 # --- durations ------------------------------------------------------------------------------------
@@ -278,8 +278,8 @@ def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
     widths = np.array([int(n).bit_length() for n in us], dtype=int)
     np.add.at(bins, np.minimum(widths, len(bins) - 1), 1)
     names = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
-    found: dict[str, object] = {name: quantile(seconds, part) for name, part in names}
-    return {**found, "histogram_us": bins.tolist()}
+    quantiles: dict[str, object] = {name: quantile(seconds, part) for name, part in names}
+    return {**quantiles, "histogram_us": bins.tolist()}
 
 
 def duration_text(seconds: float) -> str:

@@ -102,13 +102,13 @@ def _response_of(
 ) -> NDArray[np.float64]:
     import numpy as np
 
-    felt = reached.response(tick_frames, _RESPONSE_TICKS)
-    if felt is None:
+    response = reached.response(tick_frames, _RESPONSE_TICKS)
+    if response is None:
         # The piece diverges by itself when its contacts are closed: no device bears that.
         return np.full(_RESPONSE_TICKS[0], _DIVERGED_STIFFNESS)
     # Hands that feel each other may move in opposite directions: a spring between two hands then
     # counts twice.
-    return felt * (reach * reach * (1 + reached.others))
+    return response * (reach * reach * (1 + reached.others))
 
 
 class ForceBoundsFinder:
@@ -154,11 +154,11 @@ class ForceBoundsFinder:
         ):
             return self._last_bounds
         old = {one.player: one.least for one in before}
-        found = []
+        bounds = []
         for hand, led in zip(hands, values, strict=True):
             every = tuple((at, *_with_automation(led, first, last)) for at, first, last in moments)
-            found.append(self._bounds_of(stage, hand, hands, every, old.get(hand.player)))
-        self._last_query, self._last_bounds = (stage.network, *known), tuple(found)
+            bounds.append(self._bounds_of(stage, hand, hands, every, old.get(hand.player)))
+        self._last_query, self._last_bounds = (stage.network, *known), tuple(bounds)
         return self._last_bounds
 
     def _bounds_of(
@@ -172,11 +172,11 @@ class ForceBoundsFinder:
         start = moments[0][0]
         bounds: list[tuple[int, float]] = []
         every: list[ForceScale] = []
-        for at, (frame, first, last) in enumerate(moments):
+        for moment_index, (frame, first, last) in enumerate(moments):
             is_short = len(moments) == 2 and moments[1][0] - start <= SHORT_CHANGE * stage.rate
             end = self._least_scale(stage, hand, hands, last)
             # During a short glide, the limit of the stage before still counts at the beginning.
-            from_old = old if at == 0 and is_short else None
+            from_old = old if moment_index == 0 and is_short else None
             begin = from_old or self._least_scale(stage, hand, hands, first)
             worst = min(begin, end, key=lambda borne: borne.scale)
             every.append(worst)
@@ -212,11 +212,11 @@ class ForceBoundsFinder:
         borne = self._cache.pop(key, None)
         if borne is None:
             self.n_responses += 1
-            found = self._hand_limit(
+            hand_limit = self._hand_limit(
                 hand.index, _response_of(reached, hand.tick_frames, self._reaches[hand.index])
             )
-            assert found is not None  # it is real
-            borne = ForceScale(found.scale, found.stiffness, found.limit)
+            assert hand_limit is not None  # it is real
+            borne = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
         self._cache[key] = borne  # the latest last
         if len(self._cache) > _CACHE_MAX:
             del self._cache[next(iter(self._cache))]
@@ -247,20 +247,20 @@ def _with_automation(
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
     def each(moment: _MomentValues) -> list[_MomentValues]:
-        found = []
+        automated_bounds = []
         for values in led:
             mats = {mat for mat, *_ in values.ties}
             ties = (tie for tie in moment.ties if tie[0] not in mats)
             links = {link for link, _ in values.factors}
             factors = (factor for factor in moment.factors if factor[0] not in links)
-            found.append(
+            automated_bounds.append(
                 replace(
                     moment,
                     ties=(*ties, *values.ties),
                     factors=(*factors, *values.factors),
                 )
             )
-        return found
+        return automated_bounds
 
     return each(first), each(last)
 
@@ -339,8 +339,8 @@ def _glide_values(
             k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
             ties.append((stage.built.assembly.mats[where], k, z, mass))
         elif len(glide.before) == 2:
-            most = max(of + (1.0 - of) * share for of in glide.body_factors)
-            factors += [(link, most) for link in stage.built.assembly.bodies[where]]
+            stiffest = max(of + (1.0 - of) * share for of in glide.body_factors)
+            factors += [(link, stiffest) for link in stage.built.assembly.bodies[where]]
         else:
             ratio, to = glide.factors
             factor = ratio + (to - ratio) * share

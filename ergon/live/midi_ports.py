@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 VIRTUAL = "virtual"  # a port that other programs connect to
-OWN_NAME = "ergon"
+CLIENT_NAME = "ergon"
 _DELAYS_KEPT = 48  # messages
 _PAUSE_MAX = 1.0  # [s] between two messages, after which the estimate begins anew
 
@@ -60,11 +60,11 @@ class ProcessPort:
         """Keep a message, and pass it to the listener."""
         self.deliver(data, self._clock())
 
-    def deliver(self, data: bytes, at: float) -> None:
-        """Like `send`, with the message stamped by the instant `at` [s]."""
-        self.sent.append((at, data))
+    def deliver(self, data: bytes, instant: float) -> None:
+        """Like `send`, with the message stamped by the instant `instant` [s]."""
+        self.sent.append((instant, data))
         if self._receive is not None:
-            self._receive(data, at)
+            self._receive(data, instant)
 
     def close(self) -> None:
         """Pass on nothing any more."""
@@ -80,19 +80,19 @@ class ArrivalStamps:
 
     def __init__(self) -> None:
         """Begin before the first message."""
-        self._told = 0.0  # of the system's clock [s], from the first message
+        self._first_time = 0.0  # of the system's clock [s], from the first message
         self._ahead: deque[float] = deque(maxlen=_DELAYS_KEPT)
 
     def stamp(self, since: float, now: float) -> float:
         """The instant [s] of a message that came `since` seconds after the last one and was
         received at `now`.
         """
-        self._told += since if 0.0 <= since < _PAUSE_MAX else 0.0
-        ahead = now - self._told
+        self._first_time += since if 0.0 <= since < _PAUSE_MAX else 0.0
+        ahead = now - self._first_time
         if self._ahead and abs(ahead - min(self._ahead)) > _PAUSE_MAX:
             self._ahead.clear()
         self._ahead.append(ahead)
-        return self._told + min(self._ahead)
+        return self._first_time + min(self._ahead)
 
 
 class SystemInput:
@@ -171,8 +171,8 @@ def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str
         try:
             port = make(system)
             if wanted == VIRTUAL:
-                port.open_virtual_port(OWN_NAME)
-                return port, f"{OWN_NAME} (virtual)"
+                port.open_virtual_port(CLIENT_NAME)
+                return port, f"{CLIENT_NAME} (virtual)"
             known += [(port, number, str(name)) for number, name in enumerate(port.get_ports())]
         except (rtmidi.RtMidiError, NotImplementedError) as error:
             trouble = str(error)
@@ -180,7 +180,7 @@ def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str
         raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
     port, number, name = known[choose_port(wanted, [name for *_, name in known], what)]
     try:
-        port.open_port(number, OWN_NAME)
+        port.open_port(number, CLIENT_NAME)
     except rtmidi.RtMidiError as error:
         raise MidiError(f"the MIDI {what} {name} cannot be opened: {error}") from None
     return port, name
@@ -192,12 +192,16 @@ def choose_port(wanted: str, names: Sequence[str], what: str) -> int:
     """
     same = [number for number, name in enumerate(names) if name == wanted]
     begun = [n for n, name in enumerate(names) if wanted and wanted.lower() in name.lower()]
-    found = same or begun
-    if len(found) == 1:
-        return found[0]
-    several = f"{len(found)} MIDI {what}s are called so: " if found else f"no MIDI {what} is called"
-    shown = ", ".join(f"'{names[n]}'" for n in (found or range(len(names))))
-    if found:
+    candidates = same or begun
+    if len(candidates) == 1:
+        return candidates[0]
+    several = (
+        f"{len(candidates)} MIDI {what}s are called so: "
+        if candidates
+        else f"no MIDI {what} is called"
+    )
+    shown = ", ".join(f"'{names[n]}'" for n in (candidates or range(len(names))))
+    if candidates:
         raise MidiError(f"{several}{shown}; write more of the name")
     known = f"there are {shown}" if names else "there is none"
     raise MidiError(f"{several} '{wanted}'; {known}; `{VIRTUAL}` opens one of ergon's own")

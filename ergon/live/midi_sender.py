@@ -43,16 +43,16 @@ class TimedSender:
         assert self._process.stdout is not None
         self._to: IO[bytes] = self._process.stdin
         self._echoes: IO[bytes] = self._process.stdout
-        word, _, said = self._echoes.readline().decode(errors="replace").strip().partition(" ")
+        word, _, answer = self._echoes.readline().decode(errors="replace").strip().partition(" ")
         if word != "ready":
             self.close()
-            raise MidiError(said or f"the process that sends MIDI to '{port}' did not start")
-        self.name = said
+            raise MidiError(answer or f"the process that sends MIDI to '{port}' did not start")
+        self.name = answer
 
-    def send_at(self, data: bytes, at: float) -> None:
+    def send_at(self, data: bytes, instant: float) -> None:
         """Send a message at an instant [s, time.monotonic]; at once if that is past."""
         with contextlib.suppress(OSError):  # the process is gone
-            self._to.write(b"%d %s\n" % (round(at * 1e9), data.hex().encode()))
+            self._to.write(b"%d %s\n" % (round(instant * 1e9), data.hex().encode()))
 
     def next_echo(self) -> bytes:
         """The next line that the port `echo` has written; empty at the end."""
@@ -87,8 +87,8 @@ def _run(come: int, send: Callable[[bytes], None]) -> None:
                 return
             *lines, rest = (rest + got).split(b"\n")
             for line in lines:
-                at, _, data = line.partition(b" ")
-                heapq.heappush(waiting, (int(at), next(numbers), bytes.fromhex(data.decode())))
+                instant, _, data = line.partition(b" ")
+                heapq.heappush(waiting, (int(instant), next(numbers), bytes.fromhex(data.decode())))
         while waiting and waiting[0][0] <= time.monotonic_ns():
             send(heapq.heappop(waiting)[2])
 

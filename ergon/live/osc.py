@@ -96,7 +96,7 @@ class OscServer:
         self._sender: tuple[object, ...] = ()
         self._handlers: HandlerTable = {}
         self._teller: OscSender | None = None
-        self._told: InputValues | None = None
+        self._input_values: InputValues | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -112,12 +112,14 @@ class OscServer:
         def tell(name: str, value: float) -> bool:
             return performance.tell(input_number(name), value) is not None
 
-        told = InputValues(tell)
-        handlers = request_handlers(performance, stage, gain, stop, told.handler_of, self._command)
+        input_values = InputValues(tell)
+        handlers = request_handlers(
+            performance, stage, gain, stop, input_values.handler_of, self._command
+        )
         self.serve(
             handlers,
             lambda send: OscSender(performance, stage, start, send),
-            told,
+            input_values,
             lambda: bool(performance.status().hands),
         )
 
@@ -125,13 +127,13 @@ class OscServer:
         self,
         handlers: HandlerTable,
         teller: Callable[[Send], OscSender],
-        told: InputValues,
+        input_values: InputValues,
         has_hands: Callable[[], bool],
     ) -> None:
         """Serve requests by a table of addresses, pass values to inputs, and send a teller's
         messages. `has_hands`: whether forces act on live hands.
         """
-        self._handlers, self._told, self._has_hands = handlers, told, has_hands
+        self._handlers, self._input_values, self._has_hands = handlers, input_values, has_hands
         self._teller = teller(self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
@@ -161,11 +163,11 @@ class OscServer:
 
     def remarks(self) -> list[str]:
         """Remarks since the last call, one sentence each."""
-        found = []
+        remarks = []
         with contextlib.suppress(IndexError):
             while True:
-                found.append(self._remarks.popleft())
-        return found
+                remarks.append(self._remarks.popleft())
+        return remarks
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -174,9 +176,9 @@ class OscServer:
             if time.monotonic() >= due:
                 due = max(due + _CHECK_PERIOD, time.monotonic())
                 self._send_messages()
-                if self._told is not None:
+                if self._input_values is not None:
                     with contextlib.suppress(_core.EngineError):
-                        self._told.send_due()
+                        self._input_values.send_due()
 
     def _send_messages(self) -> None:
         if self._teller is not None:
@@ -200,14 +202,14 @@ class OscServer:
         if self._here is None:
             self._over.wait(max(0.0, patience))
             return
-        own = self._here[0]
-        if not select.select([own], [], [], max(0.0, patience))[0]:
+        listener = self._here[0]
+        if not select.select([listener], [], [], max(0.0, patience))[0]:
             return
         received = []
         is_empty = False
         for _ in range(_DATAGRAMS_AT_ONCE):
             try:
-                received.append(own.recvfrom(DATAGRAM_BYTES_MAX + 1))
+                received.append(listener.recvfrom(DATAGRAM_BYTES_MAX + 1))
             except BlockingIOError:
                 is_empty = True
                 break
@@ -312,16 +314,16 @@ def _printable(address: str) -> str:
 
 def _open_socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
     """A datagram socket, and the address that `where` stands for."""
-    made = None
+    opened = None
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(*where, type=socket.SOCK_DGRAM)[0]
-        made = socket.socket(family, kind, protocol)
-        made.setblocking(False)
+        opened = socket.socket(family, kind, protocol)
+        opened.setblocking(False)
         if bound:
-            made.bind(address)
+            opened.bind(address)
     except (OSError, UnicodeError) as error:
-        if made is not None:
-            made.close()
+        if opened is not None:
+            opened.close()
         what = "cannot listen at" if bound else "cannot send to"
         raise OscError(f"{what} {where[0]}:{where[1]}: {error}") from None
-    return made, address
+    return opened, address

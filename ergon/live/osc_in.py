@@ -50,11 +50,11 @@ def request_handlers(
     stage: Stage,
     gain: float,
     stop: Callable[[], None],
-    told: Callable[[str], Handler],
+    handler_of: Callable[[str], Handler],
     command: Command = refuse_command,
 ) -> dict[str, Handler]:
-    """Address → handler of its arguments. `gain` is the ratio that 0 dB stands for; `told` gives
-    the handler of an input by its name.
+    """Address → handler of its arguments. `gain` is the ratio that 0 dB stands for; `handler_of`
+    gives the handler of an input by its name.
     """
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
@@ -82,7 +82,7 @@ def request_handlers(
             else _shared_key_handler(player)
             for player, mine in owned.items()
         },
-        **{f"/ergon/input/{name}": told(name) for name in inputs},
+        **{f"/ergon/input/{name}": handler_of(name) for name in inputs},
     }
 
 
@@ -91,11 +91,13 @@ def own_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
     other.
     """
     reached = {key: _reachable_instruments(piece, key) for key in piece.keys}
-    found = {}
+    parts_by_player = {}
     for player in piece.players.values():
         others = set().union(*(names for key, names in reached.items() if key != player.key))
-        found[player.name] = [part for part in parts if part in reached[player.key] - others]
-    return found
+        parts_by_player[player.name] = [
+            part for part in parts if part in reached[player.key] - others
+        ]
+    return parts_by_player
 
 
 def _reachable_instruments(piece: Piece, key: str) -> set[str]:
@@ -104,13 +106,13 @@ def _reachable_instruments(piece: Piece, key: str) -> set[str]:
     for ends in _joined_parts(piece):
         for end in ends:
             near.setdefault(end, set()).update(ends)
-    found: set[str] = set()
+    instruments: set[str] = set()
     seen = [key]
     while seen:
-        for part in near.get(seen.pop(), set()) - found - piece.keys.keys():
-            found.add(part)
+        for part in near.get(seen.pop(), set()) - instruments - piece.keys.keys():
+            instruments.add(part)
             seen.append(part)
-    return found
+    return instruments
 
 
 def _joined_parts(piece: Piece) -> Iterator[set[str]]:

@@ -114,13 +114,13 @@ class OscSender:
             self._send("/ergon/late", late)
         recording = self._performance.recording_trouble()
         players = [hand.player for hand in self._stage.live]
-        found = troubles(status, players, recording, is_endless=self._session is not None)
+        status_troubles = troubles(status, players, recording, is_endless=self._session is not None)
         if self._session is not None:
-            found = (*self._session.troubles(), *found)
-        found = ("PANIC", *found) if status.panicked else found
-        if found != self._troubles:
-            self._troubles = found
-            self._send("/ergon/trouble", found)
+            status_troubles = (*self._session.troubles(), *status_troubles)
+        status_troubles = ("PANIC", *status_troubles) if status.panicked else status_troubles
+        if status_troubles != self._troubles:
+            self._troubles = status_troubles
+            self._send("/ergon/trouble", status_troubles)
 
 
 OscEvent = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
@@ -167,17 +167,17 @@ def beat_events(tempo: TempoMap, rate: float, bar: int) -> Iterator[OscEvent]:
     while True:
         start, length = tempo.bars.bar(bar)
         for beat in range(math.ceil(length)):
-            at = start + beat
-            frame = frame_of(tempo.seconds(at), rate)
-            yield frame, "/ergon/beat", (bar, beat + 1, float(tempo.bpm(at)))
+            position = start + beat
+            frame = frame_of(tempo.seconds(position), rate)
+            yield frame, "/ergon/beat", (bar, beat + 1, float(tempo.bpm(position)))
         bar += 1
 
 
 def _gesture_events(stage: Stage) -> Iterator[OscEvent]:
     """Every beginning of a gesture, with (player, key, gesture, seconds of the piece)."""
     for gesture in sorted(stage.gestures, key=lambda gesture: gesture.start):
-        said = (gesture.player, gesture.key, gesture.name, float(gesture.start))
-        yield frame_of(gesture.start, stage.rate), "/ergon/strike", said
+        strike_arguments = (gesture.player, gesture.key, gesture.name, float(gesture.start))
+        yield frame_of(gesture.start, stage.rate), "/ergon/strike", strike_arguments
 
 
 def frame_of(seconds: float, rate: float) -> int:

@@ -145,14 +145,14 @@ def bar_frames(stage: Stage, start: int, stop: int) -> list[int]:
     """Frames from `start` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
     first, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
-    found: list[int] = []
+    frames: list[int] = []
     for bar in range(first, first + _BARS_MAX):
         frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
         if frame >= stop:
             break
         if frame >= start:
-            found.append(frame)
-    return found
+            frames.append(frame)
+    return frames
 
 
 def _guidance_spring(config: PlaybackConfig, player: str) -> _core.GuidanceSpring | None:
@@ -173,10 +173,10 @@ def _compute_unheard(
     """Compute and mix `n_frames` unheard, so that the filters of the mixer reach their state."""
     import numpy as np
 
-    at = 0
+    frame = 0
     for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in config.frozen:
-            stem.join(frames, at)
+            stem.join(frames, frame)
         mixer.process(frames, np.zeros((len(frames), n_channels)))
-        at += len(frames)
-        progress(at)
+        frame += len(frames)
+        progress(frame)

@@ -49,8 +49,8 @@ def _by_id(path: str) -> str:
         links = sorted(BY_ID.iterdir())
     except OSError:
         return path
-    found = (str(link) for link in links if link.resolve() == Path(path).resolve())
-    return next(found, path)
+    matching_links = (str(link) for link in links if link.resolve() == Path(path).resolve())
+    return next(matching_links, path)
 
 
 def latency_timer(url: str, root: Path = Path("/sys/bus/usb-serial/devices")) -> int | None:

@@ -59,15 +59,15 @@ def find_gain(
     measured = MeasuredLevel(level, stage.rate, stage.n_channels)
     simulation = stage.simulation
     start = simulation.snapshot()
-    at = 0
+    frame = 0
     for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in frozen:
-            stem.join(frames, at)
+            stem.join(frames, frame)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
         measured.take(mixed)
-        at += len(frames)
-        progress(at)
+        frame += len(frames)
+        progress(frame)
     simulation.restore(start)
     if n_frames == stage.n_frames:
         return PreflightGain(measured.gain(), None)

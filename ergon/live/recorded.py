@@ -71,13 +71,15 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
                 f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
             )
         hands[player] = np.ascontiguousarray(positions[:, index])
-    said = read_description(recording)
-    return HandRecording(hands, _recorded_level(said), tuple(_warnings(recording, said, piece)))
+    description = read_description(recording)
+    return HandRecording(
+        hands, _recorded_level(description), tuple(_warnings(recording, description, piece))
+    )
 
 
-def _recorded_level(said: dict[str, Any]) -> Level:
+def _recorded_level(description: dict[str, Any]) -> Level:
     """The level that was heard; fields that the recording lacks have no effect."""
-    level = said.get("level")
+    level = description.get("level")
     level = level if isinstance(level, dict) else {}
 
     def number(name: str) -> float | None:
@@ -93,15 +95,16 @@ def _recorded_level(said: dict[str, Any]) -> Level:
     )
 
 
-def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> list[str]:
+def _warnings(recording: _core.Recording, description: dict[str, Any], piece: Piece) -> list[str]:
     warnings = []
-    score = said.get("score")
+    score = description.get("score")
     digest = score.get("sha256") if isinstance(score, dict) else None
     if digest is not None and digest != piece.digest():
         warnings.append("the score has changed since the recording: it will sound differently")
-    if said.get("seed", piece.seed) != piece.seed:
+    if description.get("seed", piece.seed) != piece.seed:
         warnings.append(
-            f"it was made with seed {said['seed']}: add --seed {said['seed']} to hear the same"
+            f"it was made with seed {description['seed']}: add --seed {description['seed']} to "
+            "hear the same"
         )
     if recording.damage:
         warnings.append(recording.damage)

@@ -117,11 +117,11 @@ def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLe
     """The instrument that hides all others, and how much louder it is than the second [LU]; or
     None.
     """
-    heard = sorted(
+    audible = sorted(
         (one for one in levels if one.loudness > -math.inf), key=lambda one: one.loudness
     )
-    if len(heard) < 2:
+    if len(audible) < 2:
         return None
-    loudest = heard[-1]
-    above = loudest.loudness - heard[-2].loudness
+    loudest = audible[-1]
+    above = loudest.loudness - audible[-2].loudness
     return (loudest, above) if above > DOMINANCE_LU else None

@@ -17,7 +17,7 @@ def stream(
     """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
     import numpy as np
 
-    for at in range(0, n_frames, block):
-        count = min(block, n_frames - at)
+    for first in range(0, n_frames, block):
+        count = min(block, n_frames - first)
         simulation.process(np.zeros((count, simulation.n_out)))
-        yield rows(form, simulation.ergons(), names), at + count
+        yield rows(form, simulation.ergons(), names), first + count

@@ -41,9 +41,9 @@ def write(
     import numpy as np
 
     pieces = [
-        (part, tuple(own[first : first + CHANNELS_MAX]))
-        for part, own in taps.items()
-        for first in range(0, len(own), CHANNELS_MAX)
+        (part, tuple(tap_names[first : first + CHANNELS_MAX]))
+        for part, tap_names in taps.items()
+        for first in range(0, len(tap_names), CHANNELS_MAX)
     ]
     paths = stem_paths(folder, [part for part, _ in pieces], WAVE)
     for path in (*paths, folder / MANIFEST):
@@ -51,23 +51,23 @@ def write(
     stamp = Stamp(source.title, source.score, source.plan)
     with file_group(force=force, inputs=inputs) as files:
         writers = []
-        for (_, own), path in zip(pieces, paths, strict=True):
+        for (_, tap_names), path in zip(pieces, paths, strict=True):
             file = files.open(path, binary=True)
-            format = WaveFormat(int(source.rate), len(own), "double")
+            format = WaveFormat(int(source.rate), len(tap_names), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
-        at = 0
+        frame = 0
         blocks = frames_of(stage.simulation, n_frames, BLOCK)
         with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
             for frames in coming:
-                for writer, (_, own) in zip(writers, pieces, strict=True):
-                    writer.write(np.ascontiguousarray(frames[:, list(own)]))
-                at += len(frames)
-                progress(at)
+                for writer, (_, tap_names) in zip(writers, pieces, strict=True):
+                    writer.write(np.ascontiguousarray(frames[:, list(tap_names)]))
+                frame += len(frames)
+                progress(frame)
         for writer in writers:
             writer.close()
         stems = tuple(
-            Stem(part, path, own, writer.sha256)
-            for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
+            Stem(part, path, tap_names, writer.sha256)
+            for (part, tap_names), path, writer in zip(pieces, paths, writers, strict=True)
         )
         frozen = Frozen(source, n_frames, stems)
         files.write(folder / MANIFEST, text(frozen).encode())  # gets its name last

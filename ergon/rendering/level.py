@@ -115,7 +115,7 @@ class ArrayWriter:
     def __init__(self, format: WaveFormat, frames: NDArray[np.float64]) -> None:
         """Fill `frames` from its beginning."""
         self.format = format
-        self._frames, self._at = frames, 0
+        self._frames, self._frame = frames, 0
 
     @property
     def sha256(self) -> str:
@@ -124,8 +124,8 @@ class ArrayWriter:
 
     def write(self, samples: NDArray[np.float64]) -> None:
         """Append (n_frames, n_channels)."""
-        self._frames[self._at : self._at + len(samples)] = samples
-        self._at += len(samples)
+        self._frames[self._frame : self._frame + len(samples)] = samples
+        self._frame += len(samples)
 
     def close(self) -> None:
         """End; nothing more comes."""
@@ -155,7 +155,7 @@ class MasterChain:
         self._limiter = limiter
         self.latency = limiter.latency if limiter is not None else 0
         # The index in the piece of the next frame that leaves the limiter.
-        self._at = first - self.latency
+        self._frame = first - self.latency
         self._start, self._stop = start, stop
         self._rate, self._silences = rate, silences
 
@@ -188,28 +188,30 @@ class MasterChain:
         frames = np.ascontiguousarray(block * self.gain)
         if self._limiter is not None:
             frames = self._limiter.limit(frames)
-        kept = np.ascontiguousarray(
-            frames[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
+        unskipped = np.ascontiguousarray(
+            frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
         )
-        first = max(self._start, self._at)
-        self._at += len(frames)
-        if not len(kept):
+        first = max(self._start, self._frame)
+        self._frame += len(frames)
+        if not len(unskipped):
             return
-        kept = np.ascontiguousarray(apply_silences(kept, first, self._silences, self._rate))
-        self._meter.process(kept)
-        self._true_peak.take(kept)
+        unskipped = np.ascontiguousarray(
+            apply_silences(unskipped, first, self._silences, self._rate)
+        )
+        self._meter.process(unskipped)
+        self._true_peak.take(unskipped)
         bits = self._writer.format.bits
         if bits == "float":
-            self._writer.write(_core.single(kept, 1.0))
+            self._writer.write(_core.single(unskipped, 1.0))
         elif bits == "double":
-            self._writer.write(kept)
+            self._writer.write(unskipped)
         else:
-            self._writer.write(_core.pcm(kept, 1.0, 16 if bits == 16 else 24))
+            self._writer.write(_core.pcm(unskipped, 1.0, 16 if bits == 16 else 24))
 
     def close(self) -> None:
         """Push out what the limiter still holds, and end the file."""
         import numpy as np
 
-        if self._at < self._stop:
-            self.take(np.zeros((self._stop - self._at, self._writer.format.n_channels)))
+        if self._frame < self._stop:
+            self.take(np.zeros((self._stop - self._frame, self._writer.format.n_channels)))
         self._writer.close()

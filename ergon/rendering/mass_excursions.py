@@ -47,8 +47,8 @@ class ContactClosings:
     is_closed: bool = False
     deepest_swapped: float = -inf
 
-    def take(self, frames: NDArray[np.float64], at: int) -> None:
-        """Go on with positions (n_frames, n_points) from frame `at` on."""
+    def take(self, frames: NDArray[np.float64], first_frame: int) -> None:
+        """Go on with positions (n_frames, n_points) from frame `first_frame` on."""
         import numpy as np
 
         contact = self.contact
@@ -60,14 +60,14 @@ class ContactClosings:
         closed = depth > 0
         begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))
         if begins.size and self.first is None:
-            self.first = at + int(begins[0])
+            self.first = first_frame + int(begins[0])
         self.times += len(begins)
         if closed.any():
-            self.last = at + int(np.flatnonzero(closed)[-1])
+            self.last = first_frame + int(np.flatnonzero(closed)[-1])
         self.is_closed = bool(closed[-1])
         deepest = int(np.argmax(depth))
         if depth[deepest] > self.deepest:
-            self.deepest, self.deepest_at = float(depth[deepest]), at + deepest
+            self.deepest, self.deepest_at = float(depth[deepest]), first_frame + deepest
 
 
 def measure_excursions(
@@ -77,14 +77,14 @@ def measure_excursions(
     moved = [Excursion(point) for point in probed.points]
     closed = [ContactClosings(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
-    at = 0
+    first_frame = 0
     for frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
         for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
             swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
         for closing in closed:
-            closing.take(frames, at)
+            closing.take(frames, first_frame)
         for bow in bows:
             bow.take(frames, stage.rate)
-        at += len(frames)
-        progress(at)
+        first_frame += len(frames)
+        progress(first_frame)
     return moved, closed, bows

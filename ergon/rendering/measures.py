@@ -46,9 +46,9 @@ def measures(frames: NDArray[np.float64], rate: float) -> Measures:
     power = (frames * frames).sum(axis=1)
     loudest = frames[:, int((frames * frames).sum(axis=0).argmax())]
     f, spectrum = _spectrum(frames, rate)
-    heard = f >= _LOWEST
-    whole = float(spectrum[heard].sum())
-    centroid = float((f * spectrum)[heard].sum() / whole) if whole > 0.0 else None
+    audible = f >= _LOWEST
+    total = float(spectrum[audible].sum())
+    centroid = float((f * spectrum)[audible].sum() / total) if total > 0.0 else None
     return Measures(
         centroid,
         _pitch(loudest, power, rate),
@@ -65,8 +65,8 @@ def _spectrum(
 
     window = np.hanning(_SIZE + 1)[:-1, None]
     power: NDArray[np.float64] = np.zeros(_SIZE // 2 + 1)
-    for at in range(0, max(1, len(frames) - _SIZE // 2), _SIZE // 2):
-        block = frames[at : at + _SIZE]
+    for first in range(0, max(1, len(frames) - _SIZE // 2), _SIZE // 2):
+        block = frames[first : first + _SIZE]
         padded = np.zeros((_SIZE, frames.shape[1]))
         padded[: len(block)] = block
         power += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
@@ -85,8 +85,8 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     start = int(np.argmax(sums[span : len(x) - longest + 1] - sums[: len(x) - longest - span + 1]))
     here = x[start : start + span + longest]
     size = 1 << (2 * len(here)).bit_length()
-    own = np.fft.rfft(here[:span], size)
-    match = np.fft.irfft(np.conj(own) * np.fft.rfft(here, size), size)[:longest]
+    transform = np.fft.rfft(here[:span], size)
+    match = np.fft.irfft(np.conj(transform) * np.fft.rfft(here, size), size)[:longest]
     squares = np.concatenate([[0.0], np.cumsum(here * here)])
     energy = squares[span : span + longest] - squares[:longest]
     difference = np.maximum(energy[0] + energy - 2.0 * match, 0.0)
@@ -112,15 +112,20 @@ def _partial(x: NDArray[np.float64], rate: float) -> float | None:
     low = max(1, math.ceil(_LOWEST * size / rate))
     if len(magnitude) < low + 2 or not magnitude[low:-1].any():
         return None
-    at = low + int(magnitude[low:-1].argmax())
-    return _parabola_peak(np.log(np.maximum(magnitude[at - 1 : at + 2], 1e-300)), at) * rate / size
+    peak_bin = low + int(magnitude[low:-1].argmax())
+    return (
+        _parabola_peak(np.log(np.maximum(magnitude[peak_bin - 1 : peak_bin + 2], 1e-300)), peak_bin)
+        * rate
+        / size
+    )
 
 
-def _parabola_peak(three: NDArray[np.float64], at: int) -> float:
-    """Position of the maximum of the parabola through three values; the middle one is at `at`."""
+def _parabola_peak(three: NDArray[np.float64], peak_bin: int) -> float:
+    """Position of the maximum of the parabola through three values; the middle one is at "
+    "`peak_bin`."""
     a, b, c = (float(y) for y in three)
     curve = a - 2.0 * b + c
-    return at + 0.5 * (a - c) / curve if curve < 0.0 else float(at)
+    return peak_bin + 0.5 * (a - c) / curve if curve < 0.0 else float(peak_bin)
 
 
 def _t60(power: NDArray[np.float64], rate: float) -> float | None:

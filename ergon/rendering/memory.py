@@ -96,8 +96,8 @@ class RenderMemory:
         outcomes = None if recorder is None else recorder.outcomes
         simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, outcomes)
         numbers = self.levels.recall(balances, job.stop)
-        own = [balances[number] for number in numbers]
-        return ComputedRender(simulation, own, recorder, self, balances, numbers)
+        part_balances = [balances[number] for number in numbers]
+        return ComputedRender(simulation, part_balances, recorder, self, balances, numbers)
 
 
 def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:

@@ -85,8 +85,8 @@ class KnownMix:
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
         """All frames, at most `n_frames` at a time."""
         for stretch in self.frames:
-            for at in range(0, len(stretch), n_frames):
-                yield stretch[at : at + n_frames]
+            for first in range(0, len(stretch), n_frames):
+                yield stretch[first : first + n_frames]
 
 
 class MixedStretches:
@@ -119,22 +119,22 @@ class MixedStretches:
         step = stretches.STRETCH_FRAMES
         first = start // step
         has_ended = False
-        found: list[_Stretch] = []
+        known_stretches: list[_Stretch] = []
         before = Outcome() if first == 0 else None
         for index in range(first, (stop - 1) // step + 1):
             stretch = self._read(index)
             if stretch is None:
                 return None
-            if found:
-                before = found[-1].outcome
-            found.append(stretch)
+            if known_stretches:
+                before = known_stretches[-1].outcome
+            known_stretches.append(stretch)
             after = index * step + len(stretch.frames)
             has_ended = has_ended or (ending is not None and stretch.ending == ending)
             if after >= stop or (has_ended and after >= needed):
                 break
             if after < self._stop(index):
                 return None
-        last = found[-1]
+        last = known_stretches[-1]
         if stop < after and not has_ended:
             # What happened within the stretch may have happened after `stop`.
             if before is None:
@@ -142,18 +142,18 @@ class MixedStretches:
                 before = None if earlier is None else earlier.outcome
             if before != last.outcome:
                 return None
-        frames = [stretch.frames for stretch in found]
+        frames = [stretch.frames for stretch in known_stretches]
         if ending is None:
             frames[-1] = frames[-1][: stop - after + len(frames[-1])]
         return KnownMix(first * step, tuple(frames), last.outcome)
 
     def put(
-        self, at: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
+        self, first_frame: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
     ) -> bool:
-        """Store the frames from frame `at` on, where a stretch begins; False if the folder takes
-        nothing.
+        """Store the frames from frame `first_frame` on, where a stretch begins; False if the
+        folder takes nothing.
         """
-        index = at // stretches.STRETCH_FRAMES
+        index = first_frame // stretches.STRETCH_FRAMES
         known = self._read(index) if self._store.has(self._keys[index]) else None
         if known is not None and len(known.frames) >= len(frames):
             if ending in (None, known.ending) or known.outcome != outcome:
@@ -194,30 +194,30 @@ class MixRecorder:
         """Begin at frame 0 of a piece of `n_frames`."""
         self.outcomes: dict[int, Outcome] = {}
         self._mixed, self._n_frames = mixed, n_frames
-        self._at = 0
+        self._frame = 0
         self._blocks: list[NDArray[np.float64]] = []
         self._is_kept = True
 
     def take(self, mixed: NDArray[np.float64]) -> None:
         """Take the next mixed frames (n_frames, n_channels)."""
         while len(mixed) and self._is_kept:
-            start = self._at - self._n_pending
+            start = self._frame - self._n_pending
             stop = min(start + stretches.STRETCH_FRAMES, self._n_frames)
-            if self._at == stop:
+            if self._frame == stop:
                 self._put(self.outcomes.pop(stop, None), None)
                 continue
-            now = mixed[: stop - self._at]
+            now = mixed[: stop - self._frame]
             self._blocks.append(now)
-            self._at += len(now)
+            self._frame += len(now)
             mixed = mixed[len(now) :]
 
     def end(self, outcome: Outcome, ending: Ending | None) -> None:
         """Store what has come of the last stretch, if it is complete or the render `ending` may
         have cut it short.
         """
-        is_complete = self._at in self.outcomes
+        is_complete = self._frame in self.outcomes
         if self._n_pending and self._is_kept and (is_complete or ending is not None):
-            self._put(self.outcomes.pop(self._at, outcome), ending)
+            self._put(self.outcomes.pop(self._frame, outcome), ending)
 
     @property
     def _n_pending(self) -> int:
@@ -228,7 +228,7 @@ class MixRecorder:
 
         frames, self._blocks = np.concatenate(self._blocks), []
         if outcome is not None:
-            self._is_kept = self._mixed.put(self._at - len(frames), frames, outcome, ending)
+            self._is_kept = self._mixed.put(self._frame - len(frames), frames, outcome, ending)
 
 
 def key_of(what: str, stop: int, depends: str) -> str:

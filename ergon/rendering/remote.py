@@ -128,9 +128,9 @@ def group_by_cost(costs: Sequence[float], count: int) -> list[list[int]]:
     groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, count))]
     for number in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
         least = min(range(len(groups)), key=lambda i: groups[i][0])
-        whole, own = groups[least]
-        groups[least] = whole + costs[number], [*own, number]
-    return [sorted(own) for _, own in groups if own]
+        group_cost, numbers = groups[least]
+        groups[least] = group_cost + costs[number], [*numbers, number]
+    return [sorted(numbers) for _, numbers in groups if numbers]
 
 
 def chain_count(count: int, simulation: Simulation | None = None) -> int:
@@ -139,10 +139,10 @@ def chain_count(count: int, simulation: Simulation | None = None) -> int:
 
     If no island is expensive enough, this process does the work.
     """
-    most = _GROUPS_EACH * count
+    count_max = _GROUPS_EACH * count
     if simulation is None:
-        return most
-    return max(1, min(most, sum(map(is_expensive, simulation.storable()))))
+        return count_max
+    return max(1, min(count_max, sum(map(is_expensive, simulation.storable()))))
 
 
 class RemoteSimulation(StretchedSimulation):
@@ -181,21 +181,21 @@ class RemoteSimulation(StretchedSimulation):
         while True:
             for chain in self._chains:
                 self._go_on(chain)
-            missing = [c for c in self._chains if not c.is_home and self._at not in c.sounds]
+            missing = [c for c in self._chains if not c.is_home and self._frame not in c.sounds]
             if not missing:
                 break
             asked = [chain.asked for chain in self._chains if chain.asked is not None]
             self._workers.wait(asked)
         for chain in self._chains:
-            for part, sound in zip(chain.parts, chain.sounds.pop(self._at, ()), strict=False):
+            for part, sound in zip(chain.parts, chain.sounds.pop(self._frame, ()), strict=False):
                 self._simulation.recall(part.island, sound)
 
     def _end(self) -> None:
         """Give the islands of the simulation their state after the stretch."""
         for chain in self._chains:
-            for part, state in zip(chain.parts, chain.states.pop(self._at, ()), strict=False):
+            for part, state in zip(chain.parts, chain.states.pop(self._frame, ()), strict=False):
                 self._simulation.set_state(part.island, state)
-        if self._at == self._n_frames and self._store is not None:
+        if self._frame == self._n_frames and self._store is not None:
             self._store.forget()
 
     def _go_on(self, chain: _Chain) -> None:
@@ -213,7 +213,7 @@ class RemoteSimulation(StretchedSimulation):
                 chain.asked = self._workers.submit(self._request(chain, stop))
 
     def _is_wanted(self, chain: _Chain) -> bool:
-        return chain.at < min(self._n_frames, self._at + _LEAD * stretches.STRETCH_FRAMES)
+        return chain.at < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
 
     def _request(self, chain: _Chain, stop: int) -> Request:
         islands = [
@@ -226,14 +226,16 @@ class RemoteSimulation(StretchedSimulation):
         """Take the stretch from the store, if all of it is there."""
         if self._store is None or stop - chain.at < stretches.STRETCH_FRAMES:
             return False
-        found = []
+        known_islands = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
             known = self._store.get(key)
             if known is None or len(known.sound) != stretches.STRETCH_FRAMES * part.island.n_out:
                 return False
-            found.append(known)
-        self._keep(chain, stop, [one.sound for one in found], [one.state for one in found])
-        self.n_recalled += stretches.STRETCH_FRAMES * len(found)
+            known_islands.append(known)
+        self._keep(
+            chain, stop, [one.sound for one in known_islands], [one.state for one in known_islands]
+        )
+        self.n_recalled += stretches.STRETCH_FRAMES * len(known_islands)
         return True
 
     def _take(self, chain: _Chain, answer: Answer) -> None:

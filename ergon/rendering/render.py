@@ -85,14 +85,14 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
             file = files.open(name, binary=True)
 
             def written_to(
-                of: RenderJob,
+                job: RenderJob,
                 first: int,
                 name: str = name,
                 file: BinaryIO = file,
                 limits: Limiting | None = limits,
             ) -> MasterChain:
-                writer = sound.writer(name, file, of.format, of.n_frames, of.stamp)
-                return chain_of(writer, stage, of, limits, first)
+                writer = sound.writer(name, file, job.format, job.n_frames, job.stamp)
+                return chain_of(writer, stage, job, limits, first)
 
             tracks.append(track_of(stack, job, name, mixer, written_to))
         balances = _balances(stage, job)
@@ -193,17 +193,17 @@ def render_array(
     """
     import numpy as np
 
-    made: list[NDArray[np.float64]] = []
+    blocks: list[NDArray[np.float64]] = []
 
     def written_to(of: RenderJob, first: int) -> MasterChain:
-        made.append(np.zeros((of.n_frames, of.format.n_channels)))
-        return chain_of(ArrayWriter(of.format, made[0]), stage, of, limiter_of(stage, of), first)
+        blocks.append(np.zeros((of.n_frames, of.format.n_channels)))
+        return chain_of(ArrayWriter(of.format, blocks[0]), stage, of, limiter_of(stage, of), first)
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = track_of(stack, job, "-", mixer, written_to)
         filled = _recalled_or_computed(stage, job, [track], progress, ())
-    return made[0], filled.files[0], filled.outcome
+    return blocks[0], filled.files[0], filled.outcome
 
 
 def _fill(
@@ -235,7 +235,7 @@ def _fill_known(
     """Fill a file with mixed frames that are known, and compute nothing."""
     if not job.is_open:
         track.finish = track.begin(job, known.first)
-    at, end = known.first, None
+    frame, end = known.first, None
     n_frames = job.simulated_frames(stage.n_frames)
     fade = _silence_detector(stage, job)
     for mixed in known.blocks(job.block):
@@ -243,12 +243,12 @@ def _fill_known(
         if fade is not None and end is None:
             end = fade.take(folded)
         track.take(folded)
-        at += len(mixed)
-        progress(min(at, n_frames))
+        frame += len(mixed)
+        progress(min(frame, n_frames))
         if end is not None and job.is_open:
             break
-    piece_end = at if end is None else end
-    filled = _finished(stage, job, [track], known.first, piece_end, at - known.first)
+    piece_end = frame if end is None else end
+    filled = _finished(stage, job, [track], known.first, piece_end, frame - known.first)
     return replace(filled, recalled=1.0, outcome=known.outcome)
 
 
@@ -290,7 +290,7 @@ def _simulate(
     """
     import numpy as np
 
-    at = 0
+    first = 0
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     needed = min(stage.n_frames, job.stop + max(latencies, default=0))
@@ -313,11 +313,11 @@ def _simulate(
                 track.take(folded)
             for balance in balances:
                 balance.take(frames)
-            at += len(frames)
-            progress(at)
-            if end is not None and (job.is_open or at >= needed):
+            first += len(frames)
+            progress(first)
+            if end is not None and (job.is_open or first >= needed):
                 break
-    return at if end is None else end, at
+    return first if end is None else end, first
 
 
 def frames_of(
@@ -326,8 +326,8 @@ def frames_of(
     """The next `stop` frames in blocks; each is a new array, since another thread may hold it."""
     import numpy as np
 
-    for at in range(0, stop, block):
-        frames = np.zeros((min(block, stop - at), simulation.n_out))
+    for first in range(0, stop, block):
+        frames = np.zeros((min(block, stop - first), simulation.n_out))
         simulation.process(frames)
         yield frames
 

@@ -59,11 +59,11 @@ class ResumedSimulation(StretchedSimulation):
 
     def _begin(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
-        stop = self._at + stretches.STRETCH_FRAMES
+        stop = self._frame + stretches.STRETCH_FRAMES
         is_whole = stop <= self._n_frames
         for part in self._parts:
             if is_whole:
-                part.key = self._simulation.island_key(part.island, self._at, stop, part.key)
+                part.key = self._simulation.island_key(part.island, self._frame, stop, part.key)
             # The last stretch is always computed, so that reports of the islands are available at
             # the end.
             known = self._store.get(part.key) if stop < self._n_frames else None
@@ -85,8 +85,8 @@ class ResumedSimulation(StretchedSimulation):
                 # What the simulation reports is then that of a render which recalls nothing.
                 self._simulation.set_state(part.island, part.state)
         if self._outcomes is not None:
-            self._outcomes[self._at] = Outcome.of(self._simulation)
-        if self._at % stretches.STRETCH_FRAMES:
+            self._outcomes[self._frame] = Outcome.of(self._simulation)
+        if self._frame % stretches.STRETCH_FRAMES:
             return
         for part in self._parts:
             if part.is_recalled or not self._is_kept:
@@ -94,5 +94,5 @@ class ResumedSimulation(StretchedSimulation):
             stretch = self._simulation.recorded(part.island)
             # A folder that takes nothing now will take nothing later.
             self._is_kept = self._store.put(part.key, stretch.sound, stretch.state)
-        if self._at + stretches.STRETCH_FRAMES > self._n_frames:
+        if self._frame + stretches.STRETCH_FRAMES > self._n_frames:
             self._store.forget()

@@ -24,25 +24,26 @@ class Silence:
 
 
 def apply_silences(
-    frames: NDArray[np.float64], at: int, silences: Sequence[Silence], rate: float
+    frames: NDArray[np.float64], first_frame: int, silences: Sequence[Silence], rate: float
 ) -> NDArray[np.float64]:
-    """Frames (n_frames, n_channels), of which the first is number `at`, with the silences applied.
+    """Frames (n_frames, n_channels), of which the first is number `first_frame`, with the silences
+    applied.
 
     Fades are computed in single precision, as they were heard.
     """
     import numpy as np
 
     fall, rise = (max(1, int(rate * seconds + 0.5)) for seconds in (_FALL, _RISE))
-    end = at + len(frames)
-    for one in silences:
-        stop = end if one.stop is None else one.stop
-        if one.start >= end or stop + rise <= at:
+    end = first_frame + len(frames)
+    for silence in silences:
+        stop = end if silence.stop is None else silence.stop
+        if silence.start >= end or stop + rise <= first_frame:
             continue
-        now = np.arange(at, end)
+        now = np.arange(first_frame, end)
         gains = np.ones(len(now), np.float32)
-        left = np.clip(one.start + fall - 1 - now, 0, fall).astype(np.float32)
+        left = np.clip(silence.start + fall - 1 - now, 0, fall).astype(np.float32)
         up = np.clip(now - stop + 1, 0, rise).astype(np.float32)
-        gains[now >= one.start] = (left / np.float32(fall))[now >= one.start]
+        gains[now >= silence.start] = (left / np.float32(fall))[now >= silence.start]
         gains[now >= stop] = (up / np.float32(rise))[now >= stop]
         is_shaped = gains != 1.0
         frames = frames.copy()

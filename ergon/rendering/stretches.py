@@ -26,7 +26,7 @@ class StretchedSimulation(ABC):
 
     def __init__(self, simulation: Simulation, n_frames: int) -> None:
         """Begin at frame 0."""
-        self._simulation, self._n_frames, self._at = simulation, n_frames, 0
+        self._simulation, self._n_frames, self._frame = simulation, n_frames, 0
         self.n_recalled = self.n_computed = 0
 
     @property
@@ -44,16 +44,16 @@ class StretchedSimulation(ABC):
         raises.
         """
         while len(out):
-            if self._at % STRETCH_FRAMES == 0:
+            if self._frame % STRETCH_FRAMES == 0:
                 self._begin()
-            until = (self._at // STRETCH_FRAMES + 1) * STRETCH_FRAMES
-            if self._at < self._n_frames:
+            until = (self._frame // STRETCH_FRAMES + 1) * STRETCH_FRAMES
+            if self._frame < self._n_frames:
                 until = min(until, self._n_frames)
-            n_frames = min(len(out), until - self._at)
+            n_frames = min(len(out), until - self._frame)
             self._simulation.process(out[:n_frames])
-            self._at += n_frames
+            self._frame += n_frames
             out = out[n_frames:]
-            if self._at == until:
+            if self._frame == until:
                 self._end()
 
     @abstractmethod

@@ -36,21 +36,21 @@ def harmonics(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64
     Legendre functions divided by cos^m of the elevation, so that no angle has to be computed.
     """
     x, y, z = directions[:, 1], -directions[:, 0], directions[:, 2]
-    found = np.zeros((len(directions), channels(order)))
+    basis = np.zeros((len(directions), channels(order)))
     cosine, sine = np.ones(len(directions)), np.zeros(len(directions))  # of m·azimuth, · level^m
     diagonal = 1.0  # P_m^m without its level^m
     for m in range(order + 1):
         before, now = np.zeros(len(directions)), np.full(len(directions), diagonal)
         for n in range(m, order + 1):
             scale = _n3d(n, m)
-            found[:, n * n + n + m] = scale * now * cosine
+            basis[:, n * n + n + m] = scale * now * cosine
             if m:
-                found[:, n * n + n - m] = scale * now * sine
+                basis[:, n * n + n - m] = scale * now * sine
             after = ((2 * n + 1) * z * now - (n + m) * before) / (n - m + 1)
             before, now = now, after
         cosine, sine = cosine * x - sine * y, sine * x + cosine * y
         diagonal *= 2 * m + 1
-    return found
+    return basis
 
 
 def _n3d(n: int, m: int) -> float:
@@ -103,15 +103,15 @@ def allrad(
     # Summed direction by direction: the bits of a matrix product would depend on the machine's
     # library.
     for row, harmonic in zip(gains, basis, strict=True):
-        at = np.flatnonzero(row)
-        decoder[at] += row[at, None] * harmonic
+        active = np.flatnonzero(row)
+        decoder[active] += row[active, None] * harmonic
     decoder *= weights
     played = np.zeros((len(array), len(virtual)))
     for column, harmonic in zip(decoder.T, basis.T, strict=True):
         played += column[:, None] * harmonic
     covered, energy = np.zeros(len(virtual)), np.zeros(len(virtual))
-    for gain, heard in zip(gains.T, played, strict=True):
+    for gain, speaker_gains in zip(gains.T, played, strict=True):
         covered += gain * gain
-        energy += heard * heard
+        energy += speaker_gains * speaker_gains
     mean = fsum((covered * energy).tolist()) / fsum(covered.tolist())
     return decoder / sqrt(mean)

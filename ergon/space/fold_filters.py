@@ -64,7 +64,7 @@ def to_stereo(source: Field) -> NDArray[np.float64]:
 
     A stereo pair stays as it is, whatever its angle.
     """
-    array, decoder = _heard_from(source)
+    array, decoder = _directions(source)
     right = array[:, 0]
     if source.order is None and len(array) == 2 and _are_mirrored(array):
         return np.eye(2)[np.argsort(right)][:, :, None]
@@ -80,16 +80,16 @@ def _are_mirrored(array: NDArray[np.float64]) -> bool:
 
 def to_ears(source: Field, head: Head, rate: float) -> NDArray[np.float64]:
     """Two ears, (n_in, 2, n_taps), at a rate [Hz]. Raises ArrayError."""
-    array, decoder = _heard_from(source)
+    array, decoder = _directions(source)
     return _through(decoder, head.pairs(array, rate))
 
 
 def directions_of(source: Field) -> NDArray[np.float64]:
     """Directions from which two ears hear a field, (n, 3)."""
-    return _heard_from(source)[0]
+    return _directions(source)[0]
 
 
-def _heard_from(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+def _directions(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Directions from which a field is heard, and the decoder of Ambisonics to them (n_directions,
     n_in).
     """
@@ -116,7 +116,7 @@ def _through(
     """
     if decoder is None:
         return np.ascontiguousarray(filters)
-    found = np.zeros((decoder.shape[1], *filters.shape[1:]))
-    for row, way in zip(decoder, filters, strict=True):
-        found += row[:, None, None] * way
-    return found
+    combined = np.zeros((decoder.shape[1], *filters.shape[1:]))
+    for row, speaker_filter in zip(decoder, filters, strict=True):
+        combined += row[:, None, None] * speaker_filter
+    return combined

@@ -55,13 +55,13 @@ class Head:
         They have an extra delay of 16 samples of the slower rate, which interpolation between
         samples needs. Raises ArrayError.
         """
-        own = self.resampled(rate)
-        found = np.zeros((len(array), *own.shape[1:]))
+        resampled = self.resampled(rate)
+        pairs = np.zeros((len(array), *resampled.shape[1:]))
         gains = vbap(array, self.directions)
-        for row, gain in zip(found, gains, strict=True):
+        for row, gain in zip(pairs, gains, strict=True):
             for index in np.flatnonzero(gain > 1e-9):
-                row += gain[index] * own[index]
-        return found
+                row += gain[index] * resampled[index]
+        return pairs
 
     def resampled(self, rate: float) -> NDArray[np.float64]:
         """The filters with their delays at another rate [Hz], (n, 2, n_taps).
@@ -75,32 +75,32 @@ class Head:
         n_taps = self.filters.shape[2]
         latest = float(self.delays.max(initial=0.0)) * self.rate
         n = ceil((n_taps + latest + 2.0 * reach) / ratio)
-        found = np.zeros((*self.filters.shape[:2], n))
+        resampled = np.zeros((*self.filters.shape[:2], n))
         for index, delay in np.ndenumerate(self.delays):
             kernel = _kernel(n, n_taps, ratio, reach + delay * self.rate, band)
             for tap, h in enumerate(self.filters[index]):
-                found[index] += h * kernel[:, tap]
-        return found * ratio
+                resampled[index] += h * kernel[:, tap]
+        return resampled * ratio
 
 
 def _kernel(n: int, n_taps: int, ratio: float, late: float, band: float) -> NDArray[np.float64]:
     """The weight of each tap in each sample, (n, n_taps)."""
     reach = _REACH / band
-    found = np.zeros((n, n_taps))
+    kernel = np.zeros((n, n_taps))
     for sample in range(n):
         first = max(0, ceil(sample * ratio - late - reach))
         for tap in range(first, n_taps):
-            at = sample * ratio - late - tap
-            if at < -reach:
+            position = sample * ratio - late - tap
+            if position < -reach:
                 break
-            found[sample, tap] = _windowed_sinc(at, band, reach)
-    return found
+            kernel[sample, tap] = _windowed_sinc(position, band, reach)
+    return kernel
 
 
-def _windowed_sinc(at: float, band: float, reach: float) -> float:
-    x = pi * band * at
+def _windowed_sinc(position: float, band: float, reach: float) -> float:
+    x = pi * band * position
     sinc = 1.0 if abs(x) < 1e-12 else _core.sin(x) / x
-    return band * sinc * 0.5 * (1.0 + _core.cos(pi * at / reach))
+    return band * sinc * 0.5 * (1.0 + _core.cos(pi * position / reach))
 
 
 @cache
@@ -135,7 +135,7 @@ def prepared(
     size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
     magnitude = np.abs(np.fft.rfft(responses, size))
     level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(directions, magnitude, rate)
-    level = level ** _kept_level_shares(size, rate)
+    level = level ** _retained_shares(size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
     delays += 0.0 if extra is None else extra
     filters, lates = [], []
@@ -165,7 +165,7 @@ def _diffuse(
     return np.sqrt(_smooth(power))
 
 
-def _kept_level_shares(size: int, rate: float) -> NDArray[np.float64]:
+def _retained_shares(size: int, rate: float) -> NDArray[np.float64]:
     """The share of a level in dB that is kept, by frequency: a head does not affect long waves, and
     what is measured there is the loudspeaker and the room.
     """
@@ -176,9 +176,9 @@ def _kept_level_shares(size: int, rate: float) -> NDArray[np.float64]:
 def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over a third of an octave."""
     total = np.concatenate([[0.0], np.cumsum(power)])
-    at = np.arange(len(power))
-    low = np.floor(at / 2 ** (1 / 6)).astype(np.intp)
-    high = np.minimum(np.ceil(at * 2 ** (1 / 6)).astype(np.intp) + 1, len(power))
+    indices = np.arange(len(power))
+    low = np.floor(indices / 2 ** (1 / 6)).astype(np.intp)
+    high = np.minimum(np.ceil(indices * 2 ** (1 / 6)).astype(np.intp) + 1, len(power))
     mean: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
     return mean
 

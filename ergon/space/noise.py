@@ -25,21 +25,21 @@ def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.fl
     n_frames = max(1, int(seconds * rate))
     chance = _core.Chance(1, "noise", "loudspeaker", 0, 0)
     states = [0.0] * len(_POLES)
-    made = np.zeros(n_frames)
+    burst = np.zeros(n_frames)
     for i in range(n_frames):
         white = chance.uniform(-1.0, 1.0)
         total = white * _DIRECT
         for k, (pole, gain) in enumerate(_POLES):
             states[k] = pole * states[k] + white * gain
             total += states[k]
-        made[i] = total
+        burst[i] = total
     power = 0.0
-    for value in made.tolist():
+    for value in burst.tolist():
         power += value * value
-    made *= level / (power / n_frames) ** 0.5 if power else 0.0
+    burst *= level / (power / n_frames) ** 0.5 if power else 0.0
     n_fade = min(n_frames // 2, int(_FADE * rate))
     for i in range(n_fade):
         share = 0.5 - 0.5 * _core.cos(pi * i / n_fade)
-        made[i] *= share
-        made[n_frames - 1 - i] *= share
-    return made
+        burst[i] *= share
+        burst[n_frames - 1 - i] *= share
+    return burst

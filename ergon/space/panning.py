@@ -75,10 +75,10 @@ def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
         np.abs(distance),
     )
     beyond = _products(normals, points).max(1) > distance + _FLAT
-    found: NDArray[np.intp] = triples[~beyond & (distance > _FLAT)]
-    if not len(found):
+    faces: NDArray[np.intp] = triples[~beyond & (distance > _FLAT)]
+    if not len(faces):
         raise ArrayError("these loudspeakers do not surround the middle of the room")
-    return found
+    return faces
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,15 +108,15 @@ def vbap(
     # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
     inverse = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], 1) / volume[:, None, None]
     gains = np.zeros((len(sources), len(points)))
-    found = np.zeros(len(sources), np.intp)
+    n_faces = np.zeros(len(sources), np.intp)
     for rows, corner in zip(inverse, corners, strict=True):
         g = _products(sources, rows)
         inside = g.min(1) >= _INSIDE
         g = np.maximum(g[inside], 0.0)
         g /= np.sqrt((g * g).sum(1))[:, None]
         gains[np.flatnonzero(inside)[:, None], corner] += g
-        found += inside
-    if not found.all():
+        n_faces += inside
+    if not n_faces.all():
         raise ArrayError("these loudspeakers do not surround the middle of the room")
     gains = _unit_energy(gains)
     gains = gains[:, : len(array)]

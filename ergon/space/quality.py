@@ -65,13 +65,13 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
         "AllRAD 3": lambda: harmonics(3, sources) @ allrad(3, array).T,
         "AllRAD 5": lambda: harmonics(5, sources) @ allrad(5, array).T,
     }
-    found = []
+    rows = []
     for name, gains in ways.items():
         try:
-            found.append(quality(name, gains(), sources, array))
+            rows.append(quality(name, gains(), sources, array))
         except ArrayError:
             break
-    return found
+    return rows
 
 
 def quality(
@@ -109,12 +109,12 @@ def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
         if max(a, b) < len(array) and points[a][2] > -_SAME and points[b][2] > -_SAME
     }
-    found = []
+    gaps = []
     for a, b in sorted(pairs):
         angle = float(np.degrees(np.arccos(np.clip(points[a] @ points[b], -1.0, 1.0))))
         if angle > _WIDE:
-            found.append((a, b, angle))
-    return found
+            gaps.append((a, b, angle))
+    return gaps
 
 
 def is_open_above(places: tuple[Point, ...]) -> bool:

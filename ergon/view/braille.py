@@ -153,10 +153,10 @@ def _time(t_axis: Axis, columns: int, margin: int, label: str) -> list[str]:
     line, words = ["─"] * columns, [" "] * columns
     room = columns - len(label) - 1
     for tick in t_axis.ticks:
-        at = min(round(t_axis.part(tick) * (columns - 1)), columns - 1)
-        line[at] = "┴"
+        column = min(round(t_axis.part(tick) * (columns - 1)), columns - 1)
+        line[column] = "┴"
         text = t_axis.text(tick)
-        start = max(0, min(at - len(text) // 2, columns - len(text)))
+        start = max(0, min(column - len(text) // 2, columns - len(text)))
         # A number that would touch its neighbour or the label is left out.
         if start + len(text) <= room and not any(
             word != " " for word in words[max(0, start - 1) : start + len(text) + 1]

@@ -68,10 +68,10 @@ def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.fl
     import numpy as np
 
     mono = np.zeros(max(n_frames, 1))
-    at = 0
+    first = 0
     for block in blocks:
-        mono[at : at + len(block)] = block.mean(axis=1)
-        at += len(block)
+        mono[first : first + len(block)] = block.mean(axis=1)
+        first += len(block)
     return mono
 
 
@@ -147,6 +147,6 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
 def _coloured(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
     import numpy as np
 
-    at = np.linspace(0, 1, len(_COLOURS))
-    channels = [np.interp(levels, at, [c[index] for c in _COLOURS]) for index in range(3)]
+    positions = np.linspace(0, 1, len(_COLOURS))
+    channels = [np.interp(levels, positions, [c[index] for c in _COLOURS]) for index in range(3)]
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)

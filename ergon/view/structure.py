@@ -84,9 +84,13 @@ def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
     """
     drawn, top = [text(24, 20, short(title), weight="bold")], 32.0
     columns, size = 4, 184.0
-    for name, own in parts:
-        shown = own[:SHAPES_MAX]
-        left_out = f" (the first {len(shown)} of {len(own)} modes)" if own[SHAPES_MAX:] else ""
+    for name, part_shapes in parts:
+        shown = part_shapes[:SHAPES_MAX]
+        left_out = (
+            f" (the first {len(shown)} of {len(part_shapes)} modes)"
+            if part_shapes[SHAPES_MAX:]
+            else ""
+        )
         drawn.append(text(24, top + 14, short(name) + left_out))
         flat = all(_is_row(shape) for shape in shown)
         height = 90.0 if flat else size - 24
@@ -121,16 +125,16 @@ def _frequencies(low: float, high: float) -> Axis:
 
 def _key(names: Sequence[str]) -> tuple[list[str], int]:
     """The legend below the title, and the number of rows that it takes."""
-    parts, at, row = [], 64.0, 0
+    parts, left, row = [], 64.0, 0
     room = _WIDTH - 24 - 64
     for number, name in enumerate(names):
         words = name[: int((room - 44) / _LETTER)]
         width = 44 + _LETTER * len(words)
-        if at > 64 and at + width > _WIDTH - 24:
-            at, row = 64.0, row + 1
+        if left > 64 and left + width > _WIDTH - 24:
+            left, row = 64.0, row + 1
         y = 38 + _LINE * row
-        parts += [key_line(at, y - 4, number), text(at + 33, y, words)]
-        at += width + 12
+        parts += [key_line(left, y - 4, number), text(left + 33, y, words)]
+        left += width + 12
     return parts, row + 1
 
 
@@ -147,8 +151,8 @@ def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
     cents = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
     frame = Frame(64, top, right, bottom, cents, Axis(float(low), float(high), ticks, 0, names))
     parts = [axes(frame, "cents from the nearest note", "pitch")]
-    at = [frame.down(pitch) for pitch in pitches]
-    for mode, y, label in zip(modes, at, _apart(at, top + 10, bottom), strict=True):
+    heights = [frame.down(pitch) for pitch in pitches]
+    for mode, y, label in zip(modes, heights, _apart(heights, top + 10, bottom), strict=True):
         x = frame.across(mode.cents)
         parts.append(
             f"<path d='M{x:.1f} {y:.1f}L{right:.1f} {y:.1f}L{right + 30:.1f} {label - 4:.1f}' "
@@ -177,7 +181,7 @@ def _is_row(shape: Shape) -> bool:
 
 
 def _shape(shape: Shape, left: float, top: float, width: float, height: float) -> str:
-    most = max((abs(move) for move in shape.moves if isfinite(move)), default=0.0) or 1.0
+    largest_move = max((abs(move) for move in shape.moves if isfinite(move)), default=0.0) or 1.0
     box = (
         f"<rect x='{left:.1f}' y='{top:.1f}' width='{width:.1f}' height='{height:.1f}' "
         "fill='none' stroke='#dddddd'/>"
@@ -190,7 +194,7 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
     if _is_row(shape):
         across = [left + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in each]
         middle = top + height / 2
-        down = [middle - 0.5 * room_y * move / most for _, _, move in each]
+        down = [middle - 0.5 * room_y * move / largest_move for _, _, move in each]
         line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
         dots = "".join(
             f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
@@ -209,11 +213,11 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
         _dot(
             centre_x + scale * (x - low_x - wide / 2),
             centre_y - scale * (y - low_y - tall / 2),
-            largest * (abs(move) / most) ** 0.5,
+            largest * (abs(move) / largest_move) ** 0.5,
             move > 0,
         )
         for x, y, move in each
-        if abs(move) > 1e-3 * most
+        if abs(move) > 1e-3 * largest_move
     )
     return f"{box}\n{dots}"
 

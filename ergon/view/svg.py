@@ -97,13 +97,13 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
     f = frame
     parts = []
     for tick in f.t_axis.ticks:
-        at = f.across(tick)
-        parts.append(_line(at, f.top, at, f.bottom))
-        parts.append(text(at, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
+        x = f.across(tick)
+        parts.append(_line(x, f.top, x, f.bottom))
+        parts.append(text(x, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
     for tick in f.x_axis.ticks:
-        at = f.down(tick)
-        parts.append(_line(f.left, at, f.right, at))
-        parts.append(text(f.left - 6, at + 4, f.x_axis.text(tick), anchor="end"))
+        x = f.down(tick)
+        parts.append(_line(f.left, x, f.right, x))
+        parts.append(text(f.left - 6, x + 4, f.x_axis.text(tick), anchor="end"))
     parts.append(
         f"<rect x='{f.left:g}' y='{f.top:g}' width='{f.right - f.left:g}' "
         f"height='{f.bottom - f.top:g}' fill='none' stroke='{_INK}'/>"
@@ -171,9 +171,9 @@ def _path(curve: Curve, frame: Frame) -> str:
 
 
 def _legend(curves: Sequence[Curve], frame: Frame) -> str:
-    parts, at = [], frame.right
+    parts, right = [], frame.right
     for number, curve in reversed(list(enumerate(curves))):
-        at -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        parts.append(key_line(at, frame.top - 14, number))
-        parts.append(text(at + 33, frame.top - 10, curve.name))
+        right -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
+        parts.append(key_line(right, frame.top - 14, number))
+        parts.append(text(right + 33, frame.top - 10, curve.name))
     return "\n".join(parts)

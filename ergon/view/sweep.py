@@ -46,7 +46,7 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
     curves: dict[tuple[str, ...], list[Point]] = {}
     for point in points:
         curves.setdefault(point.values[1:], []).append(point)
-    if all(len(own) == 1 for own in curves.values()):  # pairs
+    if all(len(named_points) == 1 for named_points in curves.values()):  # pairs
         curves = {(): list(points)}
     shown = [name for name in _PANELS if any(name in point.figures for point in points)]
     parts = [text(_LEFT, 20, short(title), weight="bold"), _key(list(curves), targets[1:])]
@@ -61,14 +61,14 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
             axes(frame, targets[0] + across.unit, ""),
             text(left + _LEFT, top - 8, _PANELS[name]),
         ]
-        for index, own in enumerate(curves.values()):
+        for index, named_points in enumerate(curves.values()):
             colour = _colour(index, len(curves))
-            at = [
+            line_points = [
                 (frame.across(across.of(p.values[0])), frame.down(p.figures[name]))
-                for p in own
+                for p in named_points
                 if name in p.figures
             ]
-            parts.append(_curve(at, colour))
+            parts.append(_curve(line_points, colour))
     rows = (len(shown) + 1) // 2
     return document(2 * _WIDTH, _TOP + rows * (_HIGH + _BETWEEN), f"sweep of {title}", parts)
 
@@ -89,25 +89,29 @@ def _across(points: Sequence[Point]) -> _Across:
     """Numbers in their own unit, on a logarithmic axis if they are spaced evenly on one; other
     values at equal distances.
     """
-    said = list(dict.fromkeys(point.values[0] for point in points))
-    found = [_NUMBER.match(value) for value in said]
+    first_values = list(dict.fromkeys(point.values[0] for point in points))
+    matches = [_NUMBER.match(value) for value in first_values]
     units = {
-        value[match.end() :].strip() for value, match in zip(said, found, strict=True) if match
+        value[match.end() :].strip()
+        for value, match in zip(first_values, matches, strict=True)
+        if match
     }
-    if all(found) and len(units) == 1:
-        numbers = [float(match[0]) for match in found if match]
+    if all(matches) and len(units) == 1:
+        numbers = [float(match[0]) for match in matches if match]
         (unit,) = units
-        own = f" [{unit}]" if unit else ""
+        unit_text = f" [{unit}]" if unit else ""
         if _is_geometric(numbers):
             places = [math.log10(x) for x in numbers]
             ticks = tuple(sorted(_few(places)))
             names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
-            return _Across(_room(places, ticks, names), own, dict(zip(said, places, strict=True)))
-        return _Across(axis(numbers, 6), own, dict(zip(said, numbers, strict=True)))
-    places = [float(i) for i in range(len(said))]
+            return _Across(
+                _room(places, ticks, names), unit_text, dict(zip(first_values, places, strict=True))
+            )
+        return _Across(axis(numbers, 6), unit_text, dict(zip(first_values, numbers, strict=True)))
+    places = [float(i) for i in range(len(first_values))]
     ticks = _few(places)
-    names = tuple(said[int(tick)] for tick in ticks)
-    return _Across(_room(places, ticks, names), "", dict(zip(said, places, strict=True)))
+    names = tuple(first_values[int(tick)] for tick in ticks)
+    return _Across(_room(places, ticks, names), "", dict(zip(first_values, places, strict=True)))
 
 
 def _room(places: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
@@ -135,11 +139,11 @@ def _colour(index: int, count: int) -> str:
     return "#" + "".join(f"{one:02x}" for one in mixed)
 
 
-def _curve(at: Sequence[tuple[float, float]], colour: str) -> str:
-    if not at:
+def _curve(line_points: Sequence[tuple[float, float]], colour: str) -> str:
+    if not line_points:
         return ""
-    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in at)
-    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='2.2'/>" for x, y in at)
+    line = "L".join(f"{x:.1f} {y:.1f}" for x, y in line_points)
+    dots = "".join(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='2.2'/>" for x, y in line_points)
     path = f"<path d='M{line}' fill='none' stroke='{colour}' stroke-width='1.2'/>"
     return f"{path}\n<g fill='{colour}'>{dots}</g>"
 
@@ -149,14 +153,16 @@ def _key(others: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
     if len(others) < 2:
         return ""
     named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])
-    words = [", ".join(map("=".join, zip(targets, own, strict=True))) for own in named]
-    parts, at = [], float(_LEFT)
-    for own, said in zip(named, words, strict=True):
-        colour = _colour(others.index(own), len(others))
+    words = [
+        ", ".join(map("=".join, zip(targets, named_values, strict=True))) for named_values in named
+    ]
+    parts, left = [], float(_LEFT)
+    for named_values, label in zip(named, words, strict=True):
+        colour = _colour(others.index(named_values), len(others))
         parts.append(
-            f"<line x1='{at:g}' y1='32' x2='{at + 20:g}' y2='32' stroke='{colour}' "
+            f"<line x1='{left:g}' y1='32' x2='{left + 20:g}' y2='32' stroke='{colour}' "
             "stroke-width='3'/>"
         )
-        parts.append(text(at + 25, 36, said))
-        at += 45 + 7 * len(said)
+        parts.append(text(left + 25, 36, label))
+        left += 45 + 7 * len(label)
     return "\n".join(parts)

@@ -18,7 +18,7 @@ STARTS = (
     Field("V0", start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
 )
 HARDENING = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
-MADE_OF = Field(
+MATERIAL_FIELD = Field(
     "material", MATERIAL, "what it is made of: sets M, f, t60 and stiffness from its size"
 )
 

@@ -34,7 +34,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
             Pair(_SIDE, _SIDE),
             "masses across and up a rectangle; with a material its size",
         ),
-        bodies.MADE_OF,
+        bodies.MATERIAL_FIELD,
         Field("thickness", k.SIZE, "thickness of a sheet of that material"),
         Field("tension", k.SURFACE_TENSION, "pull on each metre of it: it is a membrane"),
         Field("masses", masses, "about how many, with a material"),

@@ -19,7 +19,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field(
             "masses", k.integer(1, bodies.MAX_MODULES, "60"), "how many MAS in a row", required=True
         ),
-        bodies.MADE_OF,
+        bodies.MATERIAL_FIELD,
         Field("length", k.SIZE, "length of a wire of that material"),
         Field("diameter", k.SIZE, "diameter of that wire"),
         Field("tension", k.FORCE, "tension of that wire"),

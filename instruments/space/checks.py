@@ -57,9 +57,9 @@ def _size(kind: str, fields: _Fields, values: Values) -> None:
     """Report a net with too many points or springs."""
     n, axes = count(kind, fields), fields["axes"]
     each = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
-    for number, most, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
-        if number > most:
-            message = f"{values.context.of('')}: a {kind} has at most {most:,} {what}, not "
+    for number, limit, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
+        if number > limit:
+            message = f"{values.context.of('')}: a {kind} has at most {limit:,} {what}, not "
             values.error("E105", f"{message}{number:,}")
             fields.update(sides=(1,) * axes, points=2)
             return

@@ -48,7 +48,7 @@ def tables(
     `endpoint` reads an end.
     """
     mass = Field("M", k.MASS, "mass", required=True)
-    whole = Field("M", k.MASS, "mass of all its points together", required=True)
+    mass_field = Field("M", k.MASS, "mass of all its points together", required=True)
     x0 = Field("X0", PLACE, "position at the beginning, axis by axis", required=True)
     v0 = Field("V0", VELOCITY, "velocity at the beginning, axis by axis", shown="at rest")
     drag = Field("drag", k.DAMPING, "viscosity of what surrounds each point", 0.0)
@@ -87,7 +87,7 @@ def tables(
     )
     chain = (
         Field("masses", k.integer(2, MAX_POINTS, "20"), "how many points", required=True),
-        whole,
+        mass_field,
         Field("from", PLACE, "where the first point begins", required=True),
         Field("to", PLACE, "where the last point begins", required=True),
         *springs,
@@ -98,7 +98,7 @@ def tables(
     )
     cloth = (
         Field("sides", SIDES, "points across, and up", required=True),
-        whole,
+        mass_field,
         Field("at", PLACE, "where its first corner begins", required=True),
         Field("across", PLACE, "from there to the corner at the end of a row", required=True),
         Field("up", PLACE, "from there to the corner at the end of a column", required=True),
@@ -116,7 +116,7 @@ def tables(
     )
     disc = (
         Field("rings", k.integer(1, 400, "8"), "rings of points around its middle", required=True),
-        whole,
+        mass_field,
         Field("at", PLACE, "where its middle begins", required=True),
         Field("across", k.SIZE, "how wide it is, from corner to corner", required=True),
         Field(
@@ -134,7 +134,7 @@ def tables(
     )
     block = (
         Field("sides", COUNTS, "points along each axis", required=True),
-        whole,
+        mass_field,
         Field("from", PLACE, "where its first corner begins", required=True),
         Field("to", PLACE, "where the opposite corner begins", required=True),
         *springs,
@@ -149,7 +149,7 @@ def tables(
     )
     ball = (
         Field("points", k.integer(3, 200, "9"), "points along its diameter", required=True),
-        whole,
+        mass_field,
         Field("at", PLACE, "where its middle begins", required=True),
         Field("across", k.SIZE, "its diameter", required=True),
         *springs,
@@ -167,7 +167,7 @@ def tables(
             "springs",
             required=True,
         ),
-        whole,
+        mass_field,
         Field("at", PLACE, "where the origin of the file lies", required=True),
         Field("scale", k.SIZE, "length of one unit of the file", 1.0, shown="1 m"),
         Field("up", UP, "which axis of the file is the last of the space", "z"),
@@ -185,7 +185,7 @@ def tables(
     )
     grains = (
         Field("count", k.integer(1, MAX_POINTS, "200"), "how many points", required=True),
-        whole,
+        mass_field,
         Field(
             "from", PLACE, "one corner of the box that they fill at the beginning", required=True
         ),

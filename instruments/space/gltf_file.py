@@ -17,10 +17,10 @@ from typing import Any
 
 from ergon.common.structured import MalformedTextError, parse_json
 from ergon.instruments.space.mesh import (
+    COORDINATE_MAX,
     MAX_EDGES,
     MAX_FACES,
     MAX_POINTS,
-    MOST,
     Mesh,
     MeshFileError,
 )
@@ -30,8 +30,8 @@ _Point = tuple[float, float, float]
 _Matrix = tuple[tuple[float, float, float, float], ...]
 
 MAX_NODES = 10_000
-_MOST_READ = 8 * MAX_EDGES  # positions and indices
-_WHOLE: _Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+_READ_MAX = 8 * MAX_EDGES  # positions and indices
+_IDENTITY: _Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 _EMBEDDED = "data:"
 _FLOAT = 5126
 MAGIC = b"glTF"
@@ -66,16 +66,16 @@ def read_binary(data: bytes) -> Mesh:
     if length != len(data):
         raise MeshFileError(f"it is incomplete: {length:,} bytes are promised, {len(data):,} there")
     chunks: list[tuple[bytes, bytes]] = []
-    at = _HEAD.size
-    while at < length and len(chunks) < 2:  # further chunks belong to extensions
-        if length - at < _CHUNK.size:
+    offset = _HEAD.size
+    while offset < length and len(chunks) < 2:  # further chunks belong to extensions
+        if length - offset < _CHUNK.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
-        size, kind = _CHUNK.unpack_from(data, at)
-        at += _CHUNK.size
-        if size > length - at:
+        size, kind = _CHUNK.unpack_from(data, offset)
+        offset += _CHUNK.size
+        if size > length - offset:
             raise MeshFileError("it is incomplete: a chunk is longer than the file")
-        chunks.append((kind, data[at : at + size]))
-        at += size
+        chunks.append((kind, data[offset : offset + size]))
+        offset += size
     if not chunks or chunks[0][0] != _JSON:
         raise MeshFileError("its first chunk is no JSON")
     binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
@@ -105,7 +105,9 @@ class _Reader:
         nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
         tops = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
-        waiting = [(_index(top), _WHOLE) for top in (range(len(nodes)) if tops is None else tops)]
+        waiting = [
+            (_index(top), _IDENTITY) for top in (range(len(nodes)) if tops is None else tops)
+        ]
         n_seen = 0
         while waiting:
             number, outer = waiting.pop()
@@ -130,9 +132,9 @@ class _Reader:
         numbers = [self._number(point) for point in points]
         corners = self._indices(part["indices"]) if "indices" in part else list(range(len(numbers)))
         for a, b in _edges(part.get("mode", 4), corners):
-            one, other = numbers[a], numbers[b]
-            if one != other:
-                self._edges[min(one, other), max(one, other)] = None
+            first, other = numbers[a], numbers[b]
+            if first != other:
+                self._edges[min(first, other), max(first, other)] = None
         for corner in _triangles(part.get("mode", 4), corners):
             a, b, c = (numbers[index] for index in corner)
             if len({a, b, c}) == 3:
@@ -143,8 +145,8 @@ class _Reader:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
     def _number(self, point: _Point) -> int:
-        if not max(map(abs, point)) <= MOST:
-            raise MeshFileError(f"a coordinate is at most {MOST:,.0f}", "E105")
+        if not max(map(abs, point)) <= COORDINATE_MAX:
+            raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
         number = self._numbers.setdefault(point, len(self._numbers))
         if number >= MAX_POINTS:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
@@ -170,8 +172,8 @@ class _Reader:
         count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
         # The limit counts repeated reads, because many nodes may show one mesh.
         self._n_read += count
-        if self._n_read > _MOST_READ:
-            raise MeshFileError(f"its nodes show more than {_MOST_READ:,} vertices", "E105")
+        if self._n_read > _READ_MAX:
+            raise MeshFileError(f"its nodes show more than {_READ_MAX:,} vertices", "E105")
         if count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         begin = _index(accessor.get("byteOffset", 0))
@@ -261,17 +263,17 @@ def _placed(node: Mapping[str, Any]) -> _Matrix:
 
 
 def _floats(values: Any, n: int) -> list[float]:
-    found = [float(value) for value in values]
-    if len(found) != n or not all(map(math.isfinite, found)):
+    numbers = [float(value) for value in values]
+    if len(numbers) != n or not all(map(math.isfinite, numbers)):
         raise TypeError
-    return found
+    return numbers
 
 
 def _product(a: _Matrix, b: _Matrix) -> _Matrix:
     rows = []
-    for own in a:
-        row = [sum(own[k] * b[k][column] for k in range(3)) for column in range(4)]
-        rows.append((row[0], row[1], row[2], row[3] + own[3]))
+    for index in a:
+        row = [sum(index[k] * b[k][column] for k in range(3)) for column in range(4)]
+        rows.append((row[0], row[1], row[2], row[3] + index[3]))
     return tuple(rows)
 
 

@@ -12,7 +12,7 @@ MAX_EDGES = 300_000
 MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
-MOST = 1e6  # of a coordinate, in units of the file
+COORDINATE_MAX = 1e6  # of a coordinate, in units of the file
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +32,16 @@ class Surface:
     faces: tuple[tuple[int, int, int], ...]
 
 
-def placed(mesh: Mesh, scale: float, up: str, at: Sequence[float]) -> Iterator[tuple[float, ...]]:
-    """Positions of the points of a file [m]: its origin at `at`, its unit `scale` [m] long.
+def placed(
+    mesh: Mesh, scale: float, up: str, position: Sequence[float]
+) -> Iterator[tuple[float, ...]]:
+    """Positions of the points of a file [m]: its origin at `position`, its unit `scale` [m] long.
 
     The axis `up` of the file becomes the last one.
     """
     turn = TURNS[up]
     for point in mesh.points:
-        yield tuple(a + scale * point[axis] for a, axis in zip(at, turn, strict=True))
+        yield tuple(a + scale * point[axis] for a, axis in zip(position, turn, strict=True))
 
 
 class MeshFileError(ErgonError):

@@ -42,8 +42,8 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
         mesh = _gltf(document, who, collector)
     elif document is not None:
         mesh = obj_file.Reader(document, who, collector).mesh(place)
-    given = {field: value for field, value in values.given.items() if field != "file"}
-    return replace(values, given=given if mesh is None else {**given, "file": mesh})
+    fields = {field: value for field, value in values.given.items() if field != "file"}
+    return replace(values, given=fields if mesh is None else {**fields, "file": mesh})
 
 
 def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:

@@ -116,7 +116,7 @@ def cloth(fields: Mapping[str, Any]) -> Net:
 
 def disc(fields: Mapping[str, Any]) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
-    rings, at, axes = fields["rings"], fields["at"], fields["axes"]
+    rings, position, axes = fields["rings"], fields["at"], fields["axes"]
     spacing = 0.5 * fields["across"] / rings
     right, upwards = _plane(fields["normal"])
     height = math.sqrt(0.75)
@@ -125,7 +125,7 @@ def disc(fields: Mapping[str, Any]) -> Net:
     cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= rings]
     places = [
         tuple(
-            at[axis] + spacing * ((q + 0.5 * r) * right[axis] + height * r * upwards[axis])
+            position[axis] + spacing * ((q + 0.5 * r) * right[axis] + height * r * upwards[axis])
             for axis in range(axes)
         )
         for q, r in cells
@@ -172,13 +172,14 @@ def block(fields: Mapping[str, Any]) -> Net:
 
 def ball(fields: Mapping[str, Any]) -> Net:
     """The points of a lattice that lie in a sphere or a circle, each joined to its neighbours."""
-    at, n = fields["at"], fields["points"]
+    position, n = fields["at"], fields["points"]
     spacing, middle = fields["across"] / (n - 1), 0.5 * (n - 1)
-    cells = [cell for cell in _cells((n,) * len(at)) if _is_in_ball(cell, n)]
+    cells = [cell for cell in _cells((n,) * len(position)) if _is_in_ball(cell, n)]
     places = [
-        tuple(a + (i - middle) * spacing for a, i in zip(at, cell, strict=True)) for cell in cells
+        tuple(a + (i - middle) * spacing for a, i in zip(position, cell, strict=True))
+        for cell in cells
     ]
-    springs = _springs(cells, _neighbours(fields["span"], [spacing] * len(at)))
+    springs = _springs(cells, _neighbours(fields["span"], [spacing] * len(position)))
     return Net(places, [False] * len(cells), _equal(springs, fields))
 
 

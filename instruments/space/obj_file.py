@@ -9,7 +9,14 @@ import re
 from collections.abc import Iterator
 from itertools import pairwise
 
-from ergon.instruments.space.mesh import MAX_EDGES, MAX_FACES, MAX_POINTS, MOST, Mesh, MeshFileError
+from ergon.instruments.space.mesh import (
+    COORDINATE_MAX,
+    MAX_EDGES,
+    MAX_FACES,
+    MAX_POINTS,
+    Mesh,
+    MeshFileError,
+)
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.syntax import decode
@@ -99,8 +106,8 @@ class Reader:
         if len(words) < 3 or not all(map(_NUMBER.fullmatch, words[:3])):
             raise MeshFileError("a vertex has three numbers, such as v 0 0.5 1")
         x, y, z = map(float, words[:3])
-        if max(abs(x), abs(y), abs(z)) > MOST:
-            raise MeshFileError(f"a coordinate is at most {MOST:,.0f}", "E105")
+        if max(abs(x), abs(y), abs(z)) > COORDINATE_MAX:
+            raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
         if len(self._points) == MAX_POINTS:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         self._points.append((x, y, z))
@@ -126,8 +133,8 @@ class Reader:
         """The index of a vertex, from 0; the word counts from 1, or backward from the last one if
         negative.
         """
-        found = _CORNER.fullmatch(word)
-        number = int(found[1][:20]) if found else 0
+        match = _CORNER.fullmatch(word)
+        number = int(match[1][:20]) if match else 0
         index = number - 1 if number > 0 else len(self._points) + number
         if number == 0 or not 0 <= index < len(self._points):
             raise MeshFileError(

@@ -77,12 +77,12 @@ def add_surface(
 
     The last axis is that of the masses. Raises EngineError.
     """
-    at, across, n = fields["at"], fields["across"], len(masses)
+    position, across, n = fields["at"], fields["across"], len(masses)
     places = [network.position_of(mat) for mat in masses]
-    x0 = [at[0] + across * place.x for place in places]
-    if len(at) > 1:
-        x0 += [at[1] + across * place.y for place in places]
-    first = network.points(name, axes=len(at), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
+    x0 = [position[0] + across * place.x for place in places]
+    if len(position) > 1:
+        x0 += [position[1] + across * place.y for place in places]
+    first = network.points(name, axes=len(position), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
     return [*range(first, first + len(x0), n), masses.start]
 
 
@@ -117,11 +117,11 @@ def _lattice(start: Vector, stop: Vector, n: int, scatter: float, chance: Chance
     spread = 0.5 * spacing * scatter
     places = []
     for i in range(n):
-        place, rest, own = [], i, chance(i) if spread else None
+        place, rest, generator = [], i, chance(i) if spread else None
         for a, b, count in zip(start, stop, counts, strict=True):
-            rest, at = divmod(rest, count)
-            beside = own.uniform(-spread, spread) if own is not None else 0.0
-            place.append(a + math.copysign(at * spacing, b - a) + beside)
+            rest, index = divmod(rest, count)
+            beside = generator.uniform(-spread, spread) if generator is not None else 0.0
+            place.append(a + math.copysign(index * spacing, b - a) + beside)
         places.append(tuple(place))
     return places
 
@@ -157,9 +157,9 @@ def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) 
 
     places: list[Vector] = []
     for i in range(n):
-        own = chance(i)
+        generator = chance(i)
         for _ in range(TRIES):
-            place = tuple(own.uniform(low, high) for low, high in sides)
+            place = tuple(generator.uniform(low, high) for low, high in sides)
             # Cells are as wide as the distance, so that nearer points are in neighbouring cells.
             cell = tuple(math.floor(x / apart) for x in place)
             if is_free(place, cell):

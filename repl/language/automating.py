@@ -34,8 +34,8 @@ _SET_OPTIONS = {
 _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
-def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
-    target = str(v.TARGET.read(text, scope, given))
+def _target(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+    target = str(v.TARGET.read(text, scope, slots_read))
     if target.rpartition(".")[2] not in ALL:
         known = ", ".join(ALL)
         message = f"only these parameters change by themselves: {known}"
@@ -48,9 +48,9 @@ def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, in
     try:
         before, options = parse_strikes(text, known)
     except TextError as error:
-        at_fault = text[error.offset : error.offset + error.length]
-        if at_fault in known:
-            error.suggestion = f"{at_fault} {known[at_fault]}"
+        faulty_word = text[error.offset : error.offset + error.length]
+        if faulty_word in known:
+            error.suggestion = f"{faulty_word} {known[faulty_word]}"
         raise
     for name, word in options.items():
         shape = AUTOMATION.by_name[name].shape
@@ -71,10 +71,10 @@ def _reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
     return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
 
 
-def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_set(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
     values, end, options = _options(text, scope, _SET_OPTIONS)
-    read = _reader(scope, given)
+    read = _reader(scope, slots_read)
     for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
         if word.group() == "over":  # what stands before it is no value
             read(values[: word.start()].strip())
@@ -88,7 +88,7 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
         if extra := options.keys() - {"until"}:
             raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=end)
         return {"to": " ".join(values.split()), **options}
-    is_pitch = given["target"].endswith(".f")
+    is_pitch = slots_read["target"].endswith(".f")
     parse_values(values, read, is_pitch=is_pitch)
     if not options.keys() & {"every", "euclid"}:
         message = "several values need the length of a step: every 1"
@@ -96,10 +96,10 @@ def _read_set(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
     return {"to": " ".join(values.split()), **options}
 
 
-def _read_lfo(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_lfo(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
     ends, end, options = _options(text, scope, _LFO_OPTIONS)
-    parse_range(ends, _reader(scope, given))
+    parse_range(ends, _reader(scope, slots_read))
     if "period" not in options:
         message = "the length of one swing is missing: period 4bar"
         raise TextError(message, offset=end, length=max(1, len(text) - end))

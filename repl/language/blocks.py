@@ -51,11 +51,11 @@ def _name_words(words: Sequence[str]) -> int:
 
 
 def _lines(text: str, *_: Any) -> tuple[str, ...]:
-    found = tuple(line.text.strip() for line in lines(text))
-    if len(found) > MAX_BLOCK:
-        message = f"this block has {len(found)} lines; {MAX_BLOCK} are the most"
+    block_lines = tuple(line.text.strip() for line in lines(text))
+    if len(block_lines) > MAX_BLOCK:
+        message = f"this block has {len(block_lines)} lines; {MAX_BLOCK} are the most"
         raise TextError(message, length=len(text))
-    return found
+    return block_lines
 
 
 def _rule(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:

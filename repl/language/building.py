@@ -21,27 +21,29 @@ FUNCTIONS = {
 _WHEN = ("now", "at", "in", "sync")
 
 
-def build_line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:
+def build_line(verb: str, values: Sequence[object], named: Mapping[str, object]) -> str:
     """The line of a verb, from values in the order in which they are written, or by name.
 
     A name is the word that comes before a value (`over`, `as_`, `K`), an option of `plays`, or
     one of `now=True`, `at=`, `in_=`. Values that are None or False are left out. Raises
     TypeError if the verb has no such form, ValueError for a value of more than one line.
     """
-    said = {name.rstrip("_"): value for name, value in named.items()}
-    said = {name: value for name, value in said.items() if value is not None and value is not False}
+    options = {name.rstrip("_"): value for name, value in named.items()}
+    options = {
+        name: value for name, value in options.items() if value is not None and value is not False
+    }
     for form in forms_of(verb):
         # A time is accepted only by verbs that take one.
-        when = {name: said[name] for name in _WHEN if name in said and form.timed}
-        rest = {name: value for name, value in said.items() if name not in when}
-        words = _words_in_order(form, given, rest)
+        when = {name: options[name] for name in _WHEN if name in options and form.timed}
+        rest = {name: value for name, value in options.items() if name not in when}
+        words = _words_in_order(form, values, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
     raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
 def _words_in_order(
-    form: Form, given: Sequence[object], named: Mapping[str, object]
+    form: Form, arguments: Sequence[object], named: Mapping[str, object]
 ) -> list[str] | None:
     """The words of a line without its time; None where the values do not fit the form."""
     rest = dict(named)
@@ -55,8 +57,8 @@ def _words_in_order(
                 bound[number] = _options({name: rest.pop(name)})[0]
     open_ = [number for number in range(len(form.slots)) if number not in bound]
     # If there are more values than required places, they fill optional places from the left.
-    spare = len(given) - sum(not form.slots[number].optional for number in open_)
-    values = iter(given)
+    spare = len(arguments) - sum(not form.slots[number].optional for number in open_)
+    values = iter(arguments)
     for number in open_:
         if form.slots[number].optional:
             if spare <= 0:
@@ -68,10 +70,10 @@ def _words_in_order(
     options = _options(rest) if any(slot.value is PLAYING for slot in form.slots) else []
     if spare > 0 or (rest and not options):
         return None
-    found = [_slot_text(form.slots[number], bound[number]) for number in sorted(bound)]
-    if None in found:
+    slot_texts = [_slot_text(form.slots[number], bound[number]) for number in sorted(bound)]
+    if None in slot_texts:
         return None
-    words = [word for word in found if word is not None] + options
+    words = [word for word in slot_texts if word is not None] + options
     words.insert(1 if form.subject else 0, form.verb)
     return words
 

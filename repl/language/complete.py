@@ -29,11 +29,11 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     except TextError:
         pass  # offer what was found before the mistake
     typed = hints.typed.lower()
-    found: dict[str, Suggestion] = {}
+    suggestions: dict[str, Suggestion] = {}
     for offer in hints.found:
         if offer.text.lower().startswith(typed) and offer.text != hints.typed:
-            found.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
-    return list(found.values())[:MAX_SUGGESTIONS]
+            suggestions.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
+    return list(suggestions.values())[:MAX_SUGGESTIONS]
 
 
 def _statement_start(head: str) -> int:

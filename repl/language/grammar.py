@@ -147,8 +147,8 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
     played = first in scope.gestures or first in scope.takes
     if played and (player := next(iter(scope.players), None)):
         message = f"{quote(first)} is not a verb; a player plays it"
-        said = f"{player} plays {first}"
-        return TextError(message, offset=place, length=len(first), suggestion=said)
+        suggestion = f"{player} plays {first}"
+        return TextError(message, offset=place, length=len(first), suggestion=suggestion)
     if first in TRANSFORMS:
         message = f"{quote(first)} is a transformation, of a rhythm or of strikes"
         voice = next(iter(scope.strikes), "d1")

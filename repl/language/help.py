@@ -36,7 +36,7 @@ PATTERNS = (
     ("shuffle knock lean tap", "all, in an order of its own in each round"),
     ("every 4th do mirror", "every fourth round is transformed"),
 )
-OF_RHYTHMS = tuple((form.example, form.line) for form in TABLE.values())
+RHYTHM_EXAMPLES = tuple((form.example, form.line) for form in TABLE.values())
 KEYS = (
     ("F12", "panic"),
     ("Tab", "takes the line that was suggested, or completes the word"),
@@ -77,7 +77,10 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "do":
         plays_words = tuple((example, "of plays of gestures") for example in EXAMPLES.values())
         plays_words += tuple((form.example, f"of plays: {form.line}") for form in FORMS.values())
-        return (*plays_words, *((example, f"of strikes: {line}") for example, line in OF_RHYTHMS))
+        return (
+            *plays_words,
+            *((example, f"of strikes: {line}") for example, line in RHYTHM_EXAMPLES),
+        )
     return NOTATION if verb == "=" else ()
 
 
@@ -96,7 +99,7 @@ def cheat_sheet() -> str:
     lines += _table("further words of plays", ("write", "meaning"), options)
     lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
     lines += _table("patterns", ("write", "meaning"), PATTERNS)
-    lines += _table("transformations of rhythms", ("write", "meaning"), OF_RHYTHMS)
+    lines += _table("transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES)
     lines += _table("keys", ("key", "effect"), KEYS)
     return "\n".join(lines).rstrip() + "\n"
 

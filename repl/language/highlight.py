@@ -33,13 +33,13 @@ def tokens(text: str, scope: Scope) -> list[Token]:
     """
     if len(text) > MAX_LINE:
         return []
-    found = list(_lexical(text, scope))
+    lexical = list(_lexical(text, scope))
     error = first_error(text, scope)
     if error is not None and text[error.offset : error.offset + error.length].strip():
         start, end = error.offset, error.offset + error.length
-        found = [t for t in found if t[1] <= start or t[0] >= end]
-        found.append((start, end, "unknown"))
-    return sorted(found)
+        lexical = [t for t in lexical if t[1] <= start or t[0] >= end]
+        lexical.append((start, end, "unknown"))
+    return sorted(lexical)
 
 
 def _lexical(text: str, scope: Scope) -> Iterator[Token]:

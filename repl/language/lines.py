@@ -48,22 +48,22 @@ def lines(text: str) -> Iterator[Line]:
             message = f"this line has {len(joined) + len(line):,} characters"
             raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=offset)
         _check_characters(line, offset)
-        said = line if _PYTHON.match(line) else _COMMENT.sub("", line)
+        code = line if _PYTHON.match(line) else _COMMENT.sub("", line)
         start = start if joined else offset
         offset += len(line) + 1
         if is_continued(line):
-            joined += said.rstrip()[:-1].ljust(len(line)) + " "
+            joined += code.rstrip()[:-1].ljust(len(line)) + " "
             continue
-        whole, joined = Line(joined + said, start), ""
-        if block is not None and (not line.strip() or whole.text.strip() == _END):
+        full_line, joined = Line(joined + code, start), ""
+        if block is not None and (not line.strip() or full_line.text.strip() == _END):
             yield block
             block = None
         elif block is not None:
-            block = _with_line(block, whole)
-        elif _BLOCK.fullmatch(whole.text):
-            block = whole
-        elif whole.text.strip():
-            yield whole
+            block = _with_line(block, full_line)
+        elif _BLOCK.fullmatch(full_line.text):
+            block = full_line
+        elif full_line.text.strip():
+            yield full_line
     if joined.strip():
         block = Line(joined, start) if block is None else _with_line(block, Line(joined, start))
     if block is not None:

@@ -103,18 +103,18 @@ def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _room_fields(text: str, *_: Any) -> dict[str, str]:
-    found: dict[str, str] = {}
+    fields: dict[str, str] = {}
     for name, value, offset in pairs(text):
         if name not in _FIELDS:
             message = f"a room has no field {quote(name)}; it has {', '.join(_FIELDS)}"
             raise TextError(message, offset=offset, length=len(name))
-        if name in found:
+        if name in fields:
             raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
         shape = k.DURATION if name == "t60" else _FIELDS[name].shape
         if isinstance(shape, Text):
             check_value(shape, value, offset + len(name) + 1)
-        found[name] = value
-    return found
+        fields[name] = value
+    return fields
 
 
 def _room_completions(_: CompletionContext) -> Iterator[Completion]:

@@ -65,10 +65,12 @@ def _commands(text: str, scope: Scope) -> Iterator[Command]:
 def parse_block_line(text: str, scope: Scope) -> Command:
     """The command of a line that a block may hold. Raises Refusal."""
     try:
-        found = [own for line in lines(text) if (own := _block_command(line, 0, scope)) is not None]
-        if len(found) != 1:
+        commands = [
+            own for line in lines(text) if (own := _block_command(line, 0, scope)) is not None
+        ]
+        if len(commands) != 1:
             raise TextError(f"{quote(text)} is not one line of a session", length=len(text))
-        return found[0]
+        return commands[0]
     except TextError as error:
         raise Refusal(error.message, error.offset, error.length, None) from None
 
@@ -113,13 +115,13 @@ def _block_command(line: Line, offset: int, scope: Scope) -> Command | None:
     read = read_command(Line(line.text, offset + line.start), scope)
     if read is None or (isinstance(read, BlockCommand) and read.when is None):
         return read
-    said = line.text.strip()
-    place = offset + line.start + line.text.index(said)
+    content = line.text.strip()
+    place = offset + line.start + line.text.index(content)
     why = "says when it acts, and the lines of a block act when the block is run"
     if not isinstance(read, BlockCommand):
         why = "does not change the music, moves a real hand, or is about files, history or blocks"
-    message = f"a block cannot hold {quote(said)}: the line {why}"
-    raise TextError(message, offset=place, length=len(said))
+    message = f"a block cannot hold {quote(content)}: the line {why}"
+    raise TextError(message, offset=place, length=len(content))
 
 
 def _scope_after(scope: Scope, read: Command) -> Scope:

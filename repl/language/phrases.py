@@ -32,37 +32,37 @@ def _entries(text: str, *_: Any) -> tuple[Entry, ...]:
     """Entries separated by commas: the time after the beginning, what is struck, and the
     impulse.
     """
-    found: list[Entry] = []
+    entries: list[Entry] = []
     start = 0
     for part in text.split(","):
         words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", part)]
         if not words:
             message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
             raise TextError(message, offset=start)
-        found.append(_entry(words))
+        entries.append(_entry(words))
         start += len(part) + 1
-    if len(found) > _ENTRIES_MAX:
+    if len(entries) > _ENTRIES_MAX:
         raise TextError(
             f"a line has at most {_ENTRIES_MAX:,} entries of a phrase", length=len(text)
         )
-    return tuple(found)
+    return tuple(entries)
 
 
 def _entry(words: list[tuple[str, int]]) -> Entry:
-    (at, begin), *rest = words
-    said = {"at": at}
+    (when, begin), *rest = words
+    fields = {"at": when}
     if len(rest) > 1 and _IMPULSE.match(rest[-1][0]):
-        said["impulse"] = rest[-1][0]
+        fields["impulse"] = rest[-1][0]
         _check("impulse", *rest.pop())
-    _check("at", at, begin)
+    _check("at", when, begin)
     if not 1 <= len(rest) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
-        raise TextError(message, offset=begin, length=len(at))
+        raise TextError(message, offset=begin, length=len(when))
     for word, offset in rest:
         if notes.word_of(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
             message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
             raise TextError(message, offset=offset, length=len(word))
-    return {**said, "what": " ".join(word for word, _ in rest)}
+    return {**fields, "what": " ".join(word for word, _ in rest)}
 
 
 def _check(field: str, word: str, offset: int) -> None:
@@ -105,7 +105,7 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
         except TextError as error:
             error.offset += word.offset
             raise
-    said = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
+    fields = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
     if do is not None:
         if not text[do.end() :].strip():
             message = "'do' needs a transformation: do scale 0.5, from 2"
@@ -115,8 +115,8 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
         except TextError as error:
             error.offset += do.end()
             raise
-        said["do"] = " ".join(text[do.end() :].split())
-    return said
+        fields["do"] = " ".join(text[do.end() :].split())
+    return fields
 
 
 def _offers(context: CompletionContext) -> Iterator[Completion]:

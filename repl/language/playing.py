@@ -36,22 +36,22 @@ class ParsedPlay:
     written: play_words.PlayWords
 
 
-def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> ParsedPlay:
+def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
     names: list[play_words.Word] = []
 
     def called(word: str, at: int) -> str:
         names.append(play_words.Word(word, at))
         return word
 
-    said = play_words.parse(text, called=called)
-    for one in names or [said.what]:
-        _with_offset(one.offset, v.PLAYED, one.text, scope)
+    parsed = play_words.parse(text, called=called)
+    for played in names or [parsed.what]:
+        _with_offset(played.offset, v.PLAYED, played.text, scope)
     options = {}
-    for name, word in said.options.items():
+    for name, word in parsed.options.items():
         if name in _SCORE_ONLY:
             raise TextError(_SCORE_ONLY[name], offset=word.offset, length=len(word.text))
         options[name] = _with_offset(word.offset, _value(name), word.text, scope)
-    return ParsedPlay(" ".join(said.what.text.split()), options, said.do, said)
+    return ParsedPlay(" ".join(parsed.what.text.split()), options, parsed.do, parsed)
 
 
 def _with_offset(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
@@ -123,21 +123,21 @@ PLAYING = v.Value("a gesture or a take", _read, _offers)
 def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
     """Make the command. Raises TextError if the line says twice when it begins."""
     options = dict(play.options)
-    said = {"player": words["player"], "what": _word(play.written.what, words["play"])}
-    said |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
+    fields = {"player": words["player"], "what": _word(play.written.what, words["play"])}
+    fields |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
     if when is not None:
-        said["when"] = words["when"]
+        fields["when"] = words["when"]
     if play.do:
         text = words["play"].text
         chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
-        said["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
-    at: Position | None = options.pop("at", None)
-    if at is not None and when is not None:
+        fields["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
+    position: Position | None = options.pop("at", None)
+    if position is not None and when is not None:
         message = "this line says twice when it begins: keep one"
-        raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
-    if at is not None:
-        said["when"] = said.pop("at")
-    said["play"] = Word(_part_text(said, play), words["play"].start, words["play"].end)
+        raise TextError(message, offset=fields["at"].start, length=len(fields["at"].text))
+    if position is not None:
+        fields["when"] = fields.pop("at")
+    fields["play"] = Word(_part_text(fields, play), words["play"].start, words["play"].end)
     return Plays(
         player,
         play.what,
@@ -147,18 +147,18 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         play.do,
         playing_options(options),
         entry_of_play(play.written, words["play"].text).with_fields(at=None),
-        when=at or when,
-        words=said,
+        when=position or when,
+        words=fields,
     )
 
 
-def _part_text(said: Mapping[str, Word], play: ParsedPlay) -> str:
+def _part_text(words_by_field: Mapping[str, Word], play: ParsedPlay) -> str:
     """The text as a part has it: what is played and how, without the time."""
     options = [name for name in play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
     words = {play_words.NTH: "every"}
-    values = [f"{words.get(n, n)} {said[n].text}" for n in options if n not in flags]
-    chain = [f"do {said['do'].text}"] if play.do else []
+    values = [f"{words.get(n, n)} {words_by_field[n].text}" for n in options if n not in flags]
+    chain = [f"do {words_by_field['do'].text}"] if play.do else []
     return " ".join([play.what, *values, *flags, *chain])
 
 

@@ -39,7 +39,7 @@ OPTIONS = {
 }
 
 
-def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first = text.split()[0]
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
@@ -113,20 +113,20 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_notes(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
-    said, options = parse_strikes(text, OPTIONS)
-    said, options = with_level(said, options, ())
-    end = said[-1].offset + len(said[-1].text) if said else 0
+    words_read, options = parse_strikes(text, OPTIONS)
+    words_read, options = with_level(words_read, options, ())
+    end = words_read[-1].offset + len(words_read[-1].text) if words_read else 0
     parse_values(text[:end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
     check_options(options, scope)
     if not options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
         raise TextError(message, offset=end, length=max(1, len(text) - end))
     written = {name: word.text for name, word in options.items()}
-    is_sure = given["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
+    is_sure = slots_read["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
     loud = {} if is_sure else {"impulse": _LOUD}
-    return {"to": given["name"], "notes": " ".join(text[:end].split()), **written, **loud}
+    return {"to": slots_read["name"], "notes": " ".join(text[:end].split()), **written, **loud}
 
 
 def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:

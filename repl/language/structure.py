@@ -25,10 +25,10 @@ _ENDS = ("to", "between")  # which a link of a line has already
 
 def _modules(scope: Scope) -> dict[str, str]:
     """Keys, and modules of the score."""
-    found = dict(scope.keys)
+    names = dict(scope.keys)
     for target in scope.targets:
-        found.setdefault(target.rpartition(".")[0], "module")
-    return found
+        names.setdefault(target.rpartition(".")[0], "module")
+    return names
 
 
 def _end_names(scope: Scope) -> dict[str, str]:
@@ -70,23 +70,23 @@ def pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
         yield name, value, offset + word.start()
 
 
-def _fields(text: str, scope: Scope, given: Mapping[str, Any]) -> dict[str, str]:
-    table, found = KINDS[given["kind"]].table, dict[str, str]()
+def _fields(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
+    table, fields = KINDS[slots_read["kind"]].table, dict[str, str]()
     names = [field.name for field in table.fields if field.name not in _ENDS]
     for name, value, offset in pairs(text):
         if name not in names and table.free is None:
             near = nearest(name, names)
-            message = f"{given['kind']} has no field {quote(name)}; it has {', '.join(names)}"
+            message = f"{slots_read['kind']} has no field {quote(name)}; it has {', '.join(names)}"
             raise TextError(message, offset=offset, length=len(name), suggestion=near)
         shape: Shape | None = table.by_name[name].shape if name in table.by_name else None
         if isinstance(shape, Either):
             shape = shape.scalar  # a line has room for one value
         if isinstance(shape, Text):
             check_value(shape, value, offset + len(name) + 1)
-        if name in found:
+        if name in fields:
             raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
-        found[name] = value
-    return found
+        fields[name] = value
+    return fields
 
 
 def check_value(shape: Text, value: str, offset: int) -> None:
@@ -108,7 +108,7 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
 
 def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
     words = [(word.group(), word.start()) for word in re.finditer(r"\S+", text)]
-    base, _at = words[0]
+    base, _offset = words[0]
     if base not in playable(scope) and not _FILE_AND_NAME.fullmatch(base):
         known = [*playable(scope), "bell/bell", "gong/plate"]
         raise v.unknown_name(base, "an instrument or a file and a name such as bell/bell", known)

@@ -111,9 +111,9 @@ class Condition:
         while bar <= last:
             start, per_bar = tempo.bars.bar(bar)
             for beat in range(1, per_bar + 1 if asks_beat else 2):
-                at = start + beat - 1.0
-                if after + SAME < at <= until + SAME and self.holds(bar, beat):
-                    return at
+                beat_after = start + beat - 1.0
+                if after + SAME < beat_after <= until + SAME and self.holds(bar, beat):
+                    return beat_after
             bar += 1
         return None
 
@@ -172,9 +172,9 @@ def _clause(text: str, offset: int) -> Clause:
     clause = Clause(match["what"], modulus, match["compares"], int(match["number"]))
     values = range(1, _NUMBER_MAX + 1) if modulus is None else range(modulus)
     if not any(_COMPARISONS[clause.comparison](value, clause.number) for value in values):
-        most = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
+        limit = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
         if modulus is not None:
-            most = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
-        message = f"{quote(text)} is never true: {most}"
+            limit = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
+        message = f"{quote(text)} is never true: {limit}"
         raise TextError(message, offset=offset, length=len(text))
     return clause

@@ -135,12 +135,12 @@ def _read_gesture_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def other_than(value: Value, field: str) -> Value:
     """A value that must differ from the one in `field`."""
 
-    def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
-        if text == given[field]:
+    def read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Any:
+        if text == slots_read[field]:
             raise TextError(
                 f"{quote(text)} is named twice: name two different ones", length=len(text)
             )
-        return value.read(text, scope, given)
+        return value.read(text, scope, slots_read)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
         return (offer for offer in value.completions(context) if offer.text != context.given[field])
@@ -258,8 +258,8 @@ def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
     return k.GAIN.parse(text)
 
 
-def _read_gain(text: str, scope: Scope, given: Mapping[str, Any]) -> float:
-    ratio: float = _read_level(text, scope, given)
+def _read_gain(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> float:
+    ratio: float = _read_level(text, scope, slots_read)
     if ratio > GAIN_MAX:
         message = f"{text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
         raise TextError(message, length=len(text))
@@ -305,10 +305,14 @@ def _read_grid(text: str, *_: Any) -> Now | Length:
 
 def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
     """Read a position whose mark must exist. Raises TextError."""
-    at = parse_position(text)
-    if at.mark is not None and at.text not in scope.marks and at.mark not in scope.marks:
-        raise unknown_name(at.mark, "a mark", scope.marks)
-    return at
+    position = parse_position(text)
+    if (
+        position.mark is not None
+        and position.text not in scope.marks
+        and position.mark not in scope.marks
+    ):
+        raise unknown_name(position.mark, "a mark", scope.marks)
+    return position
 
 
 def position_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -376,9 +380,9 @@ def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _read_change(
-    text: str, scope: Scope, given: Mapping[str, Any]
+    text: str, scope: Scope, slots_read: Mapping[str, Any]
 ) -> tuple[float | None, float | None]:
-    target = given["target"]
+    target = slots_read["target"]
     shape = scope.targets[target]
     if shape is TRANSPOSITION:
         return shape.parse(text), None
@@ -410,9 +414,9 @@ TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completion
 TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
 
 
-def _read_shown(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
+def _read_shown(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
     name: str = (
-        text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, given)
+        text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, slots_read)
     )
     return name
 
@@ -510,8 +514,8 @@ def _example_completions(
 def _read_notation(text: str) -> notation.Notation:
     """Read a gesture; for a path in space, its first axis."""
     if space_path.axes(text) > 1:
-        return space_path.parse(text, most=MAX_POINTS)[0]
-    return notation.parse(text, most=MAX_POINTS)
+        return space_path.parse(text, events_max=MAX_POINTS)[0]
+    return notation.parse(text, events_max=MAX_POINTS)
 
 
 _METRES = [unit for unit in METRE if unit and unit.isascii()]

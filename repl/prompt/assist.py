@@ -45,12 +45,12 @@ class Colours(Lexer):
         if len(line) > _COLOURED_MAX:
             return [("", line)]
         fragments: StyleAndTextTuples = []
-        at = 0
+        column = 0
         for start, end, kind in self._session.tokens(line):
-            if at <= start < end:  # gaps between words have no kind
-                fragments += [("", line[at:start]), (f"class:{kind}", line[start:end])]
-                at = end
-        return [*fragments, ("", line[at:])]
+            if column <= start < end:  # gaps between words have no kind
+                fragments += [("", line[column:start]), (f"class:{kind}", line[start:end])]
+                column = end
+        return [*fragments, ("", line[column:])]
 
 
 class Completions(Completer):
@@ -65,6 +65,6 @@ class Completions(Completer):
     ) -> Iterable[Completion]:
         """Yield all completions; there are some hundred at most."""
         column = document.cursor_position_col
-        for found in self._session.complete(document.current_line, column):
-            hint = clean(found.hint)[:_HINT_MAX]
-            yield Completion(found.text, found.start - column, display_meta=hint)
+        for completion in self._session.complete(document.current_line, column):
+            hint = clean(completion.hint)[:_HINT_MAX]
+            yield Completion(completion.text, completion.start - column, display_meta=hint)

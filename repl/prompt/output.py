@@ -39,5 +39,5 @@ def reply_lines(reply: Reply, *, plain: bool) -> list[str]:
     if reply.try_ is not None:
         shown.append(f"try: {reply.try_}" + ("" if plain else f"   {TAB}"))
     indent = "" if plain else INDENT
-    told = [indent + line for text in shown for line in clean(text).split("\n")]
-    return told + [clean(line) for line in reply.lines]
+    rows = [indent + line for text in shown for line in clean(text).split("\n")]
+    return rows + [clean(line) for line in reply.lines]

@@ -68,10 +68,10 @@ def _beat(piece: Piece, beat: float) -> str:
 
 def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
-    for play, found in zip(piece.parts, piece.starts, strict=True):
+    for play, start_beats in zip(piece.parts, piece.starts, strict=True):
         if play.player != player:
             continue
-        beats = [piece.tempo_map.resolve(play.at)] if found is None else found
+        beats = [piece.tempo_map.resolve(play.at)] if start_beats is None else start_beats
         first = n_before(beats, starts[0] - SAME)
         last = n_before(beats, starts[-1] - SAME)
         for place in range(first, last):
@@ -98,9 +98,9 @@ def _strokes(
             if note is not None:
                 yield steps[place], note if strikes.voices else _STRUCK
     elif strikes.rate is not None:
-        at, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
-        if at < last and (stop is None or stop > first):
-            yield max(at, starts[0]), _CONTINUED
+        begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        if begin < last and (stop is None or stop > first):
+            yield max(begin, starts[0]), _CONTINUED
     else:
         beats = strikes.beats(tempo)
         places = range(n_before(beats, first), n_before(beats, last))
@@ -110,7 +110,7 @@ def _strokes(
 def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:
     """Words at columns, each cut where the next begins."""
     row = ""
-    for number, (at, text) in enumerate(cells):
+    for number, (column, text) in enumerate(cells):
         end = cells[number + 1][0] if number + 1 < len(cells) else total
-        row = row.ljust(at)[:at] + text[: max(1, end - at - 1)]
+        row = row.ljust(column)[:column] + text[: max(1, end - column - 1)]
     return row.rstrip()

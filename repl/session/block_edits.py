@@ -41,10 +41,10 @@ def _run_by_rule(command: c.RunByRule) -> VersionEdit:
         if len(version.rules) >= MAX_RULES and name not in version.rules:
             raise NotTakenError(f"at most {MAX_RULES} blocks run by themselves; `stop` one first")
         block_lines(version, name)
-        made = replace(version, rules={**version.rules, name: Rule(beat, trigger)})
+        edited = replace(version, rules={**version.rules, name: Rule(beat, trigger)})
         if trigger.runs_at_start(version.piece.tempo_map, beat):
-            made = run_block(made, beat, name)
-        return made
+            edited = run_block(edited, beat, name)
+        return edited
 
     return edit
 
@@ -71,15 +71,15 @@ def block_lines(version: Version, name: str) -> list[str]:
 
 def run_block(version: Version, beat: float, name: str, values: Sequence[str] = ()) -> Version:
     """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
-    made = version
+    edited = version
     try:
         lines = filled(block_lines(version, name), values)
     except TextError as error:
         raise NotTakenError(f"{name}: {error.message}") from None
     for number, line in enumerate(lines, 1):
         try:
-            command = parse_block_line(line, scope_of(made.piece))
+            command = parse_block_line(line, scope_of(edited.piece))
         except Refusal as refusal:
             raise NotTakenError(f"line {number} of {name}: {refusal.message}") from None
-        made = VERSION_EDITS[type(command)](command)(made, beat)
-    return replace(made, rules=version.rules)
+        edited = VERSION_EDITS[type(command)](command)(edited, beat)
+    return replace(edited, rules=version.rules)

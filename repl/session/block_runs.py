@@ -53,24 +53,24 @@ class BlockRuns:
         self._last = now
         if has_jumped or not goes:
             self._last_runs.clear()
-        for one in [one for one in schedule.waiting if one.number in self._waiting]:
-            name, rule = self._waiting[one.number]
-            if has_jumped or not goes or not self._is_in_force(name, rule, one.beat):
-                self._drop(one)
-        waits = {one.number for one in schedule.waiting}
+        for line in [line for line in schedule.waiting if line.number in self._waiting]:
+            name, rule = self._waiting[line.number]
+            if has_jumped or not goes or not self._is_in_force(name, rule, line.beat):
+                self._drop(line)
+        waits = {line.number for line in schedule.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if goes:
-            for name, rule in sorted(rules, key=lambda one: one[0]):
+            for name, rule in sorted(rules, key=lambda line: line[0]):
                 self._queue_next(name, rule)
 
     def _rules(self) -> Iterator[tuple[str, Rule]]:
         """The rules of the running version and of all waiting ones."""
         schedule = self._schedule
         yield from schedule.running.version.rules.items()
-        for one in schedule.waiting:
-            yield from one.result().rules.items()
+        for line in schedule.waiting:
+            yield from line.result().rules.items()
 
     def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
         return self._schedule.lines.version_at(beat).rules.get(name) == rule
@@ -95,11 +95,11 @@ class BlockRuns:
         line = " ".join(("run", name, *values))
         try:
             edit = version_edits.combined([RunBlock(name, values)])
-            _, made = self._queue(Entry(line, edit, when=where, is_typed=False))
+            _, queued = self._queue(Entry(line, edit, when=where, is_typed=False))
         except REFUSALS as error:
             if name not in self._refused:  # once, and not for each bar
                 self._refused.add(name)
                 self._log.say(f"{name} cannot run: {error}")
             return
         self._refused.discard(name)
-        self._waiting[made.version.number] = name, rule
+        self._waiting[queued.version.number] = name, rule

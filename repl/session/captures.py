@@ -63,33 +63,33 @@ class Captures:
 
     def pop_ready(self, schedule: Schedule) -> Capture | None:
         """The take that has ended and whose recording is on the disk, once; else None."""
-        own = self.current
-        if own is None or own.stop is None:
+        capture = self.current
+        if capture is None or capture.stop is None:
             return None
-        if schedule.engine.frame < own.stop + _WRITE_DELAY * schedule.rate:
+        if schedule.engine.frame < capture.stop + _WRITE_DELAY * schedule.rate:
             return None
         self.current = None
-        return own
+        return capture
 
-    def write(self, own: Capture, folder: Path, every: int) -> Path:
+    def write(self, capture: Capture, folder: Path, every: int) -> Path:
         """Write a take beside the score. Raises NotTakenError."""
         assert self.path is not None
-        assert own.stop is not None
-        target = folder / "takes" / f"{own.name}.take"
+        assert capture.stop is not None
+        target = folder / "takes" / f"{capture.name}.take"
         try:
-            span = own.start // every, own.stop // every
-            found = _core.read_recording(self.path, span)
-            if not len(found.ticks()):
+            span = capture.start // every, capture.stop // every
+            recording = _core.read_recording(self.path, span)
+            if not len(recording.ticks()):
                 raise NotTakenError(
-                    f"the take {own.name} was not written: nothing of it was recorded"
+                    f"the take {capture.name} was not written: nothing of it was recorded"
                 )
-            own.n_missing = span[1] - span[0] - len(found.ticks())
+            capture.n_missing = span[1] - span[0] - len(recording.ticks())
             if not is_below(target, folder):
                 raise FileRefusedError(f"{target} is outside the folder of the score")
             if target.exists():
                 raise FileRefusedError(f"{target} exists already")
             with open_for_writing(target, binary=True, replaceable=False) as file:
-                file.write(found.to_bytes())
+                file.write(recording.to_bytes())
         except (FileRefusedError, _core.EngineError, OSError) as error:
-            raise NotTakenError(f"the take {own.name} was not written: {error}") from None
+            raise NotTakenError(f"the take {capture.name} was not written: {error}") from None
         return target

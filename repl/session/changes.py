@@ -252,8 +252,8 @@ class Changes:
     def note_done(self, event: EngineEvent) -> UnderWay | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
         self._corrections.discard(event.ticket or 0)
-        for index, one in enumerate(self.under_way):
-            if one.ticket == event.ticket:
+        for index, change in enumerate(self.under_way):
+            if change.ticket == event.ticket:
                 return self.under_way.pop(index)
         withdrawn = self._withdrawn.pop(event.ticket or 0, None)
         if withdrawn is not None:  # it was made before it could be withdrawn

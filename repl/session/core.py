@@ -169,11 +169,11 @@ class SessionCore:
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
-        where, made = self.queue(Entry(text, edit, kind, when, reads_files=is_read))
-        said = [version_edits.summary(command, made, where) for command in commands]
-        said += self.log.force_messages(made)
-        said += self.log.discard_messages(made.version)
-        return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
+        where, running = self.queue(Entry(text, edit, kind, when, reads_files=is_read))
+        summaries = [version_edits.summary(command, running, where) for command in commands]
+        summaries += self.log.force_messages(running)
+        summaries += self.log.discard_messages(running.version)
+        return Reply(True, f"ok {where} {'; '.join(filter(None, summaries))}".rstrip())
 
     def queue(self, entry: Entry) -> tuple[str, RunningVersion]:
         """Queue a line for its frame; returns its beat as written, and its version, staged.
@@ -336,8 +336,10 @@ class SessionCore:
         self._drawn, self.drawing = engine.frame, ()
         if self.traced is not None:
             with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
-                own = self.traced, engine.tick_frames, self.captures.path
-                lines = inspection.draw_trace(running, engine.frame, *own, height=_TRACE_HEIGHT)
+                trace_arguments = self.traced, engine.tick_frames, self.captures.path
+                lines = inspection.draw_trace(
+                    running, engine.frame, *trace_arguments, height=_TRACE_HEIGHT
+                )
                 self.drawing = tuple(lines)
 
     def _take_events(self) -> None:
@@ -380,8 +382,8 @@ class SessionCore:
         self.log.say(f"take {take.name}: {seconds:.1f} s{cut} -> {file}")
 
     def _take_sound_file(self) -> None:
-        said, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)
-        if said:
-            self.log.say(said)
+        message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)
+        if message:
+            self.log.say(message)
         if closed is not None:
             self.log.write("sound", first=closed.first, frames=closed.frames)

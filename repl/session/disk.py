@@ -52,8 +52,8 @@ class Disk:
     def hashes_by_name(self, texts: Texts) -> dict[str, str]:
         """Hashes by the names that a journal uses for the files of a score."""
         folder = Path(texts.path).parent
-        found = {journal_name(file, folder): known for file, known in self._known.items()}
-        return {name: known for name, known in found.items() if not name.startswith("..")}
+        by_name = {journal_name(file, folder): known for file, known in self._known.items()}
+        return {name: known for name, known in by_name.items() if not name.startswith("..")}
 
     def add_hashes(self, hashes: Mapping[str, str]) -> None:
         """Add hashes from a journal; `check` compares files with them before they are
@@ -91,13 +91,13 @@ class Disk:
             raise NotTakenError(
                 f"{file} already exists, and this session did not write it: choose another name"
             )
-        found = read_text(path)
-        if found is None or text_hash(found) != known:
+        file_text = read_text(path)
+        if file_text is None or text_hash(file_text) != known:
             raise NotTakenError(
                 f"{file} was changed on the disk since it was read: "
                 "`save NAME` writes another file, `reload` reads the changed one"
             )
-        if not is_score(found):
+        if not is_score(file_text):
             raise NotTakenError(f"{file} is not a score, so `save` does not replace it")
 
 

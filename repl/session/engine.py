@@ -256,7 +256,7 @@ class SteppedEngine:
         for ticket, _ in sorted(revoked, key=lambda one: one[0]):
             self._events.append(EngineEvent(self.frame, ticket, is_late=True))
 
-    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+    def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
         """Do nothing: no hand is real here."""
         self._tickets += 1
         return self._tickets

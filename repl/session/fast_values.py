@@ -79,11 +79,11 @@ class FastValues:
             asked = next((one.when for one in commands if one.when is not None), when)
             edit = version_edits.combined(commands)
             replaced = self._number if is_same else None
-            _, made = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))
+            _, queued = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))
         except (Refusal, *REFUSALS) as error:
             if names != self._refused:  # once, and not for each value on the way
                 self._refused = names
                 self._log.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
             return
         self._refused = ()
-        self._number, self._names = made.version.number, names
+        self._number, self._names = queued.version.number, names

@@ -35,18 +35,20 @@ def write_last_bars(session: SessionCore, length: Length, name: str) -> list[str
         if not length.seconds:
             start = stop - tempo.after(0.0, length)
         try:
-            kept = excerpt.keep(version.texts, version.piece, name, max(0.0, start), stop, value_on)
+            excerpt_texts = excerpt.keep(
+                version.texts, version.piece, name, max(0.0, start), stop, value_on
+            )
             break
         except EditError:
             if not ends:
                 raise
-    piece_of(kept)
-    target = _target(kept, Path(name))
+    piece_of(excerpt_texts)
+    target = _target(excerpt_texts, Path(name))
     if target is None:
         raise NotTakenError(
             f"{name} is this score's own name: choose another name for the bars that are kept"
         )
-    return _write(session, kept, target)
+    return _write(session, excerpt_texts, target)
 
 
 def save(session: SessionCore, target: Path | None) -> list[str]:
@@ -77,8 +79,8 @@ def new_file_beside(texts: Texts, target: Path, suffix: str) -> Path:
 
 def _target(texts: Texts, target: Path) -> Path | None:
     """The file for a name; None if that is the score itself. Raises NotTakenError."""
-    own, folder = Path(texts.path), folder_of(texts)
-    suffix = own.suffix if own.suffix in SUFFIXES else SUFFIXES[0]
+    score_path, folder = Path(texts.path), folder_of(texts)
+    suffix = score_path.suffix if score_path.suffix in SUFFIXES else SUFFIXES[0]
     path = _with_suffix(texts, target, suffix)
     real = _resolved(path)
     if real.parent != folder.resolve():
@@ -86,7 +88,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
             f"save the score in {folder.resolve()}: the paths in it are relative to that folder",
             f"save {path.name}",
         )
-    return None if real == _resolved(own) else folder / path.name
+    return None if real == _resolved(score_path) else folder / path.name
 
 
 def _with_suffix(texts: Texts, target: Path, suffix: str) -> Path:
@@ -106,16 +108,19 @@ def _resolved(path: Path) -> Path:
 
 def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; either all files are written or none."""
-    own, disk = Path(texts.path), session.disk
+    score_path, disk = Path(texts.path), session.disk
     changed = disk.unsaved_texts(texts)
     files: Mapping[str, str]
     if target is None:
         # A piece that was typed from nothing has no file yet.
-        if texts.path not in disk.hashes() and os.path.lexists(own):
+        if texts.path not in disk.hashes() and os.path.lexists(score_path):
             raise NotTakenError(
-                f"this session has not read {own}: `save NAME` writes a file beside it"
+                f"this session has not read {score_path}: `save NAME` writes a file beside it"
             )
-        score, files = own, {target_path(file, own.parent): text for file, text in changed.items()}
+        score, files = (
+            score_path,
+            {target_path(file, score_path.parent): text for file, text in changed.items()},
+        )
     else:
         score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
     if not files:

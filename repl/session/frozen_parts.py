@@ -83,8 +83,8 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
     `frozen` is the content of the folder's manifest; `listening` has the taps of the piece.
     """
     for part in frozen.parts:
-        own = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
-        if own != listening.taps(part):
+        part_taps = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
+        if part_taps != listening.taps(part):
             raise NotFrozenError(f"'{part}' has other outputs in the score")
     parts = tuple(
         FrozenPart(
@@ -129,7 +129,7 @@ def load_frozen(
             f"memory, takes {_BYTES_MAX >> 30} GiB; `ergon play --frozen` reads them from the disk"
         )
     verified = {stem.path.name: stem for stem in check(manifest, {}, 0)}
-    found = []
+    loaded_parts = []
     for part in frozen.parts:
         is_as_frozen = part.name in version.sounding.instruments and (
             digest_of(content(version.sounding, part.name)) == part.content
@@ -140,8 +140,8 @@ def load_frozen(
             (_core.FrozenOutputs(verified[stem.file].samples()), stem.outputs)
             for stem in part.stems
         )
-        found.append(LoadedPart(part.name, manifest.n_frames, stems))
-    return tuple(found)
+        loaded_parts.append(LoadedPart(part.name, manifest.n_frames, stems))
+    return tuple(loaded_parts)
 
 
 def still_frozen(

@@ -47,9 +47,9 @@ def with_faders(running: RunningVersion, lines: Sequence[WaitingLine]) -> Runnin
     name.
     """
     version = running.version
-    for one in lines:
-        made = one.edit(version, one.beat)
-        version = replace(version, faders=made.faders, number=made.number, line=made.line)
+    for line in lines:
+        edited = line.edit(version, line.beat)
+        version = replace(version, faders=edited.faders, number=edited.number, line=edited.line)
     return replace(running, version=version, skipped_from=None)
 
 

@@ -19,8 +19,8 @@ def group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     """The first lines that take effect together: those of one frame and one way to the engine."""
     if not lines or lines[0].start is None:
         return ()
-    start, way = lines[0].start, _way(lines[0])
-    return tuple(takewhile(lambda one: one.start == start and _way(one) is way, lines))
+    start, timing = lines[0].start, _line_kind(lines[0])
+    return tuple(takewhile(lambda one: one.start == start and _line_kind(one) is timing, lines))
 
 
 def staged_group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
@@ -32,7 +32,7 @@ def staged_group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     return () if group and group[0].rule.is_quick else group
 
 
-def _way(one: WaitingLine) -> LineKind | None:
+def _line_kind(one: WaitingLine) -> LineKind | None:
     return one.kind if one.rule.is_quick else None
 
 
@@ -50,9 +50,10 @@ class StagedGroup:
         return (
             len(group) == len(self.lines)
             and all(
-                (one.number, one.start, one.beat) == (other.number, other.start, other.beat)
-                and is_same_music(one.result(), other.result())
-                for one, other in zip(group, self.lines, strict=True)
+                (waiting.number, waiting.start, waiting.beat)
+                == (other.number, other.start, other.beat)
+                and is_same_music(waiting.result(), other.result())
+                for waiting, other in zip(group, self.lines, strict=True)
             )
             and on.serial == running.serial
             and self.result.start > running.start

@@ -98,21 +98,21 @@ class Guidance:
         if not guides and not self._guided:
             return None
         began = self._making.began()
-        at, rate, every = (
+        frame, rate, every = (
             schedule.moments.first_frame(self._making.expected),
             schedule.rate,
             schedule.engine.tick_frames,
         )
-        ticks = range(at // every, at // every + int(_PATH_SECONDS * rate) // every)
-        made = dict(self._release_paths(guides))
-        made |= {
+        ticks = range(frame // every, frame // every + int(_PATH_SECONDS * rate) // every)
+        paths = dict(self._release_paths(guides))
+        paths |= {
             player: _guided_path(running, player, guide, ticks, every)
             for player, guide in guides.items()
         }
-        self._remake_at = at + int(_PATH_SECONDS / 2 * rate)
+        self._remake_at = frame + int(_PATH_SECONDS / 2 * rate)
         self._guided = frozenset(guides)
         self._making.add(began)
-        return at, made
+        return frame, paths
 
     def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
         import numpy as np
@@ -120,10 +120,10 @@ class Guidance:
         for player in self._guided - guides.keys():
             yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
 
-    def send(self, at: int, made: Mapping[str, GuidedPath]) -> None:
+    def send(self, frame: int, paths: Mapping[str, GuidedPath]) -> None:
         """Send paths to the engine; where its queue is full, `paths_due` makes them again."""
         try:
-            self._ticket = self.schedule.engine.guide(at, made)
+            self._ticket = self.schedule.engine.guide(frame, paths)
         except EngineError:
             self._running = None
 
@@ -159,13 +159,13 @@ def _guided_path(
 
 def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
-    found: list[tuple[float, float]] = []
+    rests: list[tuple[float, float]] = []
     for start, stop in sorted(plays):
-        if found and start - found[-1][1] <= _REST_MAX:
-            found[-1] = found[-1][0], max(stop, found[-1][1])
+        if rests and start - rests[-1][1] <= _REST_MAX:
+            rests[-1] = rests[-1][0], max(stop, rests[-1][1])
         else:
-            found.append((start, stop))
-    return found
+            rests.append((start, stop))
+    return rests
 
 
 def _steps(

@@ -53,10 +53,10 @@ def read_sounding(event: JournalEvent) -> SoundingNames:
     """
     if "sounds_as" not in event.fields:
         return SoundingNames()
-    found = event.mapping("sounds_as", str)
-    if not all(NAME.fullmatch(name) for pair in found.items() for name in pair):
+    names_by_sound = event.mapping("sounds_as", str)
+    if not all(NAME.fullmatch(name) for pair in names_by_sound.items() for name in pair):
         event.refuse("the field 'sounds_as' has the wrong value")
-    return SoundingNames(found)
+    return SoundingNames(names_by_sound)
 
 
 def history_fields(history: PastVersions) -> dict[str, object]:

@@ -133,13 +133,13 @@ def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.fl
     from ergon import _core
 
     try:
-        found = _core.read_recording(hands, (ticks.start, ticks.stop))
+        recording = _core.read_recording(hands, (ticks.start, ticks.stop))
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
-    number = next((i for i, (name, _) in enumerate(found.axes) if name == player), None)
-    if number is None or len(found.ticks()) < _TRACE_TICKS_MIN:
+    number = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
+    if number is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"nothing of {player} is recorded yet")
-    return found.positions()[:, number]
+    return recording.positions()[:, number]
 
 
 def definition_lines(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
@@ -153,10 +153,12 @@ def definition_lines(version: Version, name: str, sounding: Piece, now: float) -
             return _lines_of_score(version.texts, name)
         return list(tuning_lines(version.piece))
     head, _, parameter = name.rpartition(".")
-    found = automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
-    if found is None:
+    module_named = (
+        automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
+    )
+    if module_named is None:
         return _lines_of_score(version.texts, name)
-    part, module, is_ca = found
+    part, module, is_ca = module_named
     value, is_led = _value(sounding, (part, module.name), module, parameter, now)
     shown = []
     if value is not None:
@@ -174,8 +176,8 @@ def _value(
     """The value of a parameter at a beat, or None if it is not one number; and whether it is
     automated.
     """
-    for one in piece.automation:
-        if where in one.modules and one.parameter == parameter:
+    for entry in piece.automation:
+        if where in entry.modules and entry.parameter == parameter:
             return value_on(piece, where, parameter, now), True
     value = {**module.fields.get("constants", {}), **module.fields}.get(parameter)
     if not isinstance(value, float) and module.kind in ("CEL", "BANK"):  # f of K, K of f

@@ -52,7 +52,7 @@ class Journal:
         self._waiting = bytearray()  # what is not written yet
         self._trouble = self._reason = ""  # not told yet; why writing fails now
         self._has_lost = False  # an event is in no file, or the disk may lack it
-        self._told = threading.Event()
+        self._has_news = threading.Event()
         self._writing = threading.Lock()  # lines of two threads do not mix
         self._over = False
         self._thread = threading.Thread(target=self._sync, name="ergon journal", daemon=True)
@@ -74,9 +74,9 @@ class Journal:
 
         Several journals that begin at the same time get different names.
         """
-        for found in numbered_paths(path):
+        for candidate in numbered_paths(path):
             try:
-                return cls(found)
+                return cls(candidate)
             except JournalError as error:
                 if not isinstance(error.__cause__, FileExistsError):
                     raise
@@ -99,7 +99,7 @@ class Journal:
                 return
             self._waiting += line
             self._write()
-        self._told.set()
+        self._has_news.set()
 
     def _write(self) -> None:
         """Pass to the operating system what it takes of what waits."""
@@ -128,7 +128,7 @@ class Journal:
     def close(self) -> None:
         """End the journal, and bring it to the disk."""
         self._over = True
-        self._told.set()
+        self._has_news.set()
         self._thread.join()
         if self._waiting:
             self._trouble = (
@@ -142,8 +142,8 @@ class Journal:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
-            self._told.wait(_RETRY if self._waiting else None)
-            self._told.clear()
+            self._has_news.wait(_RETRY if self._waiting else None)
+            self._has_news.clear()
             is_over = self._over  # events before `close` are synced below
             with self._writing:
                 self._write()
@@ -189,20 +189,22 @@ class JournalEvent:
             )
         return value
 
-    def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
+    def mapping(self, name: str, kind: type, count_max: int = 10_000) -> dict[str, Any]:
         """Values of one type by name; empty where the field is missing. Raises JournalError."""
-        found: dict[str, Any] = self.get(name, dict, {})
+        mapping: dict[str, Any] = self.get(name, dict, {})
         fits = _is_text if kind is str else _is_ratio
-        if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
+        if len(mapping) > count_max or not all(
+            _is_text(word) and fits(x) for word, x in mapping.items()
+        ):
             self.refuse(f"the field '{name}' has the wrong type or value")
-        return {word: kind(x) for word, x in found.items()}
+        return {word: kind(x) for word, x in mapping.items()}
 
     def name_set(self, name: str) -> frozenset[str]:
         """A set of names; empty where the field is missing. Raises JournalError."""
-        found: list[Any] = self.get(name, list, [])
-        if not all(map(_is_text, found)):
+        names: list[Any] = self.get(name, list, [])
+        if not all(map(_is_text, names)):
             self.refuse(f"the field '{name}' has the wrong type or value")
-        return frozenset(found)
+        return frozenset(names)
 
 
 def _is_text(value: object) -> bool:

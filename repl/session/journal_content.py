@@ -75,9 +75,9 @@ class SessionStart:
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
-        made = Version(0, "", self.texts, piece_of(self.texts), self.faders)
+        version = Version(0, "", self.texts, piece_of(self.texts), self.faders)
         return replace(
-            made,
+            version,
             maps=self.maps,
             rules=self.rules,
             sounds_as=self.sounds_as,
@@ -118,12 +118,12 @@ def text_fields(texts: Texts) -> dict[str, object]:
 
 def effect_fields(version: Version) -> dict[str, object]:
     """The journal fields for how a version read from files takes over."""
-    found: dict[str, object] = {}
+    fields: dict[str, object] = {}
     if version.glide != GLIDE:
-        found["glide"] = version.glide
+        fields["glide"] = version.glide
     if version.enter_beat is not None:
-        found["enters"] = version.enter_beat
-    return found
+        fields["enters"] = version.enter_beat
+    return fields
 
 
 class JournalAct(NamedTuple):
@@ -335,11 +335,11 @@ class _FileLocations:
         if name == self.named and self.score is not None:
             return Path(self.score)
         try:
-            found = score_named(name, self.journal)
+            path = score_named(name, self.journal)
         except JournalNameError as error:
             event.refuse(str(error))
-        if found is not None:
-            return found
+        if path is not None:
+            return path
         if self.resumes and name == self.named:
             event.refuse(
                 "its score is outside this folder and the journal's: name it, "
@@ -362,13 +362,13 @@ class _FileLocations:
 
     def hashes(self, event: JournalEvent) -> dict[str, str]:
         """The hashes of files on the disk that an event holds."""
-        found = {}
+        by_file = {}
         if "disk" in event.fields:
             folder = self.path(event).parent
             for name, known in event.mapping("disk", str).items():
                 with contextlib.suppress(JournalNameError):  # such a file is never written
-                    found[file_named(name, folder)] = known[:_HASH]
-        return found
+                    by_file[file_named(name, folder)] = known[:_HASH]
+        return by_file
 
 
 def _beat(event: JournalEvent, name: str, default: float | None = None) -> float:
@@ -397,8 +397,8 @@ def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocation
         event.get("line", str)
         _beat(event, "beat")
         if "text" in event.fields:
-            replay.versions_from_files[event.number] = made = _read_version(event, where)
-            replay.disk.note_read(made.texts)
+            replay.versions_from_files[event.number] = version = _read_version(event, where)
+            replay.disk.note_read(version.texts)
     elif event.name == "commit":
         if number not in replay.lines:
             event.refuse(f"the journal has no line with the number {number}")

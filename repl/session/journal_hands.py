@@ -119,9 +119,9 @@ def _recording(take: JournalTake) -> _core.Recording:
 
 
 def _warnings(take: JournalTake, recording: _core.Recording) -> Sequence[str]:
-    found = []
+    warnings = []
     if recording.damage:
-        found.append(f"{take.path}: {recording.damage}")
+        warnings.append(f"{take.path}: {recording.damage}")
     if recording.dropped:
-        found.append(f"{take.path}: {recording.dropped} rows were lost while it was recorded")
-    return found
+        warnings.append(f"{take.path}: {recording.dropped} rows were lost while it was recorded")
+    return warnings

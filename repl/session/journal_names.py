@@ -13,8 +13,8 @@ LIBRARY = "ergon:"  # prefix of a file that ships with ergon
 _CONTROL = re.compile(
     "[\x00-\x1f\x7f-\x9f\ud800-\udfff]"
 )  # half of a surrogate pair is no character
-_MOST = 1000  # characters of a name
-_MOST_PART = 255  # bytes of a file's or folder's name, which no file system exceeds
+_NAME_MAX = 1000  # characters of a name
+_PART_MAX = 255  # bytes of a file's or folder's name, which no file system exceeds
 
 
 class JournalNameError(ErgonError):
@@ -73,7 +73,7 @@ def _check_file_name(name: str) -> None:
     """Check that a file can have such a name."""
     if not name or _CONTROL.search(name) or Path(name).name in ("", ".."):
         raise JournalNameError(f"{_printable(name)} is not a valid file name")
-    if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):
+    if len(name) > _NAME_MAX or any(len(part.encode()) > _PART_MAX for part in name.split("/")):
         raise JournalNameError(f"{_printable(name)} is too long for a file name")
 
 

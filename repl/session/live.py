@@ -78,11 +78,11 @@ class LiveEngine:
 
         Raises NotTakenError where a key cannot bear the stage.
         """
-        found = self.bounds_finder.force_bounds(stage, start, glides, before)
-        for one in found:
-            if not one.least.is_enough:
-                raise NotTakenError(why_too_stiff(one))
-        return found
+        bounds = self.bounds_finder.force_bounds(stage, start, glides, before)
+        for bound in bounds:
+            if not bound.least.is_enough:
+                raise NotTakenError(why_too_stiff(bound))
+        return bounds
 
     def change(self, change: Change) -> int:
         """Send a change to the physics thread; returns its ticket."""
@@ -118,13 +118,13 @@ class LiveEngine:
         by_player = {one.player: one.bounds for one in force_bounds}
         return [list(by_player.get(player, ())) for player in self._players]
 
-    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """Guide players' hands along new paths from frame `at` on; returns the ticket."""
+    def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
+        """Guide players' hands along new paths from frame `frame` on; returns the ticket."""
         import numpy as np
 
         guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
-            at,
+            frame,
             standins=[one.path for one in guided],
             guidance=[one.steps for one in guided],
         )
@@ -171,33 +171,40 @@ class LiveEngine:
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         recording = None if self._final_status else self._performance.recording_trouble()
-        found = troubles(status, self._players, recording, is_endless=self._final_status is None)
+        current_troubles = troubles(
+            status, self._players, recording, is_endless=self._final_status is None
+        )
         return EngineStatus(
-            status.load, status.late, status.peaks, away, bool(self._real) and has_let_go(), found
+            status.load,
+            status.late,
+            status.peaks,
+            away,
+            bool(self._real) and has_let_go(),
+            current_troubles,
         )
 
     def events(self) -> Sequence[EngineEvent]:
         """Events since the last call."""
-        found = []
+        events = []
         for event in self._unreported if self._final_status else self._performance.events():
             frame, what, number = event
             if what in ("changed", "late"):
-                found.append(EngineEvent(frame, int(number), is_late=what == "late"))
+                events.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif what in ("acted", "missed"):
-                found.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
+                events.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
-                found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
+                events.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._unreported = []
         if self._final_status is None:
             sound = self._performance.sound_events()
-            found += [
+            events += [
                 EngineEvent(self.frame, sentence=sentence)
                 for _, sentence in sound[self._n_sound_events :]
             ]
             self._n_sound_events = len(sound)
         while self._pages is not None and self._pages.remarks:
-            found.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
-        return found
+            events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
+        return events
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, what, number = event
@@ -211,9 +218,9 @@ class LiveEngine:
         """
         if self._final_status is not None:
             return ()
-        found = self._performance.silences(self._n_silences)
-        self._n_silences += len(found)
-        return found
+        silences = self._performance.silences(self._n_silences)
+        self._n_silences += len(silences)
+        return silences
 
     def _status(self) -> _core.Status:
         return self._final_status or self._performance.status()

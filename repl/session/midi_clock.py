@@ -88,8 +88,10 @@ class ClockEvents:
                 self._began_at = clock.began_at
             if clock.began_at is not None:
                 tempo, rate = stage.piece.tempo_map, stage.rate
-                while (at := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)) < last:
-                    yield max(at, first), bytes([Transport.CLOCK.value])
+                while (
+                    clock_frame := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)
+                ) < last:
+                    yield max(clock_frame, first), bytes([Transport.CLOCK.value])
                     self._next += 1
 
 
@@ -156,15 +158,15 @@ class ClockIn:
         if port is not None:
             port.listen(self.receive)
 
-    def receive(self, data: bytes, at: float) -> None:
+    def receive(self, data: bytes, instant: float) -> None:
         """Process a message that came at an instant [s]; any thread may call it."""
-        found = parse_message(data)
-        if found is None:
+        message = parse_message(data)
+        if message is None:
             return
         with self._lock:
-            self._follower.receive(found, at)
-            if isinstance(found, Transport) and found is not Transport.CLOCK:
-                self._transport.append((found, self._follower.position))
+            self._follower.receive(message, instant)
+            if isinstance(message, Transport) and message is not Transport.CLOCK:
+                self._transport.append((message, self._follower.position))
 
     def follow(self, now: float) -> None:
         """Start, stop or correct the tempo where that is due; `now` is the instant [s]."""
@@ -204,8 +206,8 @@ class ClockIn:
                 return
             rate = schedule.rate
             here, there = (
-                self._when(frame_of(clock.seconds(head, at), rate))
-                for at in (beat, beat + _CORRECTION_BEATS)
+                self._when(frame_of(clock.seconds(head, beat_at_frame), rate))
+                for beat_at_frame in (beat, beat + _CORRECTION_BEATS)
             )
             if here is None or there is None:
                 return

@@ -79,7 +79,7 @@ class MidiInput:
         self.inputs: list[str] = []  # the names of the ports that are open
         self.lost = 0  # notes that could not strike because too many came at once
 
-    def receive(self, data: bytes, at: float) -> None:
+    def receive(self, data: bytes, instant: float) -> None:
         """Act on a message; malformed and unknown ones do nothing."""
         message = parse_message(data)
         if message is None or isinstance(message, SongPosition | Transport):
@@ -215,8 +215,8 @@ class MidiInput:
     def _strike(self, place: Place, impulse: float) -> None:
         part, module, member = place
         strike = partial(self._schedule.engine.strike, place_number(place), impulse)
-        said = {"part": part, "module": module, "member": member, "impulse": impulse}
-        if not self._acts.begin(strike, "strike", **said):
+        strike_fields = {"part": part, "module": module, "member": member, "impulse": impulse}
+        if not self._acts.begin(strike, "strike", **strike_fields):
             self.lost += 1
 
 

@@ -121,13 +121,28 @@ def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
     return {"maps": [_row(own) for own in maps.values()]} if maps else {}
 
 
-def _row(own: Map) -> list[object]:
-    if isinstance(own, Hear):
-        return ["hear", own.target, *own.notes]
-    if isinstance(own, MapNotes):
-        impulse = None if own.impulse is None else [*own.impulse]
-        return ["notes", own.low, own.high, own.target, impulse, own.gesture, own.curve]
-    return ["control", own.source, own.target, own.sounding, own.unit, *own.range]
+def _row(midi_map: Map) -> list[object]:
+    if isinstance(midi_map, Hear):
+        return ["hear", midi_map.target, *midi_map.notes]
+    if isinstance(midi_map, MapNotes):
+        impulse = None if midi_map.impulse is None else [*midi_map.impulse]
+        return [
+            "notes",
+            midi_map.low,
+            midi_map.high,
+            midi_map.target,
+            impulse,
+            midi_map.gesture,
+            midi_map.curve,
+        ]
+    return [
+        "control",
+        midi_map.source,
+        midi_map.target,
+        midi_map.sounding,
+        midi_map.unit,
+        *midi_map.range,
+    ]
 
 
 def read_maps(event: JournalEvent) -> Mapping[str, Map]:
@@ -135,8 +150,8 @@ def read_maps(event: JournalEvent) -> Mapping[str, Map]:
     rows: list[object] = event.get("maps", list, [])
     if len(rows) > MAX_MAPS + MAX_HEAR:
         event.refuse("it has more maps than a session can have")
-    found = [_read_row(event, row) for row in rows]
-    return {own.name: own for own in found}
+    maps = [_read_row(event, row) for row in rows]
+    return {own.name: own for own in maps}
 
 
 def _hear_notes(notes: list[object]) -> tuple[str, ...] | None:

@@ -53,7 +53,7 @@ class SessionOsc:
         self._session, self._osc = session, osc
         self._lines: LineQueue[Answer | None] = LineQueue(session)
         self._waiting = 0
-        self._told = InputValues(self._tell)
+        self._input_values = InputValues(self._tell)
         self._handlers: dict[str, Handler] = {
             "/ergon/cmd": text_handler(lambda line: self._enter(line, osc.answerer())),
             "/ergon/panic": button_handler(self._lines.panic),
@@ -67,7 +67,7 @@ class SessionOsc:
         osc.serve(
             self,
             lambda send: OscSender(performance, stage, 0, send, events),
-            self._told,
+            self._input_values,
             lambda: bool(performance.status().hands),
         )
 
@@ -79,7 +79,11 @@ class SessionOsc:
         if address.startswith(_INPUT):
             name = address.removeprefix(_INPUT)
             take = self._session.schedule.head.piece.takes.get(name)
-            return None if take is None or not take.is_from_osc else self._told.handler_of(name)
+            return (
+                None
+                if take is None or not take.is_from_osc
+                else self._input_values.handler_of(name)
+            )
         match = _GAIN.fullmatch(address)
         if match is None:
             return None
@@ -112,9 +116,9 @@ class SessionOsc:
     def _work(self) -> None:
         while (queued := self._lines.next()) is not None:
             self._waiting -= 1
-            address, said = self._do_line(queued.text, queued.releases)
+            address, arguments = self._do_line(queued.text, queued.releases)
             if queued.sender is not None:
-                queued.sender(address, said)
+                queued.sender(address, arguments)
 
     def _do_line(self, line: str, releases: bool) -> tuple[str, str]:
         reply = self._session.submit(line, releases=releases, barred=_TYPED_ONLY)
@@ -128,8 +132,8 @@ class SessionOsc:
         self._lines.end()
         self._worker.join()
         if self._osc.malformed:
-            said = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
-            self._session.say(said)
+            notice = f"{self._osc.malformed} datagrams were not valid OSC and were ignored"
+            self._session.say(notice)
 
 
 class SessionEvents:
@@ -168,10 +172,10 @@ def _events(running: RunningVersion, first: int, last: int) -> Iterator[OscEvent
     for gesture in stage.gestures:
         frame = frame_of(gesture.start, stage.rate)
         if first <= frame < last:
-            said = (
+            arguments = (
                 gesture.player,
                 shown(gesture.key),
                 gesture.name,
                 float(gesture.start - clock.began_at),
             )
-            yield frame, "/ergon/strike", said
+            yield frame, "/ergon/strike", arguments

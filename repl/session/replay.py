@@ -148,12 +148,12 @@ class ReplayedSession:
             out[done : done + n] = self._engine.process(n)
             done += n
 
-    def _frames_until_due(self, most: int) -> Iterator[int]:
-        """Numbers of frames until the next change or act, and `most`."""
+    def _frames_until_due(self, frames_max: int) -> Iterator[int]:
+        """Numbers of frames until the next change or act, and `frames_max`."""
         for due in (self._coming, self._acts):
             if due:
                 yield max(1, due[0].frame - self._engine.frame)
-        yield most
+        yield frames_max
 
     def _note_next(self) -> None:
         """Note the next change: the timeline goes no further than a skip had it go."""
@@ -240,11 +240,11 @@ def _changes(replay: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
     skips = dict(replay.skips)
     for (frame, _), commits in groupby(replay.commits, lambda one: (one.frame, one.change)):
-        for before in [at for at in skips if at < frame]:
+        for before in [frame_skipped for frame_skipped in skips if frame_skipped < frame]:
             yield _ReplayedChange(before, (), skips.pop(before))
         yield _ReplayedChange(frame, tuple(commits), skips.pop(frame, None))
-    for at, begin in skips.items():
-        yield _ReplayedChange(at, (), begin)
+    for frame_skipped, begin in skips.items():
+        yield _ReplayedChange(frame_skipped, (), begin)
 
 
 def _kind(event: JournalEvent) -> LineKind:
@@ -273,8 +273,8 @@ def _initial_versions(replay: JournalContent, version: Version) -> PastVersionSt
     """The versions that exist when a session begins."""
     history, versions = replay.start.history, PastVersionStore()
     versions[0] = PastVersion.from_version(version, "1|1")
-    for one in () if history is None else history.versions:
-        versions[one.number] = one
+    for past_version in () if history is None else history.versions:
+        versions[past_version.number] = past_version
     return versions
 
 

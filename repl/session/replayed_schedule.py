@@ -29,11 +29,11 @@ class ReplayedSchedule(Schedule):
         Raises one of `REFUSALS`.
         """
         begun = WaitingLines(self.running.version, self.running.clock, self.timing)
-        for one in lines:
-            begun, line = begun.inserted(one, 0)
+        for new_line in lines:
+            begun, line = begun.inserted(new_line, 0)
             versions[line.number] = PastVersion.from_version(line.result())
         group, running = begun.lines, self.running
-        kinds = {one.kind for one in group}
+        kinds = {new_line.kind for new_line in group}
         if kinds == {LineKind.FADERS}:
             self._move_faders(group)
         elif kinds == {LineKind.ENDS}:

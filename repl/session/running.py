@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
 # of bars; they are extended when half of these bars are over. A longer timeline would delay the
 # answer to a line; a shorter one could end while a long line is computed.
-_AHEAD, _FEWEST_BARS, _MOST_BARS = 16.0, 4, 32
+_AHEAD, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,9 @@ class RunningVersion:
 
     def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
         """Who plays what at a frame."""
-        at = frame / self.stage.rate
+        instant = frame / self.stage.rate
         gestures = self.stage.gestures
-        return tuple((g.player, g.name) for g in gestures if g.start <= at < g.stop)
+        return tuple((g.player, g.name) for g in gestures if g.start <= instant < g.stop)
 
 
 def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
@@ -89,7 +89,7 @@ def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
     """
     first, reached = tempo.bars.bar_beat(beat)[0], tempo.seconds(beat) + _AHEAD
     n_bars = _FEWEST_BARS
-    while n_bars < _MOST_BARS and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
+    while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
         n_bars += _FEWEST_BARS
     return tempo.bars.start(first + n_bars), n_bars
 
@@ -105,10 +105,20 @@ def rehearsal(piece: Piece) -> Piece:
         for gesture in piece.gestures.values():
             if player.key not in able[gesture.name]:
                 continue
-            at, place = Position(plus=Length(beats=beat)), gesture.place
+            when, place = Position(plus=Length(beats=beat)), gesture.place
             plays.append(
                 Play(
-                    player.name, gesture.name, at, None, 1, None, (), NO_OPTIONS, place, place, None
+                    player.name,
+                    gesture.name,
+                    when,
+                    None,
+                    1,
+                    None,
+                    (),
+                    NO_OPTIONS,
+                    place,
+                    place,
+                    None,
                 )
             )
             starts.append((beat,))
@@ -126,9 +136,9 @@ def stage_first(
     is_seen: bool = False,
 ) -> RunningVersion:
     """Stage a version whose piece is stopped, at frame 0."""
-    made = staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
+    first_stage = staged(version, clock, (), None, 0, real, store, frozen=frozen, is_seen=is_seen)
     return RunningVersion(
-        version, clock, (), made, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
+        version, clock, (), first_stage, 0, clock.stopped_beat, frozen=frozen, is_seen=is_seen
     )
 
 
@@ -153,7 +163,7 @@ def staged(
     piece = with_leaving(version.sounding, links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
     piece = replace(piece, tempo_map=tempo)
-    made = stage(
+    staged_now = stage(
         piece,
         planned=True,
         store=store,
@@ -163,5 +173,5 @@ def staged(
         going=StageTakeover(spans, like, start, moving, strike_points(version)),
         is_seen=is_seen,
     )
-    made.placed = place_samples(frozen, made.listening, clock, made.rate)
-    return made
+    staged_now.placed = place_samples(frozen, staged_now.listening, clock, staged_now.rate)
+    return staged_now

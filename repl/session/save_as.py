@@ -19,8 +19,8 @@ from ergon.scores.edits.texts import Texts
 def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:
     """The texts to write, by file, where these used files were changed. Raises EditError."""
     moved = _using(texts, changed)
-    own = Path(texts.path).parent
-    names = {file: journal_name(file, own).removeprefix(LIBRARY) for file in texts.overlay}
+    folder = Path(texts.path).parent
+    names = {file: journal_name(file, folder).removeprefix(LIBRARY) for file in texts.overlay}
     for file, path, name, used in [*_uses(texts)]:
         if file not in moved and file != texts.path:
             continue
@@ -36,11 +36,11 @@ def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, 
 
 def _using(texts: Texts, changed: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
-    found, count = set(changed), -1
-    while changed and len(found) != count:
-        count = len(found)
-        found |= {file for file, _, _, used in _uses(texts) if used in found}
-    return found - {texts.path}
+    users, count = set(changed), -1
+    while changed and len(users) != count:
+        count = len(users)
+        users |= {file for file, _, _, used in _uses(texts) if used in users}
+    return users - {texts.path}
 
 
 def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
@@ -60,6 +60,6 @@ def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
                 items += [((*path, name), child) for name, (_, child) in item.entries.items()]
         for path, item in items:
             if isinstance(item, document.Scalar) and not item.is_empty:
-                found = finder.find(item.text, Path(file).parent)
-                if found is not None and str(found) in texts.overlay:
-                    yield file, path, item.text, str(found)
+                used_file = finder.find(item.text, Path(file).parent)
+                if used_file is not None and str(used_file) in texts.overlay:
+                    yield file, path, item.text, str(used_file)

@@ -62,11 +62,11 @@ def _read(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
 
 
 def _stamps(paths: Iterable[Path]) -> _Stamps:
-    found = []
+    stamps = []
     for path in paths:
         state = os.stat(path)
-        found.append((str(path), state.st_mtime_ns, state.st_size))
-    return tuple(found)
+        stamps.append((str(path), state.st_mtime_ns, state.st_size))
+    return tuple(stamps)
 
 
 @makes_edit(c.Scene)
@@ -82,8 +82,12 @@ def _scene(command: c.Scene) -> VersionEdit:
         return read[name]
 
     def edit(version: Version, beat: float) -> Version:
-        own, texts, piece = scene(version, command.name), version.texts, version.piece
-        some = [own] if command.before is None else [scene(version, command.before), own]
+        scene_found, texts, piece = scene(version, command.name), version.texts, version.piece
+        some = (
+            [scene_found]
+            if command.before is None
+            else [scene(version, command.before), scene_found]
+        )
         for each in some:
             texts = scene_matter.with_matter(texts, piece, each)
             piece = piece if texts is version.texts else piece_of(texts)
@@ -95,9 +99,9 @@ def _scene(command: c.Scene) -> VersionEdit:
             base = replace(base, overlay={**new, **base.overlay})
         over = None if command.over is None else command.words["over"].text
         begin, glide = beat, GLIDE
-        first = own if command.before is None else scene(version, command.before)
+        first = scene_found if command.before is None else scene(version, command.before)
         released = tuple(scenes.released(piece, first, beat))
-        texts = scenes.paced(texts, piece, own, beat, over)
+        texts = scenes.paced(texts, piece, scene_found, beat, over)
         if command.over is not None:
             tempo = piece_of(texts).tempo_map
             end = tempo.after(beat, command.over)
@@ -105,8 +109,8 @@ def _scene(command: c.Scene) -> VersionEdit:
             if command.before is not None:
                 texts = scenes.play_scene(texts, piece_of(texts), first, beat, end)
                 begin = end
-        texts = scenes.play_scene(texts, piece_of(texts), own, begin)
-        texts = scenes.tuned(texts, piece, own)  # last: no beat depends on a parameter
+        texts = scenes.play_scene(texts, piece_of(texts), scene_found, begin)
+        texts = scenes.tuned(texts, piece, scene_found)  # last: no beat depends on a parameter
         played = with_texts(version, texts)
         return replace(played, glide=glide, freed_parameters=released, read_files=new, base=base)
 

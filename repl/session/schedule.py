@@ -172,11 +172,13 @@ class Schedule:
         Lines that were under way are among those `before`.
         """
         starts = {line.number: line.start for line in (self.waiting if before is None else before)}
-        for one in lines.lines:
-            where = one.result().piece.tempo_map.written(one.beat)
-            self.past_versions[one.number] = PastVersion.from_version(one.result(), where)
-            if starts.get(one.number, one.start) != one.start:
-                self.reports.append(Moved(one))
+        for waiting_line in lines.lines:
+            where = waiting_line.result().piece.tempo_map.written(waiting_line.beat)
+            self.past_versions[waiting_line.number] = PastVersion.from_version(
+                waiting_line.result(), where
+            )
+            if starts.get(waiting_line.number, waiting_line.start) != waiting_line.start:
+                self.reports.append(Moved(waiting_line))
         self.reports.extend(Superseded(line) for line in lines.superseded)
         self.lines = lines
 
@@ -304,10 +306,10 @@ class Schedule:
         return [one for one in lines if not one.sets_running]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
-        made = self._staged
-        assert made is not None
+        staged_group = self._staged
+        assert staged_group is not None
         self._staged = None
-        self._hand(group, made.result)
+        self._hand(group, staged_group.result)
         self._let_wait(self.waiting[len(group) :])
 
     def _hand(self, group: Sequence[WaitingLine], result: RunningVersion) -> None:
@@ -333,12 +335,12 @@ class Schedule:
                 soonest = self.moments.first_frame(0.0, LineKind.FADERS)
                 self._wait_again(self.changes.note_late(event.ticket or 0, soonest))
                 return
-            running, made = self.running, self.changes.note_done(event)
-            if made is None:
+            running, finished = self.running, self.changes.note_done(event)
+            if finished is None:
                 return
-            self.reports.append(Done(event.frame, made.number, made.lines, made.after))
+            self.reports.append(Done(event.frame, finished.number, finished.lines, finished.after))
             if self.running is not running:  # it was withdrawn too late
-                numbers = {line.number for line in made.lines}
+                numbers = {line.number for line in finished.lines}
                 self._let_wait([one for one in self.waiting if one.number not in numbers])
 
     # --- making ----------------------------------------------------------------------------------
@@ -354,7 +356,7 @@ class Schedule:
             return False
         began = self.making_time.began()
         try:
-            made = StagedGroup(group, on, self.makings.stage(on, group))
+            staged_group = StagedGroup(group, on, self.makings.stage(on, group))
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
@@ -366,7 +368,7 @@ class Schedule:
         finally:
             self.making_time.add(began)
         with self.lock:
-            self._staged = made
+            self._staged = staged_group
         return True
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:

@@ -42,9 +42,9 @@ class Session(SessionCore):
     one makes what will be due, and one extends the timeline; none of them waits for another.
     """
 
-    def __init__(self, *given: Any, **named: Any) -> None:
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         """Begin as `SessionCore` does; `run` starts the threads."""
-        super().__init__(*given, **named)
+        super().__init__(*arguments, **named)
         self._attached: list[Closable] = []
         self._turns: list[Callable[[float], object]] = []
         self._is_closed = threading.Event()
@@ -115,10 +115,10 @@ class Session(SessionCore):
         others = [command for command in commands if type(command) in known]
         replies = [self.make_version(text, music)] if music else []
         replies += [known[type(command)](self, command) for command in others]
-        said = [reply.text for reply in replies if reply.text]
+        texts = [reply.text for reply in replies if reply.text]
         lines = tuple(line for reply in replies for line in reply.lines)
         taken = all(reply.taken for reply in replies)
-        return Reply(taken, "; ".join(said), None, lines, any(r.leaves for r in replies))
+        return Reply(taken, "; ".join(texts), None, lines, any(r.leaves for r in replies))
 
     def state(self) -> State:
         """Position, tempo, what plays, load and level."""

@@ -160,8 +160,8 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
     is_restored = any(one.number > min(left) for one in restoring)
     if len(waiting) == len(left) and not is_restored:
         lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
-        said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
-        return Reply(True, f"ok {lines} {said} took effect")
+        predicate = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
+        return Reply(True, f"ok {lines} {predicate} took effect")
     return _restore(session, command, target, line)
 
 
@@ -172,14 +172,16 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
         return _restore(session, command, history.index + 1, "redo")
     if not session.cancelled:
         raise NotTakenError("no version was undone; `history` lists the versions")
-    one = session.cancelled[-1]
-    at = None
-    if one.beat >= schedule.place(c.NOW, None)[0]:
-        at = parse_position(session.position_text(one.beat))
-    entry = Entry(one.line, one.edit, one.kind, at, reads_files=one.reads_files, redoes=True)
+    line = session.cancelled[-1]
+    position = None
+    if line.beat >= schedule.place(c.NOW, None)[0]:
+        position = parse_position(session.position_text(line.beat))
+    entry = Entry(
+        line.line, line.edit, line.kind, position, reads_files=line.reads_files, redoes=True
+    )
     where, _ = session.queue(entry)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {first_line(one.line)}")
+    return Reply(True, f"ok {where} {first_line(line.line)}")
 
 
 def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
@@ -188,13 +190,13 @@ def _restore(session: SessionCore, command: c.Command, index: int, line: str) ->
     def restored(version: Version, beat: float) -> Version:
         return past[number].restore(version, beat)
 
-    where, made = session.queue(Entry(line, restored, when=command.when, restores=number))
+    where, queued = session.queue(Entry(line, restored, when=command.when, restores=number))
     session.history.go_to(number)
-    said = [
+    changes = [
         f"as after: {first_line(past[number].line) or 'the beginning'}",
-        *session.log.force_messages(made),
+        *session.log.force_messages(queued),
     ]
-    return Reply(True, f"ok {where} {'; '.join(said)}")
+    return Reply(True, f"ok {where} {'; '.join(changes)}")
 
 
 @executes(c.History)
@@ -336,8 +338,8 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
 @executes(c.RecordOff)
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
-    own = session.captures.end(session.schedule.frame_of(beat))
-    return Reply(True, f"ok {session.position_text(beat)} take {own.name} ends")
+    capture = session.captures.end(session.schedule.frame_of(beat))
+    return Reply(True, f"ok {session.position_text(beat)} take {capture.name} ends")
 
 
 @executes(c.RecordAudio)
@@ -372,8 +374,8 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
     except StoppedError:
         raise
     except BaseException as error:  # also `exit()`
-        said = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise NotTakenError(f"your Python raised {said[:_SHOWN_MAX]}") from None
+        error_text = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise NotTakenError(f"your Python raised {error_text[:_SHOWN_MAX]}") from None
 
 
 @executes(c.Quit)

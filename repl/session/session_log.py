@@ -52,10 +52,10 @@ class SessionLog:
 
     def pop_messages(self) -> Sequence[str]:
         """Messages since the last call."""
-        found = []
+        messages = []
         while self._messages:
-            found.append(self._messages.popleft())
-        return found
+            messages.append(self._messages.popleft())
+        return messages
 
     def write(self, event: str, **fields: Any) -> None:
         """Write an event to the journal."""
@@ -163,21 +163,23 @@ class SessionLog:
 
     # --- sentences -------------------------------------------------------------------------------
 
-    def force_messages(self, made: RunningVersion) -> list[str]:
+    def force_messages(self, running: RunningVersion) -> list[str]:
         """Messages about the share of force that real hands get, where it has changed."""
         changed = [
-            one for one in made.force_bounds if self._scales.get(one.player, 1.0) != one.last.scale
+            one
+            for one in running.force_bounds
+            if self._scales.get(one.player, 1.0) != one.last.scale
         ]
         self._scales |= {one.player: one.last.scale for one in changed}
         return [force_sentence(one) for one in changed]
 
-    def note_thawed(self, made: RunningVersion) -> None:
+    def note_thawed(self, running: RunningVersion) -> None:
         """Report which frozen parts are computed live from a version on."""
-        frozen = {part.name for part in made.frozen}
+        frozen = {part.name for part in running.frozen}
         thawed = [
-            made.version.sounds_as.shown(name, made.version.piece.instruments)
+            running.version.sounds_as.shown(name, running.version.piece.instruments)
             for name in sorted(self._frozen - frozen)
-            if name in made.version.sounding.instruments
+            if name in running.version.sounding.instruments
         ]
         self._frozen = frozen
         if thawed:
@@ -189,15 +191,15 @@ class SessionLog:
 
     def discard_messages(self, version: Version) -> list[str]:
         """Messages about typed values that were replaced by those of the files."""
-        found = []
+        messages = []
         for spot in version.discarded_spots:
             line = self._line_that_changed(spot)
             typed = f"'{first_line(line)}'" if line else "what was typed"
-            found.append(
+            messages.append(
                 f"{spot} was changed by {typed} and in the file; the value in the file is kept, "
                 "and the line is discarded"
             )
-        return found
+        return messages
 
     def _line_that_changed(self, spot: Spot) -> str:
         """The last earlier line that changed a place; empty if none is found."""
@@ -215,7 +217,7 @@ class SessionLog:
         rate = self._schedule.rate
         for trouble in troubles:
             kind = trouble.rstrip("0123456789")
-            last, at = self._troubles.get(kind, ("", -rate))
-            if trouble != last and frame >= at + rate:
+            last, shown_frame = self._troubles.get(kind, ("", -rate))
+            if trouble != last and frame >= shown_frame + rate:
                 self._troubles[kind] = trouble, frame
                 self.say(f"{self.position_at(frame)} {trouble}")

@@ -115,8 +115,8 @@ class Stops:
 
     def _cancel_reset(self) -> None:
         with self._schedule.lock:
-            for one in [one for one in self._schedule.waiting if one.resets]:
-                self._drop(one)
+            for line in [line for line in self._schedule.waiting if line.resets]:
+                self._drop(line)
 
     def reset_after_panic(self) -> None:
         """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
@@ -126,13 +126,13 @@ class Stops:
             self._resets = self._panics
             if self._schedule.head.number == self._reset_number:
                 return  # nothing was typed since the last one
-            for one in self._schedule.drop_all():
-                self._log.note_dropped(one)
+            for line in self._schedule.drop_all():
+                self._log.note_dropped(line)
             entry = Entry(
                 "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
             )
             try:
-                _, made = self._queue(entry)
-                self._reset_number = made.version.number
+                _, queued = self._queue(entry)
+                self._reset_number = queued.version.number
             except REFUSALS as error:
                 self._log.say(f"the piece could not be reset after the panic: {error}")

@@ -25,8 +25,8 @@ def _build(command: c.Build, version: Version, beat: float) -> Texts:
     if families.is_defined(piece, command.name) or command.name in piece.available:
         raise NotTakenError(f"{command.name} exists: {_remedy(version.texts, command.name)}")
     base = families.base(piece, command.base)
-    own = base, command.fields, command.semitones
-    return structure.build(version.texts, piece, command.name, *own)
+    arguments = base, command.fields, command.semitones
+    return structure.build(version.texts, piece, command.name, *arguments)
 
 
 def _remedy(texts: Texts, name: str) -> str:
@@ -67,10 +67,10 @@ def _route(command: c.Route, version: Version, beat: float) -> Texts:
     texts, piece = families.defined(texts, piece, [command.name])
     if command.channels is not None:
         texts = structure.route(texts, piece, command.name, list(command.channels), None)
-    given = {
+    route_fields = {
         name: words[name].text for name in ("gain", "pan") if getattr(command, name) is not None
     }
-    texts = space.set_route_fields(texts, piece, command.name, given)
+    texts = space.set_route_fields(texts, piece, command.name, route_fields)
     return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
 
 
@@ -126,17 +126,17 @@ def _rename(command: c.Rename) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         piece = version.piece
-        made = with_texts(version, renaming.rename(version.texts, piece, old, new))
+        edited = with_texts(version, renaming.rename(version.texts, piece, old, new))
         maps = midi_maps.rename_in_maps(version.maps, old, new)
-        made = replace(made, renames=(*version.renames, (old, new)), maps=maps)
+        edited = replace(edited, renames=(*version.renames, (old, new)), maps=maps)
         if old in piece.blocks:
             return replace(
-                made, rules={new if n == old else n: rule for n, rule in version.rules.items()}
+                edited, rules={new if n == old else n: rule for n, rule in version.rules.items()}
             )
         if old not in {*piece.keys, *piece.instruments, *piece.families}:
-            return made
+            return edited
         return replace(
-            made,
+            edited,
             faders=_renamed(version.faders, piece, old, new),
             sounds_as=version.sounds_as.renamed(old, new),
         )
@@ -146,10 +146,10 @@ def _rename(command: c.Rename) -> VersionEdit:
 
 def _renamed(faders: Faders, piece: Piece, old: str, new: str) -> Faders:
     """The faders under the new name of an instrument and its notes."""
-    of = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
+    new_names = {old: new, **{name: new + name[len(old) :] for name in piece.families.get(old, ())}}
     return replace(
         faders,
-        gains={of.get(name, name): gain for name, gain in faders.gains.items()},
-        muted=frozenset(of.get(name, name) for name in faders.muted),
-        solo=frozenset(of.get(name, name) for name in faders.solo),
+        gains={new_names.get(name, name): gain for name, gain in faders.gains.items()},
+        muted=frozenset(new_names.get(name, name) for name in faders.muted),
+        solo=frozenset(new_names.get(name, name) for name in faders.solo),
     )

@@ -87,15 +87,15 @@ class Takeovers:
     ) -> RunningVersion:
         """What the lines make of a running version, with the stage of before."""
         after = replace(on, damp=None, skipped_from=None)
-        for one in lines:
-            after = self._followed(after, one, latest)
+        for line in lines:
+            after = self._followed(after, line, latest)
         return after
 
-    def _followed(self, on: RunningVersion, one: WaitingLine, latest: float) -> RunningVersion:
+    def _followed(self, on: RunningVersion, line: WaitingLine, latest: float) -> RunningVersion:
         """The running version after one line, with the stage of before."""
-        assert one.start is not None
-        before, version, start = on.version, one.result(), one.start
-        clock, leave, enter = entry(on.clock, before, version, one, self.timing)
+        assert line.start is not None
+        before, version, start = on.version, line.result(), line.start
+        clock, leave, enter = entry(on.clock, before, version, line, self.timing)
         after = replace(on, version=version, clock=clock)
         spans, until, skipped_from = self._spans(on, after, start, leave, enter, latest)
         seconds = start / self.timing.rate
@@ -146,7 +146,7 @@ def continuing_spans(
     `after` [s].
     """
     on = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
-    kept = []
+    spans = []
     for index, (piece, window) in enumerate(before.spans):
         is_last = index == len(before.spans) - 1 and before.clock.is_running
         until = min(window.until, leave) if is_last else window.until
@@ -154,5 +154,5 @@ def continuing_spans(
         if last > after or any(
             first - JOIN_SECONDS <= start <= last and stop > after for start, stop in on
         ):
-            kept.append(Span(piece, Window(window.since, until, after)))
-    return kept
+            spans.append(Span(piece, Window(window.since, until, after)))
+    return spans

@@ -126,16 +126,16 @@ class Version:
         return self.strike_levels.scaled(self.sounds_as.piece(self.piece))
 
 
-def is_same_music(one: Version, other: Version) -> bool:
+def is_same_music(first: Version, other: Version) -> bool:
     """Whether two versions differ by faders alone, so that one stage plays both."""
     return (
-        one.texts is other.texts
-        and one.piece is other.piece
-        and one.sounds_as is other.sounds_as
-        and one.base is other.base
-        and one.strike_levels == other.strike_levels
-        and (one.guides, one.maps, one.rules) == (other.guides, other.maps, other.rules)
-        and (one.ends_gestures, one.damp, one.glide, one.enter_beat, one.is_running)
+        first.texts is other.texts
+        and first.piece is other.piece
+        and first.sounds_as is other.sounds_as
+        and first.base is other.base
+        and first.strike_levels == other.strike_levels
+        and (first.guides, first.maps, first.rules) == (other.guides, other.maps, other.rules)
+        and (first.ends_gestures, first.damp, first.glide, first.enter_beat, first.is_running)
         == (other.ends_gestures, other.damp, other.glide, other.enter_beat, other.is_running)
     )
 
@@ -167,20 +167,20 @@ class PastVersion:
     ) -> PastVersion:
         """Keep a version for `undo`; `line` replaces its line if it is given."""
         line = version.line if line is None else line
-        own = version
+        version_fields = version
         return cls(
-            own.number,
+            version_fields.number,
             line,
-            own.texts,
-            own.faders,
-            own.guides,
+            version_fields.texts,
+            version_fields.faders,
+            version_fields.guides,
             where,
-            own.base,
-            own.maps,
-            own.rules,
-            own.sounds_as,
-            own.renames,
-            own.strike_levels,
+            version_fields.base,
+            version_fields.maps,
+            version_fields.rules,
+            version_fields.sounds_as,
+            version_fields.renames,
+            version_fields.strike_levels,
         )
 
     def restore(self, version: Version, beat: float) -> Version:

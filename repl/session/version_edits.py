@@ -62,11 +62,11 @@ def unchanged(version: Version, beat: float) -> Version:
 
 def combined(commands: Sequence[c.Command]) -> VersionEdit:
     """Combine several commands into one edit."""
-    own = [VERSION_EDITS[type(command)](command) for command in commands]
+    edits = [VERSION_EDITS[type(command)](command) for command in commands]
 
     def edit(version: Version, beat: float) -> Version:
-        for one in own:
-            version = one(version, beat)
+        for apply_edit in edits:
+            version = apply_edit(version, beat)
         return version
 
     return edit
@@ -193,8 +193,8 @@ def _set_gliding(command: c.Set) -> VersionEdit:
             args = command.target, beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check(version.piece, command.target)
-        made = with_texts(version, _set(command, version, beat))
-        return replace(made, glide=max(GLIDE, seconds))
+        edited = with_texts(version, _set(command, version, beat))
+        return replace(edited, glide=max(GLIDE, seconds))
 
     return edit
 
@@ -212,10 +212,10 @@ def _define_rehearsed(command: c.Define) -> VersionEdit:
     """Define a gesture, and check that its keys can follow it."""
 
     def edit(version: Version, beat: float) -> Version:
-        made = with_texts(version, _define(command, version, beat))
-        for name in space_path.played(command.name, made.piece.gestures):
-            rehearsal_stage(made.piece, name)
-        return made
+        edited = with_texts(version, _define(command, version, beat))
+        for name in space_path.played(command.name, edited.piece.gestures):
+            rehearsal_stage(edited.piece, name)
+        return edited
 
     return edit
 
@@ -272,9 +272,9 @@ def _load(command: c.Load) -> VersionEdit:
             folder = Path(command.file).parent
             files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
         texts = files[0]
-        made = replace(version, texts=texts, piece=piece_from_files(texts))
-        made = replace(made, read_texts=texts, base=texts, renames=())
-        return replace(made, enter_beat=beat if has_events_from(made.piece, beat) else 0.0)
+        edited = replace(version, texts=texts, piece=piece_from_files(texts))
+        edited = replace(edited, read_texts=texts, base=texts, renames=())
+        return replace(edited, enter_beat=beat if has_events_from(edited.piece, beat) else 0.0)
 
     return edit
 
@@ -294,14 +294,16 @@ def _reload(command: c.Reload) -> VersionEdit:
         before = version.base or version.texts
         now = family_edits.with_brought(files[path], before)
         piece_from_files(now)  # its own mistakes come before those of the merge
-        own = now
+        current_texts = now
         for old, new in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
-                both = [renaming.rename(one, piece_of(one), old, new) for one in (before, own)]
-                before, own = both
-        texts, dropped = merging.merged(before, own, version.texts)
-        made = with_texts(version, texts)
-        return replace(made, read_texts=now, base=now, discarded_spots=tuple(dropped))
+                both = [
+                    renaming.rename(one, piece_of(one), old, new) for one in (before, current_texts)
+                ]
+                before, current_texts = both
+        texts, dropped = merging.merged(before, current_texts, version.texts)
+        edited = with_texts(version, texts)
+        return replace(edited, read_texts=now, base=now, discarded_spots=tuple(dropped))
 
     return edit
 
@@ -329,23 +331,23 @@ READS_FILES = (c.Load, c.Reload, c.Scene, c.Use)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def summary(command: c.Command, made: RunningVersion, where: str) -> str:
+def summary(command: c.Command, running: RunningVersion, where: str) -> str:
     """The part of a reply about a command, after `ok` and `where` it acts."""
     if isinstance(command, c.Define):
-        return _defined(command, made)
+        return _defined(command, running)
     if isinstance(command, c.Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, c.Scene):
         begun = "" if command.before is None else f"{command.before}, then "
-        said = f"{begun}{command.name}, from its beginning, again and again"
-        if not made.version.freed_parameters:
-            return said
-        many = len(made.version.freed_parameters) > 1
-        own = "have their own values" if many else "has its own value"
-        return f"{said}; {', '.join(made.version.freed_parameters)} {own} again"
+        sentence = f"{begun}{command.name}, from its beginning, again and again"
+        if not running.version.freed_parameters:
+            return sentence
+        many = len(running.version.freed_parameters) > 1
+        verb_phrase = "have their own values" if many else "has its own value"
+        return f"{sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
     if isinstance(command, c.Use):
-        return family_edits.summary(command, made.version.piece)
-    if isinstance(command, c.Load) and made.version.enter_beat == 0.0 and where != "1|1":
+        return family_edits.summary(command, running.version.piece)
+    if isinstance(command, c.Load) and running.version.enter_beat == 0.0 and where != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, c.Guide):
         by = command.by
@@ -357,21 +359,21 @@ def summary(command: c.Command, made: RunningVersion, where: str) -> str:
     return ""
 
 
-def _defined(command: c.Define, made: RunningVersion) -> str:
-    piece = made.version.piece
+def _defined(command: c.Define, running: RunningVersion) -> str:
+    piece = running.version.piece
     if command.name not in piece.gestures:
         axes = space_path.played(command.name, piece.gestures)
         n_points = max(len(piece.gestures[name].points) for name in axes)
         return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]
-    said = f"{command.name}: {len(gesture.points)} points"
+    sentence = f"{command.name}: {len(gesture.points)} points"
     last = gesture.points[-1].at
     if "throw" not in {point.curve for point in gesture.points[1:]}:
         seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
-        said += f", {int(seconds * made.stage.rate + 0.5):,} ergons"
+        sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
     if any(command.name in play.names for play in piece.parts):
-        return said
+        return sentence
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):
-        return said
-    return f"{said}; nobody plays it yet, and of the keys only {', '.join(able)} can follow it"
+        return sentence
+    return f"{sentence}; nobody plays it yet, and of the keys only {', '.join(able)} can follow it"

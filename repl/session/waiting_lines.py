@@ -129,22 +129,22 @@ class WaitingLines:
         coming = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
         return next(coming, self.base)
 
-    def inserted(self, one: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+    def inserted(self, line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and that line as it stands among them.
 
         If it needs what a later line defines, it takes effect together with that line. Lines
         whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of
         `REFUSALS` if it cannot be made, or if a line after it could not.
         """
-        first = sum(other.is_before(one) for other in self.lines)
+        first = sum(other.is_before(line) for other in self.lines)
         try:
-            return self._with(one, first, soonest)
+            return self._with(line, first, soonest)
         except _BreaksLaterLineError:
             raise
         except (NotTakenError, EditError) as refusal:
             for place in self._later_places(first):
                 other = self.lines[place - 1]
-                moved = replace(one, beat=other.beat, start=other.start, is_now=other.is_now)
+                moved = replace(line, beat=other.beat, start=other.start, is_now=other.is_now)
                 try:
                     return self._with(moved, place, soonest)
                 except (NotTakenError, EditError):
@@ -158,10 +158,12 @@ class WaitingLines:
             if is_last or self.lines[place].frame != self.lines[place - 1].frame:
                 yield place
 
-    def _with(self, one: WaitingLine, place: int, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+    def _with(
+        self, new_line: WaitingLine, place: int, soonest: int
+    ) -> tuple[WaitingLines, WaitingLine]:
         before, after = self.lines[:place], self.lines[place:]
         previous, clock = self._state_after(before)
-        line = self._follow(one, previous, clock)
+        line = self._follow(new_line, previous, clock)
         lines, lost = self._arranged((*before, line), after, soonest)
         if lost:
             (failed, why), *_ = lost
@@ -235,19 +237,19 @@ class WaitingLines:
         if not new.rule.is_fenced:
             return None
         waits = [
-            one
-            for one in self.lines
+            line
+            for line in self.lines
             if (
-                (one.rule.is_fenced or (new.sets_all and not one.rule.is_quick))
-                and one.frame > new.frame
+                (line.rule.is_fenced or (new.sets_all and not line.rule.is_quick))
+                and line.frame > new.frame
                 and (
-                    one.n_slips
-                    or (not new.is_named and not one.is_named and one.is_now >= new.is_now)
+                    line.n_slips
+                    or (not new.is_named and not line.is_named and line.is_now >= new.is_now)
                 )
             )
-            or (new.frame < one.frame < math.inf and self._begins_after(new, one))
+            or (new.frame < line.frame < math.inf and self._begins_after(new, line))
         ]
-        return max(waits, key=lambda one: one.frame, default=None)
+        return max(waits, key=lambda line: line.frame, default=None)
 
     def _begins_after(self, new: WaitingLine, earlier: WaitingLine) -> bool:
         """Whether a line starts the piece on a beat for which an earlier one must be there."""
@@ -275,62 +277,64 @@ class WaitingLines:
         tempo = version.piece.tempo_map
         if before and before[-1].start is not None:
             soonest = max(soonest, before[-1].start)
-        framed = [self._framed(one, clock, tempo, soonest) for one in after]
+        framed = [self._framed(waiting_line, clock, tempo, soonest) for waiting_line in after]
         framed.sort(key=_effect_key)
         lines, lost, superseded = [*before], [], []
         restored = max((line.number for line in before if line.sets_all), default=-1)
-        for one in framed:
-            if one.sets_all and one.number < restored:
-                superseded.append(one)
+        for waiting_line in framed:
+            if waiting_line.sets_all and waiting_line.number < restored:
+                superseded.append(waiting_line)
                 continue
             try:
-                line = self._follow(one, version, clock)
+                line = self._follow(waiting_line, version, clock)
             except REFUSALS as error:
-                lost.append(LostLine(one, str(error)))
+                lost.append(LostLine(waiting_line, str(error)))
                 continue
             lines.append(line)
             version, clock = self._state_after(lines)
-            if one.sets_all:
-                restored = one.number
+            if waiting_line.sets_all:
+                restored = waiting_line.number
         return replace(self, lines=tuple(lines), superseded=tuple(superseded)), lost
 
-    def _framed(self, one: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int) -> WaitingLine:
+    def _framed(
+        self, line: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int
+    ) -> WaitingLine:
         """A line with the frame of its beat; if that is past, it takes over as soon as it can."""
-        if one.sets_running is not None or (one.is_now and one.start is not None):
-            return one
+        if line.sets_running is not None or (line.is_now and line.start is not None):
+            return line
         start: int | None
         if not clock.is_running:
-            waits = one.beat > clock.stopped_beat + SAME
-            start = None if waits else soonest if one.start is None else one.start
+            waits = line.beat > clock.stopped_beat + SAME
+            start = None if waits else soonest if line.start is None else line.start
         else:
-            start = self.timing.takeover_frame(clock, tempo, one.beat, one.lead(self.timing))
-            if one.start is not None and abs(start - one.start) <= self.timing.tick_frames:
-                return one
+            start = self.timing.takeover_frame(clock, tempo, line.beat, line.lead(self.timing))
+            if line.start is not None and abs(start - line.start) <= self.timing.tick_frames:
+                return line
             start = max(soonest, start)
-        return one if start == one.start else replace(one, start=start)
+        return line if start == line.start else replace(line, start=start)
 
-    def _follow(self, one: WaitingLine, version: Version, clock: Clock) -> WaitingLine:
+    def _follow(self, line: WaitingLine, version: Version, clock: Clock) -> WaitingLine:
         """A line after another version. Raises one of `REFUSALS`."""
-        base = one.base
-        if base is version and one.version is not None:
-            made = one.version
-        elif _differ_by_faders(one, version):
-            made = replace(one.result(), faders=version.faders)
+        base = line.base
+        if base is version and line.version is not None:
+            followed = line.version
+        elif _differ_by_faders(line, version):
+            followed = replace(line.result(), faders=version.faders)
         else:
-            made = edited(version, one)
-            is_read = one.line and not (one.resets or one.reads_files)
+            followed = edited(version, line)
+            is_read = line.line and not (line.resets or line.reads_files)
             if base is not None and is_read and not names_of(base) <= names_of(version):
-                reparse(one.line, version)
-        after = entry(clock, version, made, one, self.timing).clock
-        if base is version and one.clock == after and one.version is made:
-            return one
-        return replace(one, base=version, version=made, clock=after)
+                reparse(line.line, version)
+        after = entry(clock, version, followed, line, self.timing).clock
+        if base is version and line.clock == after and line.version is followed:
+            return line
+        return replace(line, base=version, version=followed, clock=after)
 
 
-def _slipped(one: WaitingLine, beat: float, start: int) -> WaitingLine:
+def _slipped(line: WaitingLine, beat: float, start: int) -> WaitingLine:
     """A line that acts on a later beat, and is edited again for it."""
-    moved = one.moved_to(beat, start)
-    return replace(moved, version=None, clock=None, n_slips=one.n_slips + 1)
+    moved = line.moved_to(beat, start)
+    return replace(moved, version=None, clock=None, n_slips=line.n_slips + 1)
 
 
 def _effect_key(one: WaitingLine) -> tuple[float, float]:
@@ -338,26 +342,35 @@ def _effect_key(one: WaitingLine) -> tuple[float, float]:
     return (math.inf, one.beat) if one.start is None else (one.start, one.number)
 
 
-def entry(clock: Clock, before: Version, made: Version, one: WaitingLine, timing: Timing) -> Entry:
+def entry(
+    clock: Clock, before: Version, edited: Version, line: WaitingLine, timing: Timing
+) -> Entry:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
-    if one.start is None:
-        return Entry(clock, one.beat, one.beat)
-    tempos = before.piece.tempo_map, made.piece.tempo_map
-    return entry_of(clock, *tempos, one.beat, one.start, one.sets_running, made.enter_beat, timing)
+    if line.start is None:
+        return Entry(clock, line.beat, line.beat)
+    tempos = before.piece.tempo_map, edited.piece.tempo_map
+    return entry_of(
+        clock, *tempos, line.beat, line.start, line.sets_running, edited.enter_beat, timing
+    )
 
 
-def edited(before: Version, one: WaitingLine) -> Version:
+def edited(before: Version, line: WaitingLine) -> Version:
     """The version after a line. Raises one of `REFUSALS`."""
-    goes = before.is_running if one.sets_running is None else one.sets_running
-    return one.edit(replace(before.taken_over(), is_running=goes), one.beat)
+    goes = before.is_running if line.sets_running is None else line.sets_running
+    return line.edit(replace(before.taken_over(), is_running=goes), line.beat)
 
 
-def _differ_by_faders(one: WaitingLine, version: Version) -> bool:
+def _differ_by_faders(line: WaitingLine, version: Version) -> bool:
     """Whether a version differs from the one before a line by faders alone, which the line does
     not set.
     """
-    base, made = one.base, one.version
-    if base is None or made is None or one.sets_all or made.faders is not base.faders:
+    base, version_made = line.base, line.version
+    if (
+        base is None
+        or version_made is None
+        or line.sets_all
+        or version_made.faders is not base.faders
+    ):
         return False
     return is_same_music(base.taken_over(), version.taken_over())
 

@@ -68,10 +68,10 @@ class ServerSocket:
 
     def _remove(self) -> None:
         try:
-            found = self.path.lstat()
+            socket_stat = self.path.lstat()
         except FileNotFoundError:
             return
-        if not stat.S_ISSOCK(found.st_mode):
+        if not stat.S_ISSOCK(socket_stat.st_mode):
             raise SocketError(f"{self.path} already exists and is not a socket")
         self.path.unlink()
 
@@ -102,18 +102,18 @@ def _locked(path: Path) -> int:
 
 def connect(path: Path) -> socket.socket:
     """Connect to the session at a socket. Raises NoSessionError, SocketError."""
-    found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        found.connect(os.fspath(path))
+        connection.connect(os.fspath(path))
     except OSError as error:
-        found.close()
+        connection.close()
         if error.errno in (errno.ENOENT, errno.ECONNREFUSED):
             raise NoSessionError(f"no session is served at {path}") from None
         raise SocketError(f"{path}: {error.strerror or error}") from None
-    if not is_same_user(found):
-        found.close()
+    if not is_same_user(connection):
+        connection.close()
         raise SocketError(f"the session at {path} belongs to another user")
-    return found
+    return connection
 
 
 def is_same_user(connection: socket.socket) -> bool:

@@ -32,7 +32,7 @@ VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
 MAX_TEXT = 200_000  # characters of a submission; in JSON each has 12 bytes at most
 MAX_ID = 200  # characters; whole numbers are those that every JSON reader keeps exactly
-_WHOLE = 1 << 53
+_INTEGER_MAX = 1 << 53
 
 
 class ProtocolError(ErgonError):
@@ -79,7 +79,7 @@ def request_id(fields: dict[str, Any]) -> int | str | None:
     number = fields.get("id")
     if number is None:
         return None
-    if type(number) is int and abs(number) <= _WHOLE:
+    if type(number) is int and abs(number) <= _INTEGER_MAX:
         return number
     if isinstance(number, str) and len(number) <= MAX_ID:
         return number
@@ -92,19 +92,19 @@ def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
     if not isinstance(do, str) or wanted is None:
         raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
-    given = {}
+    arguments = {}
     for name, kind in wanted.items():
         value = fields.get(name)
         if type(value) is not kind:  # bool is not int here
             raise ProtocolError(f"the field '{name}' of '{do}' must be of type {kind.__name__}")
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
-        given[name] = value
+        arguments[name] = value
     for name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
-        given[name] = fields.get(name, unsaid)
-        if type(given[name]) is not bool:
+        arguments[name] = fields.get(name, unsaid)
+        if type(arguments[name]) is not bool:
             raise ProtocolError(f"the field '{name}' of '{do}' must be of type bool")
-    return do, given
+    return do, arguments
 
 
 def too_long(text: str) -> str:
@@ -123,12 +123,12 @@ def encode_reply(reply: Reply) -> dict[str, Any]:
     }
 
 
-def decode_reply(said: Any) -> Reply:
+def decode_reply(data: Any) -> Reply:
     """A reply from JSON. Raises ProtocolError."""
     try:
-        lines = tuple(map(str, said["lines"]))
-        try_ = None if said["try"] is None else str(said["try"])
-        return Reply(bool(said["taken"]), str(said["text"]), try_, lines, bool(said["leaves"]))
+        lines = tuple(map(str, data["lines"]))
+        try_ = None if data["try"] is None else str(data["try"])
+        return Reply(bool(data["taken"]), str(data["text"]), try_, lines, bool(data["leaves"]))
     except (KeyError, TypeError):
         raise ProtocolError("the session's answer is not a reply") from None
 
@@ -151,23 +151,23 @@ def encode_state(state: State) -> dict[str, Any]:
     }
 
 
-def decode_state(said: Any) -> State:
+def decode_state(data: Any) -> State:
     """A state from JSON. Raises ProtocolError."""
     try:
         return State(
-            bar=int(said["bar"]),
-            beat=float(said["beat"]),
-            tempo=float(said["tempo"]),
-            playing=tuple((str(who), str(what)) for who, what in said["playing"]),
-            load=float(said["load"]),
-            late=int(said["late"]),
-            level=-math.inf if said["level"] is None else float(said["level"]),
-            quant=str(said["quant"]),
-            recording=None if said["recording"] is None else float(said["recording"]),
-            panicked=bool(said["panicked"]),
-            let_go=bool(said.get("let_go")),
-            troubles=tuple(map(str, said.get("troubles", ()))),
-            drawing=tuple(map(str, said.get("drawing", ()))),
+            bar=int(data["bar"]),
+            beat=float(data["beat"]),
+            tempo=float(data["tempo"]),
+            playing=tuple((str(who), str(what)) for who, what in data["playing"]),
+            load=float(data["load"]),
+            late=int(data["late"]),
+            level=-math.inf if data["level"] is None else float(data["level"]),
+            quant=str(data["quant"]),
+            recording=None if data["recording"] is None else float(data["recording"]),
+            panicked=bool(data["panicked"]),
+            let_go=bool(data.get("let_go")),
+            troubles=tuple(map(str, data.get("troubles", ()))),
+            drawing=tuple(map(str, data.get("drawing", ()))),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("the session's answer is not a state") from None

@@ -88,10 +88,10 @@ class RemoteSession:
 
     def messages(self) -> Sequence[str]:
         """Events since the last call."""
-        found = []
+        messages = []
         while self._messages:
-            found.append(self._messages.popleft())
-        return found
+            messages.append(self._messages.popleft())
+        return messages
 
     def panic(self) -> None:
         """End sound and force at once."""
@@ -134,15 +134,15 @@ class RemoteSession:
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
         """Completions of a line at a column."""
-        found: list[tuple[str, int, str]] = self._ask_briefly(
+        suggestions: list[tuple[str, int, str]] = self._ask_briefly(
             [], "complete", line=line, cursor=cursor
         )
-        return [Suggestion(text, start, hint) for text, start, hint in found]
+        return [Suggestion(text, start, hint) for text, start, hint in suggestions]
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
         """The kinds of a line's words, for colours."""
-        found: list[tuple[int, int, str]] = self._ask_briefly([], "tokens", line=line)
-        return [(start, end, kind) for start, end, kind in found]
+        tokens_found: list[tuple[int, int, str]] = self._ask_briefly([], "tokens", line=line)
+        return [(start, end, kind) for start, end, kind in tokens_found]
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends the text."""
@@ -153,13 +153,13 @@ class RemoteSession:
         if self._connection.is_closed or self._slow:
             return otherwise
         try:
-            found: Answer = self._connection.ask(do, **fields).result(_SHORT_TIMEOUT)
+            answer: Answer = self._connection.ask(do, **fields).result(_SHORT_TIMEOUT)
         except TimeoutError:
             self._slow = True
             return otherwise
         except (ConnectionLostError, RequestRefusedError):
             return otherwise
-        return found
+        return answer
 
     # --- the watching thread -------------------------------------------------------------------
 

@@ -211,11 +211,11 @@ class SessionServer:
         try:
             fields = decode(line)
             number = request_id(fields)
-            do, given = parse_request(fields)
+            do, arguments = parse_request(fields)
             if do == "submit":
-                self._queue_line(prompt, number, **given)
+                self._queue_line(prompt, number, **arguments)
             else:
-                prompt.send(id=number, **{"is": self._handlers[do](prompt, **given)})
+                prompt.send(id=number, **{"is": self._handlers[do](prompt, **arguments)})
             return do
         except ProtocolError as error:
             prompt.send(id=number, error=str(error))

@@ -24,19 +24,19 @@ ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
 
 
 def automate(
-    texts: Texts, piece: Piece, target: str, at: float, kind: str, fields: Mapping[str, str]
+    texts: Texts, piece: Piece, target: str, beat: float, kind: str, fields: Mapping[str, str]
 ) -> Texts:
     """Let a parameter follow a pattern (`set`) or swing (`lfo`) from a beat on.
 
     Replaces earlier automation of the parameter; without an end in `fields` it continues for
     ever. Raises EditError.
     """
-    said: dict[str, edit.Tree] = {kind: target, **fields, "at": written(piece, at)}
-    if not said.keys() & {"times", "until"}:
-        said["until"] = end(piece, at)
+    fields_written: dict[str, edit.Tree] = {kind: target, **fields, "at": written(piece, beat)}
+    if not fields_written.keys() & {"times", "until"}:
+        fields_written["until"] = end(piece, beat)
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
-    texts = texts.append(("automation",), edit.flow(said))
-    texts, _ = _ended(texts, piece, at, target)
+    texts = texts.append(("automation",), edit.flow(fields_written))
+    texts, _ = _ended(texts, piece, beat, target)
     return texts
 
 
@@ -44,7 +44,7 @@ def glide(
     texts: Texts,
     piece: Piece,
     target: str,
-    at: float,
+    beat: float,
     value: str,
     fields: Mapping[str, str],
     value_on: ValueOn,
@@ -55,14 +55,14 @@ def glide(
     """
     head, _, parameter = target.rpartition(".")
     check(piece, target)
-    if value.startswith("x") and _of(texts, piece, target):
+    if value.startswith("x") and _numbers_of(texts, piece, target):
         part, module, _ = _known(piece, head)[0]
         if module.kind != "BANK":
-            now = value_on(piece, (part, module.name), parameter, at)
+            now = value_on(piece, (part, module.name), parameter, beat)
             value = value_text(piece, target, q.factor(value) * now, value_on)
-    entry: dict[str, edit.Tree] = {"set": target, "to": value, **fields, "at": written(piece, at)}
+    entry: dict[str, edit.Tree] = {"set": target, "to": value, **fields, "at": written(piece, beat)}
     texts = texts.append(("automation",), edit.flow(entry))
-    return _ended(texts, piece, at, target)[0]
+    return _ended(texts, piece, beat, target)[0]
 
 
 def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> str:
@@ -95,13 +95,13 @@ def _known(piece: Piece, head: str) -> list[automatable.Automatable]:
     return automatable.named_modules(head, piece.keys, piece.instruments, piece.families)
 
 
-def stop(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
+def stop(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
     """Give a parameter its own value from a beat on. Raises EditError if no automation changes
     it.
     """
-    texts, count = _ended(texts, piece, at, target)
+    texts, count = _ended(texts, piece, beat, target)
     if not count:
-        where = piece.tempo_map.written(at)
+        where = piece.tempo_map.written(beat)
         raise EditError(
             f"no pattern and no lfo controls {target} at {where}, so there is nothing to end"
         )
@@ -113,20 +113,20 @@ def released(texts: Texts, piece: Piece, target: str, at: float) -> Texts:
     return _ended(texts, piece, at, target)[0]
 
 
-def finish(texts: Texts, piece: Piece, at: float) -> Texts:
+def finish(texts: Texts, piece: Piece, beat: float) -> Texts:
     """End endless automation at a beat, for a score that is saved."""
-    for number, one in enumerate(piece.automation):
-        if one.until is not None and END.fullmatch(one.until.text) is not None:
-            until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
+    for number, entry in enumerate(piece.automation):
+        if entry.until is not None and END.fullmatch(entry.until.text) is not None:
+            until = written(piece, max(beat, piece.tempo_map.resolve(entry.at) + 1.0))
             texts = texts.put((*place(texts, "automation", number), "until"), until)
     return texts
 
 
-def end_all(texts: Texts, piece: Piece, at: float) -> Texts:
+def end_all(texts: Texts, piece: Piece, beat: float) -> Texts:
     """Give every parameter its own value from a beat on."""
     for number in reversed(range(len(piece.automation))):
-        if is_automated_from(piece, piece.automation[number], at):
-            texts = _ended_one(texts, piece, at, number)
+        if is_automated_from(piece, piece.automation[number], beat):
+            texts = _ended_one(texts, piece, beat, number)
     return texts
 
 
@@ -135,26 +135,26 @@ def is_automated_from(piece: Piece, one: Automation, at: float) -> bool:
     return ending(piece, one) > at + SAME
 
 
-def ending(piece: Piece, one: Automation) -> float:
+def ending(piece: Piece, entry: Automation) -> float:
     """The beat on which automation ends; infinite if it does not end."""
-    end = math.inf if one.until is None else piece.tempo_map.resolve(one.until)
-    if one.pattern is None:
+    end = math.inf if entry.until is None else piece.tempo_map.resolve(entry.until)
+    if entry.pattern is None:
         return end
-    places = one.steps(piece.tempo_map, piece.seed)
+    places = entry.steps(piece.tempo_map, piece.seed)
     return min(end, places.beat(len(places)))
 
 
-def _ended(texts: Texts, piece: Piece, at: float, target: str) -> tuple[Texts, int]:
+def _ended(texts: Texts, piece: Piece, beat: float, target: str) -> tuple[Texts, int]:
     tempo, count = piece.tempo_map, 0
-    for number in reversed(_of(texts, piece, target)):
-        one = piece.automation[number]
-        is_over = one.until is not None and tempo.resolve(one.until) <= at + SAME
-        if not (is_over and tempo.resolve(one.at) < at - SAME):
-            texts, count = _ended_one(texts, piece, at, number), count + 1
+    for number in reversed(_numbers_of(texts, piece, target)):
+        entry = piece.automation[number]
+        is_over = entry.until is not None and tempo.resolve(entry.until) <= beat + SAME
+        if not (is_over and tempo.resolve(entry.at) < beat - SAME):
+            texts, count = _ended_one(texts, piece, beat, number), count + 1
     return texts, count
 
 
-def _of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
+def _numbers_of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with texts.memory.lock:
         known: dict[tuple[str, str], list[int]]
@@ -162,16 +162,16 @@ def _of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
         if changed := changed_part(before, piece.automation):
             first = changed.start  # those behind it are counted anew
             known = {key: [n for n in numbers if n < first] for key, numbers in known.items()}
-            for number, one in enumerate(piece.automation[first:], first):
-                known.setdefault((one.target.text, one.parameter), []).append(number)
+            for number, entry in enumerate(piece.automation[first:], first):
+                known.setdefault((entry.target.text, entry.parameter), []).append(number)
         texts.memory.hold("automation by target", None, (piece.automation, known))
     head, _, parameter = target.rpartition(".")
     numbers: Sequence[int] = known.get((head, parameter), ())
     return numbers
 
 
-def _ended_one(texts: Texts, piece: Piece, at: float, number: int) -> Texts:
+def _ended_one(texts: Texts, piece: Piece, beat: float, number: int) -> Texts:
     """End automation on a beat, or remove it if it would begin then or later."""
-    if piece.tempo_map.resolve(piece.automation[number].at) >= at - SAME:
+    if piece.tempo_map.resolve(piece.automation[number].at) >= beat - SAME:
         return dropped(texts, "automation", number)
-    return texts.put((*place(texts, "automation", number), "until"), written(piece, at))
+    return texts.put((*place(texts, "automation", number), "until"), written(piece, beat))

@@ -30,8 +30,10 @@ class Entry:
 
     def with_fields(self, **fields: str | None) -> Entry:
         """The entry with other fields; None removes one."""
-        said = {**self.fields, **fields}
-        return replace(self, fields={name: text for name, text in said.items() if text is not None})
+        merged_fields = {**self.fields, **fields}
+        return replace(
+            self, fields={name: text for name, text in merged_fields.items() if text is not None}
+        )
 
     def at(self, where: str) -> Entry:
         """The entry from a position on."""
@@ -43,21 +45,21 @@ class Entry:
 
     def flow(self) -> str:
         """The entry as an item of a list."""
-        said: dict[str, edit.Tree] = dict(self.fields)
+        tree: dict[str, edit.Tree] = dict(self.fields)
         if self.do:
-            said["do"] = list(self.do)
-        return edit.flow(said)
+            tree["do"] = list(self.do)
+        return edit.flow(tree)
 
     def words(self) -> str:
         """The entry as the words of a row, after its position."""
-        said = [self.fields["play"]]
+        words_written = [self.fields["play"]]
         for name, text in self.fields.items():
             if name == words.NTH:
-                said += ["every", text]
+                words_written += ["every", text]
             elif name in words.OPTIONS and name != "at":
                 is_flag = words.OPTIONS[name] is None
-                said += ([name] if text == "true" else []) if is_flag else [name, text]
-        return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
+                words_written += ([name] if text == "true" else []) if is_flag else [name, text]
+        return " ".join([*words_written, *(["do", ", ".join(self.do)] if self.do else [])])
 
 
 def _in_place(do: str) -> str:
@@ -81,32 +83,34 @@ class Line:
     starts: Sequence[float] | None  # None: only the take's file tells
     row: str | None = None  # of a table, as written
 
-    def is_open(self, at: float, piece: Piece) -> bool:
+    def is_open(self, beat: float, piece: Piece) -> bool:
         """Whether an entry began before a beat and begins again on it or later."""
-        if self.begin >= at - SAME:
+        if self.begin >= beat - SAME:
             return False
         if self.starts is not None:
-            return bool(self.starts) and self.starts[-1] >= at - SAME
+            return bool(self.starts) and self.starts[-1] >= beat - SAME
         if self.play.until is not None:
-            return piece.tempo_map.resolve(self.play.until) > at + SAME
+            return piece.tempo_map.resolve(self.play.until) > beat + SAME
         return self.play.times not in (None, 1)
 
-    def count_before(self, at: float) -> int:
+    def count_before(self, beat: float) -> int:
         """The number of beginnings of the entry, or of places of its pattern, that lie before a
         beat.
         """
-        return n_before(self.starts or (), at - SAME)
+        return n_before(self.starts or (), beat - SAME)
 
-    def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
-        """The entry with only its beginnings from number `first` to before `last`; `at` writes
-        beats.
+    def part(self, first: int, last: int, written_at: Callable[[float], str]) -> Entry:
+        """The entry with only its beginnings from number `first` to before `last`; `written_at`
+        writes beats.
         """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
             count = last - first
-            entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
+            entry = self.entry.with_fields(
+                at=written_at(starts[first]), until=None, times=str(count)
+            )
             return entry if count > 1 else entry.with_fields(every=None, times=None)
-        return self.entry.with_fields(**starts.part(first, last, at))
+        return self.entry.with_fields(**starts.part(first, last, written_at))
 
 
 def parse_entry(text: str) -> Entry:
@@ -129,13 +133,13 @@ def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[
     `since` or later.
     """
     last = since - SAME
-    own = [
+    player_lines = [
         number
         for number, (_, starts) in enumerate(_plays(piece, player))
         if starts is None
         or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf) >= last
     ]
-    return [*_lines(texts, piece, player, own)]
+    return [*_lines(texts, piece, player, player_lines)]
 
 
 def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[Line]:
@@ -162,7 +166,7 @@ def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> I
         play, starts = plays[number]
         begin = piece.tempo_map.resolve(play.at)
         if isinstance(node, document.Sequence):
-            yield Line(number, _of_item(node.items[number]), play, begin, starts)
+            yield Line(number, _entry_of_item(node.items[number]), play, begin, starts)
         else:
             place, entry, row = rows[number]
             yield Line(place, entry, play, begin, starts, row)
@@ -184,22 +188,28 @@ class PartEdit:
         """This change as the edit of a list."""
         path = ("parts", self.player)
 
-        def changed(own: document.Document, lacks: int) -> str:
+        def changed(list_document: document.Document, lacks: int) -> str:
             for line in self.closed:
                 item = (*path, line.number - lacks)
                 try:
-                    text = edit.put(own, (*item, "until"), self.until)
+                    text = edit.put(list_document, (*item, "until"), self.until)
                 except EditError:  # an alias cannot be edited: write the entry out
-                    text = edit.put(own, item, line.entry.with_fields(until=self.until).flow())
-                own = edit.read(text, own.file)
+                    text = edit.put(
+                        list_document, item, line.entry.with_fields(until=self.until).flow()
+                    )
+                list_document = edit.read(text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
             if self.new:
                 flows = [entry.flow() for entry in self.new]
-                own = edit.read(edit.extend(own, path, flows, SECTIONS), own.file)
+                list_document = edit.read(
+                    edit.extend(list_document, path, flows, SECTIONS), list_document.file
+                )
             if self.dropped:
-                return edit.remove(own, *((*path, line.number - lacks) for line in self.dropped))
-            return own.text
+                return edit.remove(
+                    list_document, *((*path, line.number - lacks) for line in self.dropped)
+                )
+            return list_document.text
 
         numbers = [line.number for line in self.closed]
         numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
@@ -213,11 +223,13 @@ class PartEdit:
         }
         rows |= dict.fromkeys(line.number for line in self.dropped)
 
-        def changed(own: document.Document) -> str:
-            text = own.text
+        def changed(table_document: document.Document) -> str:
+            text = table_document.text
             for entry in self.new:
-                text = edit.add_row(edit.read(text, own.file), path, _aligned(entry, table))
-            return edit.put_rows(edit.read(text, own.file), path, rows) if rows else text
+                text = edit.add_row(
+                    edit.read(text, table_document.file), path, _aligned(entry, table)
+                )
+            return edit.put_rows(edit.read(text, table_document.file), path, rows) if rows else text
 
         return changed
 
@@ -229,13 +241,13 @@ def change(texts: Texts, *edits: PartEdit) -> Texts:
     """
     lists: list[ListEdit] = []
     tables: list[Callable[[document.Document], str]] = []
-    for one in edits:
-        if one.closed or one.dropped or one.new:
-            node = _part(texts, one.player)
+    for part_edit in edits:
+        if part_edit.closed or part_edit.dropped or part_edit.new:
+            node = _part(texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
-                tables.append(one.of_table(node.text))
+                tables.append(part_edit.of_table(node.text))
             else:
-                lists.append(one.of_list())
+                lists.append(part_edit.of_list())
     texts = texts.edited_lists(lists) if lists else texts
     for table in tables:
         texts = texts.edited("parts", table)
@@ -247,7 +259,7 @@ def _part(texts: Texts, player: str) -> Node | None:
     return parts.get(player) if isinstance(parts, document.Mapping) else None
 
 
-def _of_item(item: Node) -> Entry:
+def _entry_of_item(item: Node) -> Entry:
     assert isinstance(item, document.Mapping)
     fields = {
         name: child.text
@@ -266,10 +278,12 @@ def _of_item(item: Node) -> Entry:
 def _closed(line: Line, until: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
     row = line.row or ""
-    said = words.parse_row(row).play.options.get("until")
-    if said is None:
+    until_text = words.parse_row(row).play.options.get("until")
+    if until_text is None:
         return f"{row.strip()} until {until}"
-    return (row[: said.offset] + until + row[said.offset + len(said.text) :]).strip()
+    return (
+        row[: until_text.offset] + until + row[until_text.offset + len(until_text.text) :]
+    ).strip()
 
 
 def _aligned(entry: Entry, table: str) -> str:
@@ -278,5 +292,5 @@ def _aligned(entry: Entry, table: str) -> str:
     for row, _ in words.rows(table):
         cell = re.match(r"\S+\s+", row.strip())
         width = cell.end() if cell else width
-    at = entry.fields["at"]
-    return f"{at.ljust(width - 1)} {entry.words()}"
+    start_text = entry.fields["at"]
+    return f"{start_text.ljust(width - 1)} {entry.words()}"

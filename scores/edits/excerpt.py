@@ -42,29 +42,29 @@ def keep(
     Raises EditError if nothing begins there.
     """
     window = _Window(piece, start, stop, value_on)
-    kept = texts.put(("title",), edit.quoted(name))
-    found = False
+    excerpt = texts.put(("title",), edit.quoted(name))
+    is_included = False
     changes = []
     for player in piece.players:
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
-        found = found or bool(chosen)
+        is_included = is_included or bool(chosen)
         changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
-    kept = entries.change(kept, *changes)
+    excerpt = entries.change(excerpt, *changes)
     for strikes in piece.strikes:
-        kept, is_in = window.strikes(kept, strikes)
-        found = found or is_in
-    if not found:
+        excerpt, is_in = window.strikes(excerpt, strikes)
+        is_included = is_included or is_in
+    if not is_included:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = space.kept(kept, piece, start)
+    excerpt = space.kept(excerpt, piece, start)
     end = window.at(stop)
     end = end if "|" in end else f"{end}beats"
-    kept = window.automation(window.duet(kept)).put(("marks", END), end)
+    excerpt = window.automation(window.duet(excerpt)).put(("marks", END), end)
     if piece.render.file is not None:
-        kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
+        excerpt = excerpt.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.
-    return window.tempo(kept)
+    return window.tempo(excerpt)
 
 
 _PIECES = 32  # of a glide that is cut
@@ -89,9 +89,9 @@ class _Window:
         """
         beats = max(0.0, beats - self.start)
         bar, _ = self.map.bar_beat(self.start)
-        whole, beat = self.map.bar_beat(self.start + beats)
+        full_bars, beat = self.map.bar_beat(self.start + beats)
         if abs(self.map.bars.start(bar) - self.start) < SAME:
-            return f"{whole - bar + 1}|{beat:.12g}"
+            return f"{full_bars - bar + 1}|{beat:.12g}"
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
     def of(self, line: entries.Line) -> entries.Entry | None:
@@ -114,40 +114,40 @@ class _Window:
         begin = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
-            kept = only(texts, self.piece, strikes, self.start, self.stop, self.at)
-            return kept, bool(self.within(falls))
+            excerpt = only(texts, self.piece, strikes, self.start, self.stop, self.at)
+            return excerpt, bool(self.within(falls))
         stop = begin if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
-        said: dict[str, str | None] = {"for": None, "until": None}
+        changed_fields: dict[str, str | None] = {"for": None, "until": None}
         if strikes.passing is not None:  # `for` is the time of one pass
-            del said["for"]
+            del changed_fields["for"]
         if strikes.pattern is not None:
             places = strikes.steps(self.piece)
             since, until = (n_before(places, at - SAME) for at in (self.start, self.stop))
             if since == until:
                 return texts.remove(path), False
-            said |= places.part(since, until, self.at)
+            changed_fields |= places.part(since, until, self.at)
         elif strikes.rate is not None:
             first, last = max(begin, self.start), min(stop, self.stop)
             if last <= first + SAME:
                 return texts.remove(path), False
-            said |= {"at": self.at(first), "until": self.at(last)}
+            changed_fields |= {"at": self.at(first), "until": self.at(last)}
         else:
             end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
-            found = (
+            window_starts = (
                 strikes.rounds(self.map)
                 if strikes.has_rounds
                 else starts(self.map, begin, Length(), every=every, times=times, until=end)
             )
-            inside = self.within(found)
+            inside = self.within(window_starts)
             if not inside:
                 return texts.remove(path), False
-            said |= {"at": self.at(inside[0])}
+            changed_fields |= {"at": self.at(inside[0])}
             if every is not None or strikes.has_rounds:
-                said |= {"times": str(len(inside))}
-        return self._said(texts, path, said), True
+                changed_fields |= {"times": str(len(inside))}
+        return self._with_fields(texts, path, changed_fields), True
 
     def duet(self, texts: Texts) -> Texts:
         """Couplings cut to the window."""
@@ -159,79 +159,81 @@ class _Window:
                 texts = dropped(texts, "duet", number)
                 continue
             until = self.at(end) if coupling.until is not None and end < self.stop else None
-            said = {"at": self.at(begin), "until": until}
-            texts = self._said(texts, place(texts, "duet", number), said)
+            fields = {"at": self.at(begin), "until": until}
+            texts = self._with_fields(texts, place(texts, "duet", number), fields)
         return texts
 
     def automation(self, texts: Texts) -> Texts:
         """Automation cut to the window."""
         for number in reversed(range(len(self.piece.automation))):
-            one = self.piece.automation[number]
-            begin = self.map.resolve(one.at)
-            end = math.inf if one.until is None else self.map.resolve(one.until)
-            said: dict[str, str | None] = {"at": self.at(begin)}
-            if one.points:
-                texts = self._glide(texts, number, one, begin, end)
+            entry = self.piece.automation[number]
+            begin = self.map.resolve(entry.at)
+            end = math.inf if entry.until is None else self.map.resolve(entry.until)
+            fields: dict[str, str | None] = {"at": self.at(begin)}
+            if entry.points:
+                texts = self._glide(texts, number, entry, begin, end)
                 continue
-            places = None if one.pattern is None else one.steps(self.map, self.piece.seed)
+            places = None if entry.pattern is None else entry.steps(self.map, self.piece.seed)
             if places is not None:
                 end = min(end, places.beat(len(places)))
             if begin >= self.stop - SAME or end <= self.start + SAME:
                 texts = dropped(texts, "automation", number)
                 continue
             if end < math.inf:
-                said["until"] = self.at(min(end, self.stop))
+                fields["until"] = self.at(min(end, self.stop))
             if begin < self.start - SAME and places is not None:
                 first = n_before(places, self.start - SAME)
                 if first == len(places):
                     texts = dropped(texts, "automation", number)
                     continue
-                said |= places.part(first, len(places), self.at)
-                said["until"] = self.at(min(end, self.stop))
-            elif begin < self.start - SAME and one.swing is not None:
-                period = self.map.after(begin, one.swing.period) - begin
-                phase = (one.swing.phase + (self.start - begin) / period) % 1.0
-                said["phase"] = f"{phase:.12g}"
-            elif begin < self.start - SAME and one.moves:
+                fields |= places.part(first, len(places), self.at)
+                fields["until"] = self.at(min(end, self.stop))
+            elif begin < self.start - SAME and entry.swing is not None:
+                period = self.map.after(begin, entry.swing.period) - begin
+                phase = (entry.swing.phase + (self.start - begin) / period) % 1.0
+                fields["phase"] = f"{phase:.12g}"
+            elif begin < self.start - SAME and entry.moves:
                 node = items(texts, "automation")[number]
                 written = node.get("start") if isinstance(node, Mapping) else None
                 before = q.quantity(written.text, q.RATIO) if isinstance(written, Scalar) else 0.0
                 past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin)
-                said["start"] = f"{before + past:.12g}"
-            texts = self._said(texts, place(texts, "automation", number), said)
+                fields["start"] = f"{before + past:.12g}"
+            texts = self._with_fields(texts, place(texts, "automation", number), fields)
         return texts
 
-    def _glide(self, texts: Texts, number: int, one: Automation, begin: float, end: float) -> Texts:
+    def _glide(
+        self, texts: Texts, number: int, entry: Automation, begin: float, end: float
+    ) -> Texts:
         """A glide cut to the window: one that began before becomes a curve."""
         if begin >= self.stop - SAME or end <= self.start + SAME:
             return dropped(texts, "automation", number)
-        said: dict[str, str | None] = {"at": self.at(begin)}
+        fields: dict[str, str | None] = {"at": self.at(begin)}
         if end < math.inf:
-            said["until"] = self.at(min(end, self.stop))
+            fields["until"] = self.at(min(end, self.stop))
         if begin < self.start - SAME and self.value_on is not None:
-            said |= {"at": self.at(self.start), "over": None, "curve": None}
-            piece, where, tempo = self.piece, (one.target.part, one.target.module), self.map
-            if one.over is not None:
-                ended = tempo.after(begin, one.over)
+            fields |= {"at": self.at(self.start), "over": None, "curve": None}
+            piece, where, tempo = self.piece, (entry.target.part, entry.target.module), self.map
+            if entry.over is not None:
+                ended = tempo.after(begin, entry.over)
             else:
-                ended = tempo.beats(tempo.instant(begin, one.points[-1].at))
+                ended = tempo.beats(tempo.instant(begin, entry.points[-1].at))
             left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
             points = []
             for step in range(_PIECES + 1 if left > 0.0 else 1):
-                at = left * step / _PIECES
-                beat = tempo.beats(tempo.seconds(self.start) + at)
-                value = self.value_on(self.piece, where, one.parameter, beat)
-                word = value_text(piece, one.name, value, self.value_on)
-                points.append(f"{word}@{at:.12g}s")
-            said["to"] = " line ".join(points)
-        return self._said(texts, place(texts, "automation", number), said)
+                offset = left * step / _PIECES
+                beat = tempo.beats(tempo.seconds(self.start) + offset)
+                value = self.value_on(self.piece, where, entry.parameter, beat)
+                word = value_text(piece, entry.name, value, self.value_on)
+                points.append(f"{word}@{offset:.12g}s")
+            fields["to"] = " line ".join(points)
+        return self._with_fields(texts, place(texts, "automation", number), fields)
 
     def tempo(self, texts: Texts) -> Texts:
         """Write the tempo and meter at the start of the window, and the changes that follow."""
         _, _, meter = [c for c in self.map.bars.changes() if c[0] <= self.start + SAME][-1]
         first: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first["meter"] = str(meter)
-        said = [first]
+        entries_written = [first]
         for begin, entry in self.map.placed:
             end = begin if entry.over is None else self.map.after(begin, entry.over)
             if begin >= self.stop - SAME or max(begin, end) <= self.start + SAME:
@@ -250,15 +252,15 @@ class _Window:
                 more["over"] = f"{end - begin:.12g}"
             if entry.meter is not None:
                 more["meter"] = str(entry.meter)
-            said.append(more)
+            entries_written.append(more)
         for section in ("tempo", "meter"):  # what files say of them is written out
             if items(texts, section):
                 texts = texts.remove((section,))
-        for one in said:
-            texts = texts.append(("tempo",), edit.flow(one))
+        for change in entries_written:
+            texts = texts.append(("tempo",), edit.flow(change))
         return texts
 
-    def _said(self, texts: Texts, path: edit.Path, fields: dict[str, str | None]) -> Texts:
+    def _with_fields(self, texts: Texts, path: edit.Path, fields: dict[str, str | None]) -> Texts:
         """Set fields of an entry; None removes a field."""
         for name, text in fields.items():
             if text is not None:

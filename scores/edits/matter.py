@@ -92,9 +92,9 @@ def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     part, _, name = target.rpartition(".")
     if name == TRANSPOSE:
         return _set_transposition(texts, part, value)
-    made = piece.instruments.get(part)
-    if name == "f" and made is not None and automatable.whole(made) is not None:
-        return _set_pitch(texts, made, value)
+    instrument = piece.instruments.get(part)
+    if name == "f" and instrument is not None and automatable.whole(instrument) is not None:
+        return _set_pitch(texts, instrument, value)
     if name == "f" and part in piece.families:
         raise EditError(
             f"the notes of {quote(part)} have pitches of their own; move them all by an interval: "
@@ -112,11 +112,11 @@ def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
             elif isinstance(here, dict) and field in here:
                 texts = texts.remove((*home, field), file=owner.file)
         return texts
-    said = {field: text for field, text in changes.items() if text is not None}
+    texts_by_field = {field: text for field, text in changes.items() if text is not None}
     if not owner.module:
-        return texts.put((*owner.base, owner.kind), edit.flow(said), owner.file)
+        return texts.put((*owner.base, owner.kind), edit.flow(texts_by_field), owner.file)
     path = (*owner.base, "modules", owner.module)
-    return texts.put(path, edit.flow({owner.kind: said}), owner.file)
+    return texts.put(path, edit.flow({owner.kind: texts_by_field}), owner.file)
 
 
 def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
@@ -138,11 +138,11 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
         )
     node = owner.said.nodes.get(name)
     items = node.items if isinstance(node, document.Sequence) else [node]
-    said = [
+    words_written = [
         changes[i] if i in changes else item.text if isinstance(item, Scalar) else ""
         for i, item in enumerate(items)
     ]
-    text = f"[{', '.join(said)}]"
+    text = f"[{', '.join(words_written)}]"
     if not owner.module:
         if owner.own.kind:
             return texts.put((*owner.base, owner.kind, name), text, owner.file)
@@ -154,33 +154,36 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
     return texts.put(path, f"{{{owner.kind}: {{{name}: {text}}}}}", owner.file)
 
 
-def _set_pitch(texts: Texts, made: Instrument, value: str) -> Texts:
+def _set_pitch(texts: Texts, instrument: Instrument, value: str) -> Texts:
     """Set the named pitch of an instrument of several modules. Raises EditError."""
     names, _ = texts.names()
-    entry = names.tables["instruments"].get(made.name)
+    entry = names.tables["instruments"].get(instrument.name)
     if entry is None or not isinstance(entry.values, Values):
         raise EditError(
-            f"{made.name} is one note of an instrument, whose pitch cannot be set at once; write "
+            f"{instrument.name} is one note of an instrument, whose pitch cannot be set at once; "
+            "write "
             "`over` and a length, or set its modules"
         )
-    own, file = entry.values, entry.values.node.document.file
-    path = ("instruments", own.context.name)
-    assert made.pitch is not None
-    wanted = k.PITCH.parse(value) if not value.startswith("x") else made.pitch * q.factor(value)
-    if own.written("like", "from"):
+    values, file = entry.values, entry.values.node.document.file
+    path = ("instruments", values.context.name)
+    assert instrument.pitch is not None
+    wanted = (
+        k.PITCH.parse(value) if not value.startswith("x") else instrument.pitch * q.factor(value)
+    )
+    if values.written("like", "from"):
         texts = texts.put((*path, "f"), f"{wanted!r}Hz" if value.startswith("x") else value, file)
-        is_moved = own.written("transpose")
+        is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    begun = named_pitch(own)  # the written pitch, which `transpose` moves
+    begun = named_pitch(values)  # the written pitch, which `transpose` moves
     assert begun is not None
     step = between(begun, wanted)
     if step.ratio == 1.0:
-        is_moved = own.written("transpose")
+        is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    said = f"x{step.ratio!r}" if step.cents is None else f"{step.cents:g}cents"
+    change_text = f"x{step.ratio!r}" if step.cents is None else f"{step.cents:g}cents"
     if step.cents is not None and not step.cents % 100.0:
-        said = f"{step.cents / 100.0:g}st"
-    return texts.put((*path, "transpose"), said, file)
+        change_text = f"{step.cents / 100.0:g}st"
+    return texts.put((*path, "transpose"), change_text, file)
 
 
 def _set_transposition(texts: Texts, part: str, value: str) -> Texts:
@@ -225,15 +228,15 @@ def gain(texts: Texts, name: str | None, level: str) -> Texts:
         if _node(texts, ("mix",), texts.path) is None:
             raise EditError("the score has no mix, so it has no master gain")
         return texts.put(("mix", "master", "gain"), level)
-    found = False
+    is_routed = False
     for number, route in enumerate(items(texts, "mix", "route")):
         source = route.get("from") if isinstance(route, document.Mapping) else None
         if isinstance(source, Scalar) and (
             source.text == name or source.text.startswith(f"{name}.")
         ):
             texts = texts.put((*place(texts, "mix", number, "route"), "gain"), level)
-            found = True
-    if not found:
+            is_routed = True
+    if not is_routed:
         raise EditError(f"no route comes from {quote(name)}")
     return texts
 
@@ -250,21 +253,21 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
             values, _ = uses.resolved(section, entry)
             if values is None:
                 raise EditError(f"the definition of {quote(part)} has mistakes")
-            own = entry.values
-            path: tuple[str, ...] = (section, own.context.name)
+            part_values = entry.values
+            path: tuple[str, ...] = (section, part_values.context.name)
             if (values["notes"] or ()) if section == "instruments" else ():
-                found = _member(values, own, words[count])
-                if found is not None:
-                    note, values, own = found
+                member_found = _member(values, part_values, words[count])
+                if member_found is not None:
+                    note, values, part_values = member_found
                     part, path, count = f"{part}.{note}", (*path, "members", note), count + 1
             module, name = ".".join(words[count:-1]), words[-1]
-            said, kind = _fields(values, module, target)
+            fields_written, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
-            owner = _Owner(part, section, own, path, module, kind, said, is_ca)
+            owner = _Owner(part, section, part_values, path, module, kind, fields_written, is_ca)
             is_space = section == "instruments" and values["space"] > 1
             known = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
-            if name not in known.by_name and name not in said.free:
-                fields = ", ".join([*known.by_name, *said.free])
+            if name not in known.by_name and name not in fields_written.free:
+                fields = ", ".join([*known.by_name, *fields_written.free])
                 raise EditError(
                     f"{quote(target)}: the field {quote(name)} does not "
                     f"exist; the fields are {fields}"
@@ -273,29 +276,29 @@ def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
     raise EditError(f"{quote(target)} is not a field of a key or an instrument")
 
 
-def _member(values: Values, own: Values, word: str) -> tuple[str, Values, Values] | None:
+def _member(values: Values, part_values: Values, word: str) -> tuple[str, Values, Values] | None:
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
     wanted = notes.pitch(word)
     for note in values["notes"]:
         if notes.pitch(note) == wanted:
-            written = overlay.member(own, wanted or 0.0)
+            written = overlay.member(part_values, wanted or 0.0)
             if written is None:
-                written = Values(member_table("si"), own.node, own.context)
+                written = Values(member_table("si"), part_values.node, part_values.context)
             else:
-                note = next(w for w in own["members"] if notes.pitch(w) == wanted)
-            whole = own.given.get(TRANSPOSE)
-            interval = overlay.both(whole, written.given.get(TRANSPOSE))
+                note = next(w for w in part_values["members"] if notes.pitch(w) == wanted)
+            member_interval = part_values.given.get(TRANSPOSE)
+            interval = overlay.both(member_interval, written.given.get(TRANSPOSE))
             if interval is not None:
                 written = replace(written, given={**written.given, TRANSPOSE: interval})
-            return note, overlay.at(values, note, whole), written
+            return note, overlay.at(values, note, member_interval), written
     return None
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
     """The fields of a module (or of the only module of a part), and its kind."""
-    kind, said = values.kind, values
+    kind, fields = values.kind, values
     if module:
         body = (values["modules"] or {}).get(module)
         if not isinstance(body, Values):
@@ -304,11 +307,11 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
                 f"{quote(target)}: the module {quote(module)} does not "
                 f"exist; the modules are {known}"
             )
-        kind, said = body.kind, body
+        kind, fields = body.kind, body
     elif values.written("modules"):
         known = ", ".join(values["modules"] or {})
         raise EditError(f"{quote(target)}: name one of its modules: {known}")
-    inner = said.given.get(kind) if kind else said
+    inner = fields.given.get(kind) if kind else fields
     assert isinstance(inner, Values)
     return inner, kind
 
@@ -353,8 +356,8 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
 
 def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     """The current values in SI units, including those of a measured key."""
-    made = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
-    for module in made.modules if made is not None else ():
+    part = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
+    for module in part.modules if part is not None else ():
         if module.name == owner.module:
             return module.fields
     return owner.said.given
@@ -377,7 +380,7 @@ def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -
         return changes
     is_root = not owner.own.written("like", "from")
     table = KINDS[owner.kind].table
-    said = dict(changes)
+    changes_written = dict(changes)
     for name, text in changes.items():
         is_moved = is_root or (home == owner.base and name == "f")
         shape = table.by_name[name].shape if name in table.by_name else None
@@ -389,8 +392,8 @@ def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -
             continue  # reported where the score is read
         before = moved(name, value, interval.back())
         if before != value and isinstance(before, float):
-            said[name] = f"{before!r}{_UNITS.get(name, '')}"
-    return said
+            changes_written[name] = f"{before!r}{_UNITS.get(name, '')}"
+    return changes_written
 
 
 def _plain(now: Mapping[str, object]) -> dict[str, float]:

@@ -43,21 +43,21 @@ def merged(before: Texts, now: Texts, typed: Texts) -> tuple[Texts, list[Spot]]:
 
     Raises EditError if a text cannot be read.
     """
-    made, dropped = _with(before, now, typed, [*changed(before, typed)])
-    if made.load().piece is not None:
-        return made, dropped
+    merge, dropped = _with(before, now, typed, [*changed(before, typed)])
+    if merge.load().piece is not None:
+        return merge, dropped
     # Some typed value needs something that the files no longer have: find the values that can be
     # kept.
-    made, dropped, left = now, [], [*changed(before, typed)]
+    merge, dropped, left = now, [], [*changed(before, typed)]
     count = -1
     while count != len(left):
         count = len(left)
         for spot in left[:]:
-            one, lost = _with(before, made, typed, [spot])
-            if lost or one.load().piece is not None:
+            single, lost = _with(before, merge, typed, [spot])
+            if lost or single.load().piece is not None:
                 left.remove(spot)
-                made, dropped = (made, [*dropped, spot]) if lost else (one, dropped)
-    return made, [*dropped, *left]
+                merge, dropped = (merge, [*dropped, spot]) if lost else (single, dropped)
+    return merge, [*dropped, *left]
 
 
 def changed(before: Texts, after: Texts) -> Iterator[Spot]:
@@ -71,13 +71,13 @@ def changed(before: Texts, after: Texts) -> Iterator[Spot]:
 
 def differ(a: Texts, b: Texts, spot: Spot) -> bool:
     """Whether two texts have different values at a place."""
-    return _at(a, spot) != _at(b, spot)
+    return _value_of(a, spot) != _value_of(b, spot)
 
 
 def _with(before: Texts, now: Texts, typed: Texts, spots: list[Spot]) -> tuple[Texts, list[Spot]]:
     dropped = []
     for spot in spots:
-        had, want, there = _at(before, spot), _at(typed, spot), _at(now, spot)
+        had, want, there = _value_of(before, spot), _value_of(typed, spot), _value_of(now, spot)
         if there == want:
             continue
         if there != had or _text(now, spot.file) is None:
@@ -161,11 +161,11 @@ def _differing(old: _Value, new: _Value, path: edit.Path) -> Iterator[edit.Path]
         yield from _differing(_entry(old, name), _entry(new, name), (*path, name))
 
 
-def _at(texts: Texts, spot: Spot) -> _Value:
-    said: _Value = _tree(_text(texts, spot.file), spot.file)
+def _value_of(texts: Texts, spot: Spot) -> _Value:
+    spot_value: _Value = _tree(_text(texts, spot.file), spot.file)
     for name in spot.path:
-        said = _entry(said, name)
-    return said
+        spot_value = _entry(spot_value, name)
+    return spot_value
 
 
 def _entry(said: _Value, name: str | int) -> _Value:

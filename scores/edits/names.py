@@ -29,29 +29,29 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
     """
     names, _ = texts.names()
     entry = names.tables["gestures"].get(name)
-    said = edit.quoted(notation)
+    notation_text = edit.quoted(notation)
     if entry is None:
         if "." in name:
             raise EditError(f"no file that the score uses defines a gesture {name}")
-        return texts.put(("gestures", name), said)
+        return texts.put(("gestures", name), notation_text)
     if not isinstance(entry.values, Values):
         raise EditError(f"the definition of {name} has mistakes")
     node, file = entry.values.node, entry.values.node.document.file
     path = ("gestures", entry.values.context.name)
     if isinstance(node, Scalar) and not node.is_empty:
-        return texts.put(path, said, file)
+        return texts.put(path, notation_text, file)
     if isinstance(node, document.Mapping) and "points" in node.entries:
         if len(node.entries) == 1:
-            return texts.put(path, said, file)
-        texts = texts.put((*path, "notation"), said, file)
+            return texts.put(path, notation_text, file)
+        texts = texts.put((*path, "notation"), notation_text, file)
         return texts.remove((*path, "points"), file=file)
-    return texts.put((*path, "notation"), said, file)
+    return texts.put((*path, "notation"), notation_text, file)
 
 
 def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
     """Define a take of a recording. Raises EditError."""
-    said: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
-    return texts.put(("takes", name), edit.flow(said))
+    take_fields: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
+    return texts.put(("takes", name), edit.flow(take_fields))
 
 
 def seed(texts: Texts, number: int) -> Texts:

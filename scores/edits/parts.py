@@ -22,55 +22,55 @@ from ergon.scores.reading.patterns import PATTERN_FIELDS
 from ergon.scores.reading.piece import Piece
 
 
-def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Texts:
+def play(texts: Texts, piece: Piece, player: str, beat: float, entry: Entry) -> Texts:
     """Let a player play an entry from a beat on.
 
     `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    entry = entry.at(written(piece, at))
+    entry = entry.at(written(piece, beat))
     if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
-        entry = entry.with_fields(until=end(piece, at))
-    return entries.change(texts, ending(texts, piece, _known(piece, player), at, [entry]))
+        entry = entry.with_fields(until=end(piece, beat))
+    return entries.change(texts, ending(texts, piece, _known(piece, player), beat, [entry]))
 
 
-def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
+def transform(texts: Texts, piece: Piece, player: str, beat: float, chain: Sequence[str]) -> Texts:
     """Add transformations to what a player plays; the next occurrence keeps its beat.
 
     Entries that begin on this beat are transformed as a whole; a gesture that plays once and has
     not ended begins again. Raises EditError.
     """
-    lines = entries.lines(texts, piece, _known(piece, player), at)
-    playing = [line for line in lines if line.is_open(at, piece)]
-    begins = [line for line in lines if abs(line.begin - at) < SAME]
+    lines = entries.lines(texts, piece, _known(piece, player), beat)
+    playing = [line for line in lines if line.is_open(beat, piece)]
+    begins = [line for line in lines if abs(line.begin - beat) < SAME]
     if not (playing or begins):
         newest = entries.newest_first(texts, piece, player)
-        playing = [*islice(filter(None, (_under_way(line, piece, at) for line in newest)), 1)]
+        playing = [*islice(filter(None, (_under_way(line, piece, beat) for line in newest)), 1)]
     if not (playing or begins):
-        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
+        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(beat)}")
     closed, new = [], []
     for line in playing:
         more = Entry(line.entry.fields, (*line.entry.do, *chain))
-        if line.is_open(at, piece):
+        if line.is_open(beat, piece):
             closed.append(line)
-            more = _rest_of(line, piece, more, at)
+            more = _rest_of(line, piece, more, beat)
         else:
             always = takewhile(lambda do: not is_turn(do), line.entry.do)
             more = Entry(line.entry.fields, (*always, *chain))
-            more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
+            more = more.with_fields(at=written(piece, beat), every=None, times=None, until=None)
         new.append(more)
     new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
-    return entries.change(texts, PartEdit(player, written(piece, at), closed, begins, new))
+    return entries.change(texts, PartEdit(player, written(piece, beat), closed, begins, new))
 
 
-def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) -> entries.Entry:
+def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, beat: float) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `entry`."""
     starts = line.starts or ()
-    done = line.count_before(at)
+    done = line.count_before(beat)
     if isinstance(starts, Steps) and done < len(starts):
         left = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
         until = None if "times" in entry.fields else entry.fields.get("until")
         return left if until is None else left.with_fields(until=until)
-    more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else at))
+    more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else beat))
     if done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
         return more.with_fields(skip=str(done))
     if done < len(starts) and "times" in more.fields:
@@ -78,48 +78,48 @@ def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) 
     return more
 
 
-def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
+def rest(texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
     """End the part of a player (None: of all), or strikes, at a beat. Raises EditError."""
-    if player is not None and (own := strikes.named(piece, player)):
-        for one in own:
-            texts = strikes.end(texts, piece, one, at)
+    if player is not None and (named_strikes := strikes.named(piece, player)):
+        for strikes_entry in named_strikes:
+            texts = strikes.end(texts, piece, strikes_entry, beat)
         return texts
     names = piece.players if player is None else (_known(piece, player),)
-    return entries.change(texts, *(ending(texts, piece, name, at) for name in names))
+    return entries.change(texts, *(ending(texts, piece, name, beat) for name in names))
 
 
 def ending(
-    texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()
+    texts: Texts, piece: Piece, player: str, beat: float, new: Sequence[Entry] = ()
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
-    lines = entries.lines(texts, piece, player, at)
-    closed = [line for line in lines if line.is_open(at, piece)]
-    later = [line for line in lines if line.begin >= at - SAME]
-    return PartEdit(player, written(piece, at), closed, later, new)
+    lines = entries.lines(texts, piece, player, beat)
+    closed = [line for line in lines if line.is_open(beat, piece)]
+    later = [line for line in lines if line.begin >= beat - SAME]
+    return PartEdit(player, written(piece, beat), closed, later, new)
 
 
-def hush(texts: Texts, piece: Piece, at: float) -> Texts:
+def hush(texts: Texts, piece: Piece, beat: float) -> Texts:
     """End all parts and strikes at a beat, also in the middle of a phrase. Raises EditError."""
-    texts = rest(texts, piece, None, at)
-    for one in piece.strikes:
-        texts = strikes.cut(texts, piece, one, at)
+    texts = rest(texts, piece, None, beat)
+    for strikes_entry in piece.strikes:
+        texts = strikes.cut(texts, piece, strikes_entry, beat)
     return texts
 
 
-def finish(texts: Texts, piece: Piece, at: float) -> Texts:
+def finish(texts: Texts, piece: Piece, beat: float) -> Texts:
     """End endless parts, strikes and automation at a beat, for a score that is saved."""
     for name in piece.players:
         for line in entries.lines(texts, piece, name):
             if END.fullmatch(line.entry.fields.get("until", "")) is None:
                 continue
-            # An entry that begins after `at` plays once.
-            until = written(piece, max(at, line.begin + 1.0))
+            # An entry that begins after `beat` plays once.
+            until = written(piece, max(beat, line.begin + 1.0))
             texts = entries.change(texts, PartEdit(name, until, [line]))
-    for one in piece.strikes:
-        if one.until is not None and END.fullmatch(one.until.text) is not None:
-            until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
-            texts = texts.put(("strikes", one.name, "until"), until)
-    return automation.finish(texts, piece, at)
+    for entry in piece.strikes:
+        if entry.until is not None and END.fullmatch(entry.until.text) is not None:
+            until = written(piece, max(beat, piece.tempo_map.resolve(entry.at) + 1.0))
+            texts = texts.put(("strikes", entry.name, "until"), until)
+    return automation.finish(texts, piece, beat)
 
 
 def _known(piece: Piece, player: str) -> str:
@@ -128,7 +128,7 @@ def _known(piece: Piece, player: str) -> str:
     return player
 
 
-def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | None:
+def _under_way(line: entries.Line, piece: Piece, instant: float) -> entries.Line | None:
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """
@@ -143,8 +143,8 @@ def _under_way(line: entries.Line, piece: Piece, at: float) -> entries.Line | No
         fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
         line = replace(line, entry=line.entry.with_fields(**{**fields, "play": what}))
     gesture = piece.gestures.get(what)
-    if begin >= at - SAME or gesture is None:
+    if begin >= instant - SAME or gesture is None:
         return None
     beat = gesture.beat(tempo, begin)
     points, _ = apply(gesture.points, (*gesture.do, *line.play.do), MidpointChance(), beat)
-    return line if gesture.instant(tempo, begin, points[-1].at) > tempo.seconds(at) else None
+    return line if gesture.instant(tempo, begin, points[-1].at) > tempo.seconds(instant) else None

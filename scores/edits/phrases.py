@@ -18,13 +18,13 @@ def define(
     """Write a phrase; it replaces a phrase of the same name. `fields` may have `to` and `length`.
     Raises EditError if the phrase cannot be played.
     """
-    said: dict[str, edit.Tree] = dict(fields)
+    fields_written: dict[str, edit.Tree] = dict(fields)
     if "impulse" not in entries[0]:
-        said["impulse"] = _LOUD
-    said["entries"] = [_row(entry) for entry in entries]
-    made = texts.put(("phrases", name), edit.flow(said))
-    _check(made, name)
-    return made
+        fields_written["impulse"] = _LOUD
+    fields_written["entries"] = [_row(entry) for entry in entries]
+    edited = texts.put(("phrases", name), edit.flow(fields_written))
+    _check(edited, name)
+    return edited
 
 
 def _row(entry: Mapping[str, str]) -> edit.Tree:

@@ -67,8 +67,8 @@ def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
     """Raise EditError if the renamed text is not the same piece: then some use of the name was not
     found.
     """
-    made = changed.load().piece
-    back = None if made is None else SoundingNames({new: old}).piece(made)
+    piece_after = changed.load().piece
+    back = None if piece_after is None else SoundingNames({new: old}).piece(piece_after)
     if back is None or replace(back, takes={}).digest() != replace(piece, takes={}).digest():
         raise EditError(
             f"`rename` cannot find every use of {old}, so nothing was changed; rename it in the "
@@ -81,68 +81,74 @@ def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
 
 def _part_named(root: document.Mapping, piece: Piece, section: str, name: str) -> Iterator[Span]:
     """Where a key or an instrument is named in a score."""
-    own = root.get(section)
-    if isinstance(own, document.Mapping) and name in own.entries:
-        word, _ = own.entries[name]
+    section_node = root.get(section)
+    if isinstance(section_node, document.Mapping) and name in section_node.entries:
+        word, _ = section_node.entries[name]
         yield word.start, word.end
     yield from _in_blocks(root.get("blocks"), name)
-    yield from _references(root, SCORE, name, _own_modules(piece), ())
+    yield from _references(root, SCORE, name, _modules_by_owner(piece), ())
 
 
-def _own_modules(piece: Piece) -> dict[str, set[str]]:
+def _modules_by_owner(piece: Piece) -> dict[str, set[str]]:
     """The names of modules by the name of their key or instrument: inside it, such a name means the
     module.
     """
-    found: dict[str, set[str]] = {}
+    modules_by_owner: dict[str, set[str]] = {}
     for part, module in piece.modules():
         for owner in (part, part.rpartition(".")[0]):
-            found.setdefault(owner, set()).add(module.name)
-    return found
+            modules_by_owner.setdefault(owner, set()).add(module.name)
+    return modules_by_owner
 
 
 def _references(
-    node: Node, shape: Shape | None, name: str, own: dict[str, set[str]], path: tuple[str, ...]
+    node: Node,
+    shape: Shape | None,
+    name: str,
+    modules_by_owner: dict[str, set[str]],
+    path: tuple[str, ...],
 ) -> Iterator[Span]:
     """Where values below a node name a part; `path` has the names that lead to the node."""
     shape = None if shape is None else shape.chosen(node)
     if isinstance(node, document.Mapping):
         for word, (_, child) in node.entries.items():
             inner = None if shape is None else shape.inner(word)
-            yield from _references(child, inner, name, own, (*path, word))
+            yield from _references(child, inner, name, modules_by_owner, (*path, word))
     elif isinstance(node, document.Sequence):
         for number, child in enumerate(node.items):
             inner = None if shape is None else shape.inner(number)
-            yield from _references(child, inner, name, own, path)
+            yield from _references(child, inner, name, modules_by_owner, path)
     elif isinstance(node, Scalar) and isinstance(shape, Entries):
         for row, offset in words.rows(node.text):
             _, *cells = [(cell.group(), offset + cell.start()) for cell in _WORD.finditer(row)]
-            yield from _of_words(node, cells, name)
+            yield from _spans_of_words(node, cells, name)
     elif isinstance(node, Scalar) and shape is RHYTHM:
-        yield from _of_words(node, [(w.group(), w.start()) for w in WORD.finditer(node.text)], name)
+        yield from _spans_of_words(
+            node, [(w.group(), w.start()) for w in WORD.finditer(node.text)], name
+        )
     elif isinstance(node, Scalar) and isinstance(shape, WhatShape):
-        yield from _of_words(
+        yield from _spans_of_words(
             node, [(w.group(), w.start()) for w in _WORD.finditer(node.text)], name
         )
     elif isinstance(node, Scalar) and isinstance(shape, Reference):
         is_inside = len(path) > 1 and path[0] in _PARTS
-        is_module = is_inside and _MEMBERS.sub("", node.text) in own.get(path[1], ())
+        is_module = is_inside and _MEMBERS.sub("", node.text) in modules_by_owner.get(path[1], ())
         if {"modules", *_PARTS} & {*shape.sections} and not (is_module and path[-1] != "like"):
-            yield from _of_words(node, [(node.text, 0)], name)
+            yield from _spans_of_words(node, [(node.text, 0)], name)
 
 
-def _of_words(node: Scalar, found: list[tuple[str, int]], name: str) -> Iterator[Span]:
+def _spans_of_words(node: Scalar, words: list[tuple[str, int]], name: str) -> Iterator[Span]:
     """Where words of a text name a part, or something reached through it; each word has its
     offset.
     """
-    for word, offset in found:
+    for word, offset in words:
         if re.split("[.:]", word)[0] == name and notes.word_of(word) is None:
             yield _span(node, offset, len(name))
 
 
 def _span(node: Scalar, offset: int, length: int) -> Span:
     """The start and end of a word, given its offset in the text of a node."""
-    own, where = node.document, node.place_at(offset, length)
-    start, _ = own.line_span(where.line - own.first_row - 1)
+    source, where = node.document, node.place_at(offset, length)
+    start, _ = source.line_span(where.line - source.first_row - 1)
     return start + where.column - 1, start + where.column - 1 + length
 
 
@@ -151,9 +157,9 @@ def _span(node: Scalar, offset: int, length: int) -> Span:
 
 def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
     """Where a gesture, phrase, take, player or block is named in a score, as spans."""
-    own = root.get(section)
-    if isinstance(own, document.Mapping) and name in own.entries:
-        word, _ = own.entries[name]
+    section_node = root.get(section)
+    if isinstance(section_node, document.Mapping) and name in section_node.entries:
+        word, _ = section_node.entries[name]
         yield word.start, word.end
     if section == "blocks":
         return
@@ -222,9 +228,9 @@ def _in_play(node: Node | None, name: str) -> Iterator[Span]:
 def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
     """A function for reading patterns that records in `called` where a name stands."""
 
-    def note(word: str, at: int) -> str:
+    def note(word: str, offset: int) -> str:
         if _is_named(word, name):
-            called.append(at)
+            called.append(offset)
         return word
 
     return note

@@ -16,10 +16,10 @@ from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
 from ergon.scores.pattern.turns import Turn, numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 
-_MOST_STEPS = 192  # of a round that is written out
-_MOST_PLACES = 10_000  # of a pattern in a scene
+_STEPS_MAX = 192  # of a round that is written out
+_PLACES_MAX = 10_000  # of a pattern in a scene
 # Fields that a written-out round does not need: its steps say the same.
-_OF_PATTERNS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
+_PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
 
 
 def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[tuple[float, Entry]]:
@@ -46,11 +46,11 @@ def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[t
                 if do is not None
             )
             played.setdefault(chain, []).append((places[place], name))
-    for chain, found in played.items():
+    for chain, starts_found in played.items():
         always = takewhile(lambda do: not is_turn(do), entry.do)
-        own = Entry(entry.with_fields(**_OF_PATTERNS).fields, (*always, *chain))
-        for begin, play, every in _written_out(found, beats):
-            yield begin, own.with_fields(play=play).with_step(f"{every:.12g}")
+        occurrence = Entry(entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
+        for begin, play, every in _written_out(starts_found, beats):
+            yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
 
 
 def _turns(entry: Entry) -> list[tuple[Turn, str]]:
@@ -83,21 +83,21 @@ def strikes(
         return
     plain = {name: value for name, value in body.items() if name not in ("euclid", "swing", "skip")}
     named = ((places[place], places.course.named(place)) for place in range(count))
-    found = [(beat, name) for beat, name in named if name is not None]
+    named_beats = [(beat, name) for beat, name in named if name is not None]
     if notes:
-        played = [(beat, notes[name]) for beat, name in found]
-        for begin, said, every in _written_out(played, beats):
-            yield begin, {**plain, "notes": said, "every": f"{every:.12g}"}
+        played = [(beat, notes[name]) for beat, name in named_beats]
+        for begin, notes_text, every in _written_out(played, beats):
+            yield begin, {**plain, "notes": notes_text, "every": f"{every:.12g}"}
         return
-    for begin, _ in found:
+    for begin, _ in named_beats:
         yield begin, {**plain, "every": f"{beats:.12g}"}
 
 
 def _check(count: int) -> None:
-    if count > _MOST_PLACES:
+    if count > _PLACES_MAX:
         raise EditError(
             f"a pattern has {count:,} steps in this scene; a scene can repeat at most "
-            f"{_MOST_PLACES:,}: make the scene shorter"
+            f"{_PLACES_MAX:,}: make the scene shorter"
         )
 
 
@@ -128,7 +128,7 @@ def _written_out(
     If the names lie on no common grid, each gets a pattern of its own.
     """
     begin = played[0][0] if played else 0.0
-    for steps in range(len(played), _MOST_STEPS + 1):
+    for steps in range(len(played), _STEPS_MAX + 1):
         slots = [(beat - begin) * steps / beats for beat, _ in played]
         if all(abs(slot - round(slot)) < SAME * steps for slot in slots):
             by_step = {round(slot): name for slot, (_, name) in zip(slots, played, strict=True)}

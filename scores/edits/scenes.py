@@ -52,7 +52,7 @@ class Scene:
 
 
 def play_scene(
-    texts: Texts, piece: Piece, scene: Scene, at: float, until: float | None = None
+    texts: Texts, piece: Piece, scene: Scene, beat: float, until: float | None = None
 ) -> Texts:
     """Play a scene from a beat on, repeatedly until `until` or another scene; everything else ends.
 
@@ -64,45 +64,47 @@ def play_scene(
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
     for strikes in piece.strikes:
-        texts = strikes_edits.end(texts, piece, strikes, at)
-    stop = end(piece, at) if until is None else written(piece, until)
+        texts = strikes_edits.end(texts, piece, strikes, beat)
+    stop = end(piece, beat) if until is None else written(piece, until)
     last = math.inf if until is None else until - SAME
     edits = []
     for player in piece.players:
         known = scene.piece.players
         lines = entries.lines(scene.texts, scene.piece, player) if player in known else []
         new = [
-            entry.with_fields(at=written(piece, at + begin), until=stop)
+            entry.with_fields(at=written(piece, beat + begin), until=stop)
             for line in lines
             for begin, entry in _looped(line, scene.beats)
-            if at + begin < last
+            if beat + begin < last
         ]
-        edits.append(parts.ending(texts, piece, player, at, new))
+        edits.append(parts.ending(texts, piece, player, beat, new))
     texts = entries.change(texts, *edits)
     texts = _defined(texts, here, scene)
-    texts = _coupled(texts, piece, scene, at, None if until is None else stop)
+    texts = _coupled(texts, piece, scene, beat, None if until is None else stop)
     for strikes in scene.piece.strikes:
-        texts = _struck(texts, piece, scene, strikes, at, last, stop)
-    return _automated(texts, piece, scene, at, last, None if until is None else stop)
+        texts = _struck(texts, piece, scene, strikes, beat, last, stop)
+    return _automated(texts, piece, scene, beat, last, None if until is None else stop)
 
 
-def released(piece: Piece, scene: Scene, at: float) -> list[str]:
+def released(piece: Piece, scene: Scene, beat: float) -> list[str]:
     """Parameters whose automation a scene ends on a beat because it does not automate them
     itself.
     """
-    own = {one.name for one in scene.piece.automation}
-    found = (one.name for one in piece.automation if automation.is_automated_from(piece, one, at))
-    return [name for name in dict.fromkeys(found) if name not in own]
+    automated_here = {one.name for one in scene.piece.automation}
+    automated_names = (
+        one.name for one in piece.automation if automation.is_automated_from(piece, one, beat)
+    )
+    return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
 
 
-def paced(texts: Texts, piece: Piece, scene: Scene, at: float, over: str | None = None) -> Texts:
+def paced(texts: Texts, piece: Piece, scene: Scene, beat: float, over: str | None = None) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
-    now, bpm = piece.tempo_map.bpm(at), scene.piece.tempo_map.bpm(0.0)
+    now, bpm = piece.tempo_map.bpm(beat), scene.piece.tempo_map.bpm(0.0)
     if abs(now - bpm) < SAME:
         return texts
     if over is None:
-        return times.change(texts, piece, at, f"{bpm:.12g}")
-    return times.change(texts, piece, at, f"{now:.12g} -> {bpm:.12g}", over)
+        return times.change(texts, piece, beat, f"{bpm:.12g}")
+    return times.change(texts, piece, beat, f"{now:.12g} -> {bpm:.12g}", over)
 
 
 def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
@@ -160,17 +162,22 @@ def _defined(texts: Texts, here: Names | None, scene: Scene) -> Texts:
     assert there is not None
     for section in ("gestures", "takes"):
         for name, entry in there.tables[section].items():
-            own = here.tables[section].get(name)
+            definition = here.tables[section].get(name)
             if not isinstance(entry.values, Values):
                 continue
             node = entry.values.node
-            said = edit.tree(node)
-            if own is None:
+            definition_tree = edit.tree(node)
+            if definition is None:
                 if node.document.file == scene.texts.path:  # files that it uses are used here too
-                    texts = texts.put((section, name), edit.flow(said))
-            elif isinstance(own.values, Values) and edit.tree(own.values.node) != said:
-                path = section, own.values.context.name
-                texts = texts.put(path, edit.flow(said), own.values.node.document.file)
+                    texts = texts.put((section, name), edit.flow(definition_tree))
+            elif (
+                isinstance(definition.values, Values)
+                and edit.tree(definition.values.node) != definition_tree
+            ):
+                path = section, definition.values.context.name
+                texts = texts.put(
+                    path, edit.flow(definition_tree), definition.values.node.document.file
+                )
     return texts
 
 
@@ -180,8 +187,10 @@ def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
         *((key, now.keys.get(key.name)) for key in then.keys.values()),
         *((one, now.instruments.get(one.name)) for one in then.instruments.values()),
     ]
-    for part, own in pairs:
-        modules = {} if own is None else {module.name: module for module in own.modules}
+    for part, module_owner in pairs:
+        modules = (
+            {} if module_owner is None else {module.name: module for module in module_owner.modules}
+        )
         for module in part.modules:
             known = modules.get(module.name)
             if known is None or known.kind != module.kind:
@@ -193,21 +202,21 @@ def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
                     yield f"{path}.{name}", matter.said(value, name, is_ca=is_ca)
 
 
-def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | None) -> Texts:
+def _coupled(texts: Texts, piece: Piece, scene: Scene, beat: float, until: str | None) -> Texts:
     """Write the couplings with which a scene begins, from a beat on; all others end there."""
     tempo = piece.tempo_map
     for number in reversed(range(len(piece.duet))):
         coupling = piece.duet[number]
-        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= at + SAME
-        if not is_over and tempo.resolve(coupling.at) < at - SAME:
-            texts = texts.put((*place(texts, "duet", number), "until"), written(piece, at))
+        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= beat + SAME
+        if not is_over and tempo.resolve(coupling.at) < beat - SAME:
+            texts = texts.put((*place(texts, "duet", number), "until"), written(piece, beat))
     nodes = items(scene.texts, "duet")
     for node, coupling in zip(nodes, scene.piece.duet, strict=True):
         if scene.piece.tempo_map.resolve(coupling.at) > SAME:
             continue
-        said = edit.tree(node)
-        assert isinstance(said, dict)
-        more: dict[str, edit.Tree] = {**said, "at": written(piece, at)}
+        coupling_tree = edit.tree(node)
+        assert isinstance(coupling_tree, dict)
+        more: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, beat)}
         more.pop("until", None)
         if until is not None:
             more["until"] = until
@@ -216,7 +225,7 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | N
 
 
 def _automated(
-    texts: Texts, piece: Piece, scene: Scene, at: float, last: float, until: str | None
+    texts: Texts, piece: Piece, scene: Scene, beat: float, last: float, until: str | None
 ) -> Texts:
     """Write the automation of a scene from a beat on; all other automation ends there.
 
@@ -224,27 +233,27 @@ def _automated(
     begins on the beat `last` or later is left out: another scene plays there.
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
-    for node, one in zip(nodes, scene.piece.automation, strict=True):
-        begin, over = tempo.resolve(one.at), automation.ending(scene.piece, one)
-        head = one.name.rpartition(".")[0]
+    for node, entry in zip(nodes, scene.piece.automation, strict=True):
+        begin, over = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
+        head = entry.name.rpartition(".")[0]
         if (
             begin >= scene.beats - SAME
-            or at + begin >= last
+            or beat + begin >= last
             or automatable.named_module(head, piece.keys, piece.instruments) is None
         ):
             continue
-        said = edit.tree(node)
-        assert isinstance(said, dict)
-        said = {**said, "at": written(piece, at + begin)}
-        goes_on = over >= scene.beats - SAME or at + over >= last
-        if goes_on and ("until" in said or until is not None):
-            said["until"] = until or end(piece, at)
-        elif "until" in said:
-            said["until"] = written(piece, at + over)
-        texts = texts.append(("automation",), edit.flow(said))
+        entry_tree = edit.tree(node)
+        assert isinstance(entry_tree, dict)
+        entry_tree = {**entry_tree, "at": written(piece, beat + begin)}
+        goes_on = over >= scene.beats - SAME or beat + over >= last
+        if goes_on and ("until" in entry_tree or until is not None):
+            entry_tree["until"] = until or end(piece, beat)
+        elif "until" in entry_tree:
+            entry_tree["until"] = written(piece, beat + over)
+        texts = texts.append(("automation",), edit.flow(entry_tree))
     # The new entries are added before others are removed: a list that never becomes empty keeps its
     # style.
-    return automation.end_all(texts, piece, at)
+    return automation.end_all(texts, piece, beat)
 
 
 def _struck(
@@ -252,7 +261,7 @@ def _struck(
     piece: Piece,
     scene: Scene,
     strikes: Strikes,
-    at: float,
+    start: float,
     last: float,
     until: str,
 ) -> Texts:
@@ -266,41 +275,41 @@ def _struck(
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
     if strikes.is_melody:
-        return _melody(texts, piece, scene, strikes, at, last, until)
+        return _melody(texts, piece, scene, strikes, start, last, until)
     node = scene.texts.section("strikes")
-    said = edit.tree(node)
-    assert isinstance(said, dict)
-    body = said[strikes.name]
+    entry_tree = edit.tree(node)
+    assert isinstance(entry_tree, dict)
+    body = entry_tree[strikes.name]
     assert isinstance(body, dict)
     # `for` is the time of one sweep, so it stays.
     lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
     body = {name: value for name, value in body.items() if name not in lengths}
-    found: list[tuple[float, Mapping[str, object]]]
+    occurrences: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
-        end_ = at + min(stop, scene.beats)
+        end_ = start + min(stop, scene.beats)
         ends = until if fills or end_ > last else written(piece, end_)
-        found = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
+        occurrences = [(begin, {**body, "until": ends})] if begin < scene.beats - SAME else []
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
         count = n_before(places, scene.beats - SAME)
         notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
-        found = [*scene_patterns.strikes(body, places, count, scene.beats, notes)]
+        occurrences = [*scene_patterns.strikes(body, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
-        every, most = strikes.every, strikes.times
+        every, times_max = strikes.every, strikes.times
         begins = (
             strikes.rounds(tempo)
             if strikes.passing is not None
-            else starts(tempo, begin, Length(), every=every, times=most, until=limit)
+            else starts(tempo, begin, Length(), every=every, times=times_max, until=limit)
         )
         again = {**body, "every": f"{scene.beats:.12g}"}
-        found = [(beat, again) for beat in begins if beat < scene.beats - SAME]
-    for beat, fields in found:
-        if at + beat < last:
-            said = {"until": until, **fields, "at": written(piece, at + beat)}
-            said["until"] = said.pop("until")  # last, as written by hand
-            texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
+        occurrences = [(beat, again) for beat in begins if beat < scene.beats - SAME]
+    for beat, fields in occurrences:
+        if start + beat < last:
+            entry_tree = {"until": until, **fields, "at": written(piece, start + beat)}
+            entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
+            texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(entry_tree))
     return texts
 
 
@@ -316,7 +325,7 @@ def _melody(
     piece: Piece,
     scene: Scene,
     strikes: Strikes,
-    at: float,
+    start: float,
     last: float,
     until: str,
 ) -> Texts:
@@ -324,17 +333,17 @@ def _melody(
     falling = strikes.falls(scene.piece, before=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
-    if not rows or at >= last:
+    if not rows or start >= last:
         return texts
     name = _free(texts, strikes.name, "phrases")
     phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
     texts = texts.put(("phrases", name), edit.flow(phrase))
-    said: edit.Tree = {"play": name, "at": written(piece, at), "until": until}
-    return texts.put(("strikes", _free(texts, strikes.name)), edit.flow(said))
+    play_fields: edit.Tree = {"play": name, "at": written(piece, start), "until": until}
+    return texts.put(("strikes", _free(texts, strikes.name)), edit.flow(play_fields))
 
 
 def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name that is free in a section: `rain`, `rain-2`, …"""
-    said = edit.tree(texts.section(section))
-    taken = said if isinstance(said, dict) else {}
+    section_tree = edit.tree(texts.section(section))
+    taken = section_tree if isinstance(section_tree, dict) else {}
     return free_name(name, taken)

@@ -91,27 +91,27 @@ def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
 def room(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
     """Add a room, or set fields of one. Raises EditError."""
     if not any(own.name == name for own in piece.mix.rooms):
-        said: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
-        return texts.put(("mix", "rooms", name), edit.flow(said))
+        room_fields: dict[str, edit.Tree] = {**({} if "t60" in fields else {"t60": "2s"}), **fields}
+        return texts.put(("mix", "rooms", name), edit.flow(room_fields))
     for field, text in fields.items():
         texts = texts.put(("mix", "rooms", name, field), text)
     return texts
 
 
 def fade(
-    texts: Texts, piece: Piece, name: str | None, at: float, end: float, *, is_in: bool
+    texts: Texts, piece: Piece, name: str | None, beat: float, end: float, *, is_in: bool
 ) -> Texts:
     """Fade an instrument (None: everything) in or out, between two beats. Raises EditError."""
     if name is None:
-        own = piece.mix.master.fade if piece.mix.master else ()
+        master_fade = piece.mix.master.fade if piece.mix.master else ()
         path = ("mix", "master", "fade")
-        return texts.put(path, edit.flow(_points(piece, own, at, end, is_in=is_in)))
+        return texts.put(path, edit.flow(_points(piece, master_fade, beat, end, is_in=is_in)))
     texts = structure.routed(texts, piece)
     members = {name, *piece.families.get(name, ())}
     known = next((route.fade for route in piece.mix.routes if route.part in members), ())
-    said = edit.flow(_points(piece, known, at, end, is_in=is_in))
+    points_text = edit.flow(_points(piece, known, beat, end, is_in=is_in))
     for route in _routes(texts, name):
-        texts = texts.put((*route, "fade"), said)
+        texts = texts.put((*route, "fade"), points_text)
     return texts
 
 
@@ -141,14 +141,16 @@ def kept(texts: Texts, piece: Piece, start: float) -> Texts:
     tempo = piece.tempo_map
 
     def within(fade: Fade) -> list[edit.Tree]:
-        said: list[edit.Tree] = [{"at": "0", "gain": _ratio(level(fade, tempo, start))}]
-        for one in fade:
-            beat = tempo.resolve(one.at)
+        points_written: list[edit.Tree] = [{"at": "0", "gain": _ratio(level(fade, tempo, start))}]
+        for point in fade:
+            beat = tempo.resolve(point.at)
             if start < beat:
-                curve = "smooth" if one.is_smooth else "line"
-                at = f"{beat - start:.12g}"
-                said.append({"at": at, "gain": _ratio(one.gain), "curve": curve})
-        return said
+                curve = "smooth" if point.is_smooth else "line"
+                offset_text = f"{beat - start:.12g}"
+                points_written.append(
+                    {"at": offset_text, "gain": _ratio(point.gain), "curve": curve}
+                )
+        return points_written
 
     if piece.mix.master is not None and piece.mix.master.fade:
         texts = texts.put(("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade)))
@@ -182,16 +184,18 @@ def _written(piece: Piece, route: Route) -> str:
     return next((own for own, notes in piece.families.items() if route.part in notes), route.part)
 
 
-def _points(piece: Piece, fade: Fade, at: float, end: float, *, is_in: bool) -> list[edit.Tree]:
+def _points(piece: Piece, fade: Fade, beat: float, end: float, *, is_in: bool) -> list[edit.Tree]:
     tempo = piece.tempo_map
-    said: list[edit.Tree] = []
+    points_written: list[edit.Tree] = []
     if fade or not is_in:
-        said.append({"at": written(piece, at), "gain": _ratio(level(fade, tempo, at))})
+        points_written.append(
+            {"at": written(piece, beat), "gain": _ratio(level(fade, tempo, beat))}
+        )
     else:
-        soon = tempo.beats(tempo.seconds(at) + _SOON)
-        said.append({"at": written(piece, at), "gain": "0dB"})
-        said.append({"at": written(piece, soon), "gain": "x0"})
-    return [*said, {"at": written(piece, end), "gain": "0dB" if is_in else "x0"}]
+        soon = tempo.beats(tempo.seconds(beat) + _SOON)
+        points_written.append({"at": written(piece, beat), "gain": "0dB"})
+        points_written.append({"at": written(piece, soon), "gain": "x0"})
+    return [*points_written, {"at": written(piece, end), "gain": "0dB" if is_in else "x0"}]
 
 
 def _ratio(level: float) -> str:

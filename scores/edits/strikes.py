@@ -15,30 +15,45 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 
 
-def strike(texts: Texts, piece: Piece, name: str, at: float, fields: Mapping[str, str]) -> Texts:
+def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[str, str]) -> Texts:
     """Write strikes from a beat on; they replace earlier strikes of the same name.
 
     `fields` are those of a score as texts; modules in `to` are separated by spaces,
     transformations in `do` by commas. Repeated strikes without an end continue for ever. Raises
     EditError.
     """
-    own = named(piece, name)
-    for one in own:
-        texts = end(texts, piece, one, at)
-    ahead = {one.name for one in own if piece.tempo_map.resolve(one.at) >= at - SAME}
-    used = {one.name for one in piece.strikes} - ahead
+    named_strikes = named(piece, name)
+    for strikes_entry in named_strikes:
+        texts = end(texts, piece, strikes_entry, beat)
+    ahead = {
+        strikes_entry.name
+        for strikes_entry in named_strikes
+        if piece.tempo_map.resolve(strikes_entry.at) >= beat - SAME
+    }
+    used = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
     new = free_name(name, used)
-    said: dict[str, edit.Tree] = {**fields, "at": written(piece, at)}
+    fields_written: dict[str, edit.Tree] = {**fields, "at": written(piece, beat)}
     if "to" in fields:
         to = fields["to"].split()
-        rest = {field: text for field, text in said.items() if field not in ("to", "at")}
-        said = {"to": to[0] if len(to) == 1 else [*to], "at": said["at"], **rest}
+        rest = {field: text for field, text in fields_written.items() if field not in ("to", "at")}
+        fields_written = {
+            "to": to[0] if len(to) == 1 else [*to],
+            "at": fields_written["at"],
+            **rest,
+        }
     if "do" in fields and "rhythm" not in fields and "(" not in fields["do"]:
-        said["do"] = [one.strip() for one in fields["do"].split(",")]
-    bounds = {"times", "until"} if said.keys() & {"sweep", "path"} else {"times", "for", "until"}
-    if said.keys() & {"rate", "every", "euclid", "rhythm"} and not said.keys() & bounds:
-        said["until"] = distant(piece, at)
-    return texts.put(("strikes", new), edit.flow(said))
+        fields_written["do"] = [strikes_entry.strip() for strikes_entry in fields["do"].split(",")]
+    bounds = (
+        {"times", "until"}
+        if fields_written.keys() & {"sweep", "path"}
+        else {"times", "for", "until"}
+    )
+    if (
+        fields_written.keys() & {"rate", "every", "euclid", "rhythm"}
+        and not fields_written.keys() & bounds
+    ):
+        fields_written["until"] = distant(piece, beat)
+    return texts.put(("strikes", new), edit.flow(fields_written))
 
 
 def named(piece: Piece, name: str) -> list[Strikes]:
@@ -49,19 +64,19 @@ def named(piece: Piece, name: str) -> list[Strikes]:
     return [one for one in piece.strikes if numbered.fullmatch(one.name)]
 
 
-def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
+def end(texts: Texts, piece: Piece, strikes: Strikes, beat: float) -> Texts:
     """End strikes at a beat; those that have not begun are removed. Raises EditError."""
     tempo = piece.tempo_map
     begin = tempo.resolve(strikes.at)
     path = ("strikes", strikes.name)
     if strikes.hits and strikes.length is None:
-        return only(texts, piece, strikes, -inf, at, None)
-    if begin >= at - SAME:
+        return only(texts, piece, strikes, -inf, beat, None)
+    if begin >= beat - SAME:
         return texts.remove(path)
     stop = begin if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
         stop = tempo.after(begin, strikes.span)
-        texts = texts.remove((*path, "for")) if stop > at else texts
+        texts = texts.remove((*path, "for")) if stop > beat else texts
     elif strikes.rhythm is not None and strikes.until is None:
         stop = strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
@@ -71,25 +86,25 @@ def end(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
         stop = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
         stop = tempo.after(begin, strikes.every.times(strikes.times))
-    return texts.put((*path, "until"), written(piece, at)) if stop > at + SAME else texts
+    return texts.put((*path, "until"), written(piece, beat)) if stop > beat + SAME else texts
 
 
-def cut(texts: Texts, piece: Piece, strikes: Strikes, at: float) -> Texts:
+def cut(texts: Texts, piece: Piece, strikes: Strikes, instant: float) -> Texts:
     """End strikes at a beat, also in the middle of a phrase. Raises EditError.
 
     The round under way is written out as a melody of the strikes before that beat.
     """
     tempo = piece.tempo_map
     if not strikes.hits or strikes.length is None:
-        return end(texts, piece, strikes, at)
-    begun = [beat for beat in strikes.rounds(tempo) if beat < at - SAME]
+        return end(texts, piece, strikes, instant)
+    begun = [beat for beat in strikes.rounds(tempo) if beat < instant - SAME]
     if not begun:
         return texts.remove(("strikes", strikes.name))
     falling = [(beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun[-1] - SAME]
     last_round = falling[: len(strikes.hits)]
-    played = [(beat, hit) for beat, hit in last_round if beat < at - SAME]
+    played = [(beat, hit) for beat, hit in last_round if beat < instant - SAME]
     if len(played) == len(last_round):
-        return end(texts, piece, strikes, at)
+        return end(texts, piece, strikes, instant)
     if len(begun) == 1:
         texts = texts.remove(("strikes", strikes.name))
     else:
@@ -119,14 +134,14 @@ def only(
     """
     path = ("strikes", strikes.name)
     falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until)]
-    kept = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until - SAME]
-    if len(kept) == len(falling) and moved is None and strikes.rhythm is None:
+    inside = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until - SAME]
+    if len(inside) == len(falling) and moved is None and strikes.rhythm is None:
         return texts
     texts = texts.remove(path)
-    if not kept:
+    if not inside:
         return texts
     write = moved or (lambda beat: written(piece, beat))
-    return texts.put(path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in kept]}))
+    return texts.put(path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in inside]}))
 
 
 def row(hit: Hit, at: str) -> edit.Tree:

@@ -32,10 +32,10 @@ def build(
 
     Its own `fields` replace those of the other. Raises EditError.
     """
-    said: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
+    fields_written: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
     if semitones:
-        said["transpose"] = f"{semitones:g}st"
-    texts = texts.put(("instruments", name), edit.flow(said))
+        fields_written["transpose"] = f"{semitones:g}st"
+    texts = texts.put(("instruments", name), edit.flow(fields_written))
     return routed_to_all(texts, piece, name)
 
 
@@ -105,16 +105,17 @@ def route(
     routes = items(texts, "mix", "route")
     if family is not None and any(_is_from(node, family) for node in routes):
         raise EditError(f"{name} is routed with all notes of {family}: route {family}")
-    own = [number for number, node in enumerate(routes) if is_of(node, name)]
-    for number in reversed(own[1:]):
+    route_numbers = [number for number, node in enumerate(routes) if is_of(node, name)]
+    for number in reversed(route_numbers[1:]):
         texts = texts.remove(("mix", "route", number))
-    if own:
-        path = place(texts, "mix", own[0], "route")
+    if route_numbers:
+        path = place(texts, "mix", route_numbers[0], "route")
         texts = texts.put((*path, "to"), edit.flow(to))
         return texts if gain is None else texts.put((*path, "gain"), gain)
-    said: dict[str, edit.Tree] = {"from": name, "to": to}
+    route_fields: dict[str, edit.Tree] = {"from": name, "to": to}
     return texts.append(
-        ("mix", "route"), edit.flow(said if gain is None else {**said, "gain": gain})
+        ("mix", "route"),
+        edit.flow(route_fields if gain is None else {**route_fields, "gain": gain}),
     )
 
 

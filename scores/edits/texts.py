@@ -137,8 +137,8 @@ class Texts:
                 collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed
             )
             uses = Uses(files, collector)
-            own = files.text(self.path, self.text, home)
-            return uses.read(own), uses
+            score_text = files.text(self.path, self.text, home)
+            return uses.read(score_text), uses
 
     def edited(
         self,
@@ -152,13 +152,13 @@ class Texts:
         be read alone (an alias), edit the whole text.
         """
         if file is None or file == self.path:
-            own = lines(self.text, str(section))
-            if own is None and section in SECTIONS:
+            section_lines = lines(self.text, str(section))
+            if section_lines is None and section in SECTIONS:
                 with contextlib.suppress(EditError):
                     if (text := self._added_below(str(section), change)) is not None:
                         return self.changed(text)
-            if own is not None:
-                first, last = own
+            if section_lines is not None:
+                first, last = section_lines
                 with contextlib.suppress(EditError):
                     text = change(edit.read(self.text[first:last], self.path))
                     return self.changed(self.text[:first] + text + self.text[last:])
@@ -209,30 +209,41 @@ class Texts:
         """Edit windows of one section, each parsed alone; an edit without a window edits the whole
         section, of which only what is at a `path` of names matters, if it is written.
         """
-        own = lines(self.text, name) if file in (None, self.path) else None
-        section = self._alone(name) if own is not None else None
+        section_lines = lines(self.text, name) if file in (None, self.path) else None
+        section = self._alone(name) if section_lines is not None else None
         left, texts = [change for _, change in edits], self
-        if own is not None and section is not None:
-            text = self.text[slice(*own)]
-            found = [self._splice(text, section, *one) for one in edits]
-            left = [change for change, splice in zip(left, found, strict=True) if splice is None]
-            text = apply_splices(text, [splice for splice in found if splice is not None])
-            texts = self.changed(self.text[: own[0]] + text + self.text[own[1] :])
+        if section_lines is not None and section is not None:
+            text = self.text[slice(*section_lines)]
+            splices = [self._splice(text, section, *one) for one in edits]
+            left = [change for change, splice in zip(left, splices, strict=True) if splice is None]
+            text = apply_splices(text, [splice for splice in splices if splice is not None])
+            texts = self.changed(
+                self.text[: section_lines[0]] + text + self.text[section_lines[1] :]
+            )
         for change in left:
-            whole = partial(_whole, change)
-            short = texts._edited_elided(path, whole) if path and own is not None else None
-            texts = texts.edited(name, whole, file) if short is None else short
+            change_text = partial(_changed_text, change)
+            short = (
+                texts._edited_elided(path, change_text)
+                if path and section_lines is not None
+                else None
+            )
+            texts = texts.edited(name, change_text, file) if short is None else short
         return texts
 
     def _edited_elided(self, path: edit.Path, change: Callable[[Document], str]) -> Texts | None:
         """Edit the lines of a section without long runs of other lines; None if that cannot be."""
-        own = lines(self.text, str(path[0]))
-        if own is None or (short := elided(self.text[slice(*own)], {*map(str, path)})) is None:
+        section_lines = lines(self.text, str(path[0]))
+        if (
+            section_lines is None
+            or (short := elided(self.text[slice(*section_lines)], {*map(str, path)})) is None
+        ):
             return None
         with contextlib.suppress(EditError):
             text = short.put_back(change(edit.read(short.text, self.path)))
             if text is not None:
-                return self.changed(self.text[: own[0]] + text + self.text[own[1] :])
+                return self.changed(
+                    self.text[: section_lines[0]] + text + self.text[section_lines[1] :]
+                )
         return None
 
     def _splice(self, text: str, section: Section, window: _Find, change: Change) -> Splice | None:
@@ -260,14 +271,14 @@ class Texts:
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        at, first = _list_in(path)
+        list_path, first = _list_in(path)
 
         def change(own: Document, lacks: int) -> str:
             return edit.put(own, _shifted(path, lacks), text, SECTIONS)
 
         if first is None:
             return self._edited_line(path, lambda own: change(own, 0), file)
-        return self.edited_lists([ListEdit(at, first, change)], file)
+        return self.edited_lists([ListEdit(list_path, first, change)], file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
@@ -282,9 +293,9 @@ class Texts:
         # Removing a section changes more than its own lines.
         if min(len(path) for path in paths) == 1:
             return self.changed(edit.remove(self.document(file), *paths), file)
-        found = [_list_in(path) for path in paths]
-        firsts = [first for _, first in found if first is not None]
-        if len(firsts) < len(found):
+        list_paths = [_list_in(path) for path in paths]
+        firsts = [first for _, first in list_paths if first is not None]
+        if len(firsts) < len(list_paths):
             return self._edited_line(paths[0], lambda own: edit.remove(own, *paths), file)
 
         def change(own: Document, lacks: int) -> str:
@@ -292,10 +303,10 @@ class Texts:
 
         # Include the item before the first one that is removed, so that the list never becomes
         # empty.
-        return self.edited_lists([ListEdit(found[0][0], min(firsts) - 1, change)], file)
+        return self.edited_lists([ListEdit(list_paths[0][0], min(firsts) - 1, change)], file)
 
 
-def _whole(change: Change, own: Document) -> str:
+def _changed_text(change: Change, own: Document) -> str:
     return change(own, 0)
 
 
@@ -309,5 +320,5 @@ def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
 
 def _shifted(path: edit.Path, lacks: int) -> edit.Path:
     """A path in a document that lacks the first `lacks` items of its first list."""
-    at, first = _list_in(path)
-    return path if first is None else (*at, first - lacks, *path[len(at) + 1 :])
+    list_path, first = _list_in(path)
+    return path if first is None else (*list_path, first - lacks, *path[len(list_path) + 1 :])

@@ -15,70 +15,72 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
+def change(texts: Texts, piece: Piece, beat: float, bpm: str, over: str | None = None) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
     A ramp under way ends there; later tempos are removed, but their meters stay. Those of a file
     hold no longer (`FileTimes`), and one that would never hold is not named any more. Raises
     EditError.
     """
-    over = None if over is None else _over(piece, at, over)
-    texts, below = _without_later(texts, piece, at, "bpm", "over")
+    over = None if over is None else _over(piece, beat, over)
+    texts, below = _without_later(texts, piece, beat, "bpm", "over")
     here: int | None = None  # the entry that sets the tempo at this beat
-    for number, begin in _until(piece, at):
+    for number, begin in _until(piece, beat):
         entry = piece.tempo[number]
-        if begin >= at - SAME:
+        if begin >= beat - SAME:
             here = number if entry.bpm is not None else here
         elif entry.bpm_end is not None:
-            texts = _cut(texts, piece, number, begin, at)
+            texts = _cut(texts, piece, number, begin, beat)
     if here is not None:
         texts = texts.put((*place(texts, "tempo", here), "bpm"), bpm)
         if over is None:
             return _without(texts, here, "over")
         return texts.put((*place(texts, "tempo", here), "over"), over)
     ramp = {} if over is None else {"over": over}
-    line: dict[str, edit.Tree] = {"at": written(piece, at), "bpm": bpm, **ramp}
-    if at <= SAME and piece.tempo and piece.tempo[0].tempos:
+    line: dict[str, edit.Tree] = {"at": written(piece, beat), "bpm": bpm, **ramp}
+    if beat <= SAME and piece.tempo and piece.tempo[0].tempos:
         return texts.put(place(texts, "tempo", 0), edit.flow(line))
     return _inserted(texts, below, line)
 
 
-def change_meter(texts: Texts, piece: Piece, at: float, meter: str) -> Texts:
+def change_meter(texts: Texts, piece: Piece, beat: float, meter: str) -> Texts:
     """Set the meter from a beat on, which begins a bar; later meters are removed, but their tempos
     stay. Those of a file hold no longer, and one that would never hold is not named any more.
 
     Raises EditError.
     """
     tempo = piece.tempo_map
-    if abs(tempo.bar_beat(at)[1] - 1.0) > SAME:
-        raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(at)}")
-    texts, below = _without_later(texts, piece, at, "meter")
-    if at <= SAME and piece.file_meters:
+    if abs(tempo.bar_beat(beat)[1] - 1.0) > SAME:
+        raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(beat)}")
+    texts, below = _without_later(texts, piece, beat, "meter")
+    if beat <= SAME and piece.file_meters:
         texts = texts.remove(("meter",))
-    for number, begin in _until(piece, at):
-        if begin >= at - SAME and not piece.tempo[number].tempos:
+    for number, begin in _until(piece, beat):
+        if begin >= beat - SAME and not piece.tempo[number].tempos:
             return texts.put((*place(texts, "tempo", number), "meter"), meter)
-    return _inserted(texts, below, {"at": written(piece, at), "meter": meter})
+    return _inserted(texts, below, {"at": written(piece, beat), "meter": meter})
 
 
-def _until(piece: Piece, at: float) -> Iterator[tuple[int, float]]:
+def _until(piece: Piece, beat: float) -> Iterator[tuple[int, float]]:
     """The entries up to a beat, the last one first: their numbers, and the beats of their
     beginnings.
     """
     for number in reversed(range(len(piece.tempo))):
         begin = piece.tempo_map.resolve(piece.tempo[number].at)
-        if begin <= at + SAME:
+        if begin <= beat + SAME:
             yield number, begin
 
 
-def _without_later(texts: Texts, piece: Piece, at: float, *fields: str) -> tuple[Texts, int | None]:
+def _without_later(
+    texts: Texts, piece: Piece, beat: float, *fields: str
+) -> tuple[Texts, int | None]:
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
     the number of the first later entry that stays too.
     """
     below: int | None = None
     for number in reversed(range(len(piece.tempo))):
         entry = piece.tempo[number]
-        if piece.tempo_map.resolve(entry.at) <= at + SAME:
+        if piece.tempo_map.resolve(entry.at) <= beat + SAME:
             continue
         values: dict[str, object] = {"bpm": entry.bpm, "meter": entry.meter}
         if values.pop(fields[0]) is not None and not any(values.values()):
@@ -107,15 +109,15 @@ def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
     return texts.put(("marks", name), written(piece, at))
 
 
-def _over(piece: Piece, at: float, over: str) -> str:
+def _over(piece: Piece, beat: float, over: str) -> str:
     """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
         length = parse_length(over)
     except TextError as error:
         raise EditError(error.message) from None
-    end = piece.tempo_map.after(at, length)
-    changes = any(at + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes())
-    return f"{end - at:.12g}" if length.bars and changes else over
+    end = piece.tempo_map.after(beat, length)
+    changes = any(beat + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes())
+    return f"{end - beat:.12g}" if length.bars and changes else over
 
 
 def _without(texts: Texts, number: int, name: str) -> Texts:
@@ -125,10 +127,10 @@ def _without(texts: Texts, number: int, name: str) -> Texts:
     return texts.remove((*place(texts, "tempo", number), name))
 
 
-def _cut(texts: Texts, piece: Piece, number: int, begin: float, at: float) -> Texts:
+def _cut(texts: Texts, piece: Piece, number: int, begin: float, beat: float) -> Texts:
     """End a ramp that is under way at a beat, at the tempo reached there."""
     entry, path, tempo = piece.tempo[number], place(texts, "tempo", number), piece.tempo_map
-    if tempo.after(begin, entry.over or Length()) <= at + SAME:
+    if tempo.after(begin, entry.over or Length()) <= beat + SAME:
         return texts
-    texts = texts.put((*path, "bpm"), f"{entry.bpm:.12g} -> {tempo.bpm(at):.12g}")
-    return texts.put((*path, "over"), f"{at - begin:.12g}")
+    texts = texts.put((*path, "bpm"), f"{entry.bpm:.12g} -> {tempo.bpm(beat):.12g}")
+    return texts.put((*path, "over"), f"{beat - begin:.12g}")

@@ -24,7 +24,7 @@ _BAR = Length(bars=1.0)
 Body = dict[str, edit.Tree]
 
 
-def transform(texts: Texts, piece: Piece, name: str, at: float, do: str) -> Texts:
+def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Texts:
     """Transform what strikes of a name play from the first cycle on that begins at a beat or later.
 
     Raises EditError if they play nothing then, or have no cycles.
@@ -34,7 +34,7 @@ def transform(texts: Texts, piece: Piece, name: str, at: float, do: str) -> Text
     taken = {strikes.name for strikes in piece.strikes}
     for strikes in edits.named(piece, name):
         stop = strikes.stop(tempo)
-        if stop is not None and stop <= at + SAME:
+        if stop is not None and stop <= beat + SAME:
             continue
         assert isinstance(section, dict)
         body = section[strikes.name]
@@ -42,7 +42,7 @@ def transform(texts: Texts, piece: Piece, name: str, at: float, do: str) -> Text
         rhythm, body = _as_rhythm(texts, strikes, body)
         times = strikes.times if strikes.times is not None or "times" not in body else 1
         begin = tempo.resolve(strikes.at)
-        passed = rhythm.count(tempo, begin, at) if at > begin else 0
+        passed = rhythm.count(tempo, begin, beat) if beat > begin else 0
         if times is not None and passed >= times:
             continue
         where = rhythm.begin(tempo, begin, passed)

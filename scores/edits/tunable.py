@@ -51,12 +51,12 @@ class TunablePart:
     name: str
 
     @property
-    def _own(self) -> Key | Instrument:
+    def _definition(self) -> Key | Instrument:
         return self.piece.keys.get(self.name) or self.piece.instruments[self.name]
 
     def values(self) -> Iterator[Value]:
         """Every number above 0 of the part's modules that may affect its modes."""
-        for module in self._own.modules:
+        for module in self._definition.modules:
             constants = module.fields.get("constants", {})
             for name, number in quantities(module):
                 if number > 0 and (name in _FIELDS or name in constants):
@@ -79,8 +79,8 @@ class TunablePart:
 
     def text(self, value: Value) -> str:
         """The value as a score writes it, without loss of precision."""
-        own = self._own
-        is_ca = isinstance(own, Instrument) and own.ca_rate is not None
+        part = self._definition
+        is_ca = isinstance(part, Instrument) and part.ca_rate is not None
         return said(value.number, value.field, is_ca=is_ca)
 
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
@@ -97,13 +97,13 @@ class TunablePart:
 
     def network(self, values: Mapping[Where, float]) -> _core.Network:
         """The part as a network by itself, with some numbers replaced. Raises EngineError."""
-        own = self._own
-        reach = own.reach if isinstance(own, Key) else 1.0
-        ca_rate = own.ca_rate if isinstance(own, Instrument) else None
-        modules = [_with(module, values) for module in own.modules]
+        part = self._definition
+        reach = part.reach if isinstance(part, Key) else 1.0
+        ca_rate = part.ca_rate if isinstance(part, Instrument) else None
+        modules = [_with(module, values) for module in part.modules]
         assembly = Assembly(seed=self.piece.seed)
         points = [module for module in modules if module.kind in HOLDERS]
-        space = own.space if isinstance(own, Instrument) else None
+        space = part.space if isinstance(part, Instrument) else None
         assembly.part(self.name, points, ca_rate=ca_rate, reach=reach, space=space)
         assembly.add_followers(self.name, points, ca_rate=ca_rate)
         links = [module for module in modules if self._is_inside(module, assembly)]
@@ -124,18 +124,21 @@ class TunablePart:
 
 
 def _with(module: Module, values: Mapping[Where, float]) -> Module:
-    own: dict[str, float] = {}
+    field_numbers: dict[str, float] = {}
     fields = dict(module.fields)
     for (name, field, place), number in values.items():
         if name != module.name:
             continue
         if place is None:
-            own[field] = number
+            field_numbers[field] = number
         else:
             numbers = fields[field]
             fields[field] = Each((*numbers[: place - 1], number, *numbers[place:]))
-    fields |= {name: x for name, x in own.items() if name in module.fields}
+    fields |= {name: x for name, x in field_numbers.items() if name in module.fields}
     constants = module.fields.get("constants", {})
     if constants:
-        fields["constants"] = {**constants, **{n: x for n, x in own.items() if n in constants}}
+        fields["constants"] = {
+            **constants,
+            **{n: x for n, x in field_numbers.items() if n in constants},
+        }
     return replace(module, fields=fields)

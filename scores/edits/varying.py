@@ -44,13 +44,13 @@ class Variant:
 
 def parse(text: str) -> Varied:
     """Read `TARGET=VALUES`: a list, or a range with its number of points. Raises EditError."""
-    target, equals, said = text.partition("=")
-    target, said = target.strip(), said.strip()
-    if not equals or not target or not said:
+    target, equals, values_text = text.partition("=")
+    target, values_text = target.strip(), values_text.strip()
+    if not equals or not target or not values_text:
         raise EditError(f"{quote(text)} is not TARGET=VALUES, {_EXAMPLE}")
-    if ".." in said:
-        return Varied(target, tuple(_range(target, said)))
-    values = tuple(word.strip() for word in said.split(","))
+    if ".." in values_text:
+        return Varied(target, tuple(_range(target, values_text)))
+    values = tuple(word.strip() for word in values_text.split(","))
     if not all(values):
         raise EditError(f"{quote(text)} has an empty value; write {target}=1,2,5")
     if twice := next((value for value in values if values.count(value) > 1), None):
@@ -67,8 +67,8 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
         raise EditError(f"{twice} varies twice; give all its values at once")
     lengths = [len(one.values) for one in varied]
     if is_zipped and len(set(lengths)) > 1:
-        told = ", ".join(f"{one.target} has {len(one.values)}" for one in varied)
-        raise EditError(f"pairs need as many values of each: {told}")
+        counts_text = ", ".join(f"{one.target} has {len(one.values)}" for one in varied)
+        raise EditError(f"pairs need as many values of each: {counts_text}")
     count = lengths[0] if is_zipped else math.prod(lengths)
     if count > VARIANTS_MAX:
         raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
@@ -84,14 +84,14 @@ def variants(
     Raises EditError if a target cannot be set.
     """
     begun = texts.load()
-    for own in values:
-        made, loaded = texts, begun
-        for target, value in zip(targets, own, strict=True):
+    for variant_values in values:
+        edited, loaded = texts, begun
+        for target, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break
-            made = _with(made, loaded.piece, target, value)
-            loaded = made.load()
-        yield Variant(own, made, loaded)
+            edited = _with(edited, loaded.piece, target, value)
+            loaded = edited.load()
+        yield Variant(variant_values, edited, loaded)
 
 
 def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
@@ -110,19 +110,19 @@ def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
         raise EditError(f"{target}={value}: {error}") from None
 
 
-def _range(target: str, said: str) -> Iterator[str]:
-    match = _RANGE.fullmatch(said)
+def _range(target: str, range_text: str) -> Iterator[str]:
+    match = _RANGE.fullmatch(range_text)
     if match is None:
-        raise EditError(f"{quote(f'{target}={said}')} is not a range, {_EXAMPLE}")
+        raise EditError(f"{quote(f'{target}={range_text}')} is not a range, {_EXAMPLE}")
     unit, other = match["unit"].strip(), match["unit2"].strip()
     if unit != other:
         raise EditError(
-            f"{quote(f'{target}={said}')}: write both ends in one unit; "
+            f"{quote(f'{target}={range_text}')}: write both ends in one unit; "
             f"these are {unit or 'none'} and {other or 'none'}"
         )
     low, high, is_log = float(match["low"]), float(match["high"]), match["log"] is not None
     if match["count"] is None:
-        yield from (f"{x}{unit}" for x in _steps(target, said, low, high, is_log))
+        yield from (f"{x}{unit}" for x in _steps(target, range_text, low, high, is_log))
         return
     count = int(match["count"])
     if not 2 <= count <= VARIANTS_MAX:
@@ -136,18 +136,18 @@ def _range(target: str, said: str) -> Iterator[str]:
         between = low * (high / low) ** t if is_log else low + (high - low) * t
         x = (low, high)[i > 0] if i in (0, count - 1) else between
         if target == SEED and x != int(x):
-            raise EditError(f"seed={said}: a seed is a whole number; write seed=1..16")
+            raise EditError(f"seed={range_text}: a seed is a whole number; write seed=1..16")
         yield f"{x:.9g}{unit}"
 
 
-def _steps(target: str, said: str, low: float, high: float, is_log: bool) -> range:
+def _steps(target: str, range_text: str, low: float, high: float, is_log: bool) -> range:
     if is_log or low != int(low) or high != int(high):
         raise EditError(
-            f"{quote(f'{target}={said}')}: say how many points the range has, "
-            f"such as {target}={said.removesuffix('log').strip()}:8"
+            f"{quote(f'{target}={range_text}')}: say how many points the range has, "
+            f"such as {target}={range_text.removesuffix('log').strip()}:8"
         )
     if not low < high or high - low >= VARIANTS_MAX:
         raise EditError(
-            f"{quote(f'{target}={said}')}: a range rises, by less than {VARIANTS_MAX:,}"
+            f"{quote(f'{target}={range_text}')}: a range rises, by less than {VARIANTS_MAX:,}"
         )
     return range(int(low), int(high) + 1)

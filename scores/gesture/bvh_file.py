@@ -99,14 +99,14 @@ def read(path: Path) -> Motion:
     n_there, left_over = divmod(n_numbers, n_channels) if n_channels else (n, 0)
 
     def blocks() -> Iterator[Floats]:
-        most = max(1, BLOCK // max(n_channels, 3 * len(joints)))
+        rows_max = max(1, BLOCK // max(n_channels, 3 * len(joints)))
         with _open(path) as file:
             words = _Words(file, path)
             _hierarchy(words)
             _motion(words)
             left = n
             while left:
-                rows = [words.numbers(n_channels, "a frame") for _ in range(min(left, most))]
+                rows = [words.numbers(n_channels, "a frame") for _ in range(min(left, rows_max))]
                 left -= len(rows)
                 yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
 
@@ -150,9 +150,9 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
             case "OFFSET" if above:
                 joints[above[-1]].offset = words.numbers(3, "an offset")
             case "CHANNELS" if above:
-                own = joints[above[-1]].channels
+                channels = joints[above[-1]].channels
                 named = _channels(words)
-                own += [(kind, n_channels + i) for i, kind in enumerate(named)]
+                channels += [(kind, n_channels + i) for i, kind in enumerate(named)]
                 n_channels += len(named)
             case _:
                 raise words.wrong("this line is out of place in a BVH file")
@@ -221,18 +221,18 @@ def _places(joints: list[_Joint], rows: Floats) -> Floats:
     n = len(rows)
     places, turns = np.empty((n, len(joints), 3)), np.empty((len(joints), n, 3, 3))
     for i, joint in enumerate(joints):
-        own = np.tile(np.array(joint.offset), (n, 1))
+        joint_places = np.tile(np.array(joint.offset), (n, 1))
         turn = np.tile(np.eye(3), (n, 1, 1))
         for kind, column in joint.channels:
             if kind < 3:
-                own[:, kind] = rows[:, column]
+                joint_places[:, kind] = rows[:, column]
             else:
                 turn = turn @ _turned(kind - 3, rows[:, column])
         if joint.parent is None:
-            places[:, i], turns[i] = own, turn
+            places[:, i], turns[i] = joint_places, turn
         else:
             about = turns[joint.parent]
-            places[:, i] = places[:, joint.parent] + np.einsum("nij,nj->ni", about, own)
+            places[:, i] = places[:, joint.parent] + np.einsum("nij,nj->ni", about, joint_places)
             turns[i] = about @ turn
     return places
 

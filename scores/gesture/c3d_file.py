@@ -39,9 +39,9 @@ class _Numbers:
         self.order = _ORDERS[processor]
         self._is_dec = processor == _DEC
 
-    def word(self, data: bytes, at: int) -> int:
+    def word(self, data: bytes, offset: int) -> int:
         """16 bits without a sign."""
-        value: int = struct.unpack_from(f"{self.order}H", data, at)[0]
+        value: int = struct.unpack_from(f"{self.order}H", data, offset)[0]
         return value
 
     def real(self, data: bytes, at: int) -> float:
@@ -171,18 +171,18 @@ def read(path: Path) -> Motion:
     factor = 1.0 if is_real else layout.scale
     width = layout.width
     if start + n * frame > size:
-        whole = max(0, (size - start) // frame)
-        raise TakeError(f"the file is cut: of {n:,} frames {whole:,} are there", path)
+        n_complete = max(0, (size - start) // frame)
+        raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
     is_rate = math.isfinite(rate) and rate > 0
     metres = metres_of(_text(values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
         with opened(path) as file:
             file.seek(start)
-            left, most = n, max(1, BLOCK * width // max(frame, 1))
+            left, frames_max = n, max(1, BLOCK * width // max(frame, 1))
             while left:
-                data = file.read(frame * min(left, most))
-                if len(data) != frame * min(left, most):
+                data = file.read(frame * min(left, frames_max))
+                if len(data) != frame * min(left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
                 left -= len(data) // frame
                 yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
@@ -206,47 +206,47 @@ def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool
 
 
 def _parameters(
-    file: BufferedReader, at: int, path: Path
+    file: BufferedReader, position: int, path: Path
 ) -> tuple[_Numbers, dict[tuple[str, str], _Value]]:
     """Parameters by the names of their groups and their own."""
-    file.seek(at)
+    file.seek(position)
     data = file.read(_PARAMETERS_MAX)
     if len(data) < 4 or data[3] not in _ORDERS:
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
     numbers = _Numbers(data[3])
     groups: dict[int, str] = {}
-    found: list[tuple[int, str, _Value]] = []
-    at = 4
-    while at + 2 < len(data):
+    rows_found: list[tuple[int, str, _Value]] = []
+    position = 4
+    while position + 2 < len(data):
         # A negative length of the name locks a parameter; a negative number makes it a group.
-        length, group = abs(struct.unpack_from("b", data, at)[0]), data[at + 1]
-        at += 2
-        name = data[at : at + length].decode("ascii", "replace").upper()
-        at += length
-        if not length or at + 2 > len(data):
+        length, group = abs(struct.unpack_from("b", data, position)[0]), data[position + 1]
+        position += 2
+        name = data[position : position + length].decode("ascii", "replace").upper()
+        position += length
+        if not length or position + 2 > len(data):
             break
-        offset = numbers.word(data, at)
+        offset = numbers.word(data, position)
         if group >= 0x80:
             groups[0x100 - group] = name
-        elif (value := _value(data, at + 2)) is not None:
-            found.append((group, name, value))
+        elif (value := _value(data, position + 2)) is not None:
+            rows_found.append((group, name, value))
         if not offset:
             break
-        at += offset
-    return numbers, {(groups.get(group, ""), name): value for group, name, value in found}
+        position += offset
+    return numbers, {(groups.get(group, ""), name): value for group, name, value in rows_found}
 
 
-def _value(data: bytes, at: int) -> _Value | None:
+def _value(data: bytes, offset: int) -> _Value | None:
     """The parameter that begins at an offset; None if it is damaged."""
-    if at + 2 > len(data):
+    if offset + 2 > len(data):
         return None
-    kind, n_dimensions = struct.unpack_from("bB", data, at)
-    dimensions = tuple(data[at + 2 : at + 2 + n_dimensions])
+    kind, n_dimensions = struct.unpack_from("bB", data, offset)
+    dimensions = tuple(data[offset + 2 : offset + 2 + n_dimensions])
     size = _SIZES.get(kind, 0) * math.prod(dimensions)
-    at += 2 + n_dimensions
-    if kind not in _SIZES or at + size > len(data):
+    offset += 2 + n_dimensions
+    if kind not in _SIZES or offset + size > len(data):
         return None
-    return kind, dimensions, data[at : at + size]
+    return kind, dimensions, data[offset : offset + size]
 
 
 def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:

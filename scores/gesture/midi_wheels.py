@@ -22,8 +22,8 @@ _CENTRE = 8192  # of the wheel, which has 14 bits
 CONTROLLERS = _DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101
 _RANGE, _ZONE = 0, 6  # registered parameters
 _MASTERS = {1: range(2, 17), 16: range(15, 0, -1)}  # of the zones, with the channels that they take
-_OF_MEMBERS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
-_OF_MASTERS = 200.0  # [cents]
+_MEMBER_CENTS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
+_MASTER_CENTS = 200.0  # [cents]
 # Of the events at one tick the wheel and controllers come first: a note begins at its pitch.
 _ORDER = {CONTROLLER: 0, PITCH_BEND: 1, NOTE_ON: 2}
 
@@ -151,6 +151,6 @@ class Wheels:
         channels = list(_MASTERS[master])[: min(n_channels, 15)]
         self._masters |= dict.fromkeys(channels, master)
         if channels:
-            self._wheels[master].range = _OF_MASTERS
+            self._wheels[master].range = _MASTER_CENTS
         for channel in channels:
-            self._wheels[channel].range = _OF_MEMBERS
+            self._wheels[channel].range = _MEMBER_CENTS

@@ -72,11 +72,11 @@ def judged(motion: Motion, path: Path) -> Motion:
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names; a name that is empty or taken gets its number, from 1."""
     taken: set[str] = set()
-    told = []
+    unique = []
     for i, name in enumerate(names, 1):
-        told.append(f"{name} {i}".strip() if not name or name in taken else name)
-        taken.add(told[-1])
-    return tuple(told)
+        unique.append(f"{name} {i}".strip() if not name or name in taken else name)
+        taken.add(unique[-1])
+    return tuple(unique)
 
 
 def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: int) -> list[float]:
@@ -143,11 +143,11 @@ def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int,
     return list(points).index(point), axis
 
 
-def scale(of_file: float | None, unit: float | None, path: Path) -> float:
+def scale(scale_of_file: float | None, unit: float | None, path: Path) -> float:
     """The length of 1.0 in a file [m], by the file or by `unit`. Raises TakeError."""
-    if of_file is not None and unit is not None:
+    if scale_of_file is not None and unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
-    metres = unit if of_file is None else of_file
+    metres = unit if scale_of_file is None else scale_of_file
     if metres is None:
         raise TakeError(
             "the file does not state the unit of its lengths; write what 1.0 means, "

@@ -61,18 +61,18 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     """
     t, x = np.asarray(t, float) - t[0], np.asarray(x, float)
     duration = float(t[-1])
-    own_rate = (len(t) - 1) / duration
-    rate = max(own_rate, RATE * cutoff)
+    mean_rate = (len(t) - 1) / duration
+    rate = max(mean_rate, RATE * cutoff)
     n = max(int(duration * rate), 8)
     rate = n / duration
-    smooth = _smooth(t, x, cutoff, cutoff < _CUTOFF_MAX * own_rate, n)
+    smooth = _smooth(t, x, cutoff, cutoff < _CUTOFF_MAX * mean_rate, n)
     v = _slope(smooth) * rate
     a = _slope(v) * rate
     smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
     centre, bandwidth = _spread(v, rate)
     turns = _reversals(smooth)
     near = max(1, round(_NEAR * rate))
-    most = [float(np.abs(a[max(0, i - near) : i + near + 1]).max()) for i in turns]
+    peaks = [float(np.abs(a[max(0, i - near) : i + near + 1]).max()) for i in turns]
     a_rms = _rms(a)
     strokes = [
         spectral_arc_length(np.abs(v[i : j + 1]), rate)
@@ -93,7 +93,7 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
         centre,
         bandwidth,
         np.array(turns) / rate,
-        np.array([i / rate for i, x in zip(turns, most, strict=True) if x > _STRIKE * a_rms]),
+        np.array([i / rate for i, x in zip(turns, peaks, strict=True) if x > _STRIKE * a_rms]),
         float(np.median(strokes)) if strokes else None,
     )
 
@@ -105,15 +105,15 @@ def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> F
     The samples are extended by point reflection at both ends, for as long as the filter
     remembers.
     """
-    most = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
-    before = min(len(t) - 1, int(np.searchsorted(t, most)))
-    after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], most)))
+    longest = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
+    before = min(len(t) - 1, int(np.searchsorted(t, longest)))
+    after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
     first, last = slice(before, 0, -1), slice(-2, -2 - after, -1)
     longer = np.concatenate([2 * t[0] - t[first], t, 2 * t[-1] - t[last]])
     x = np.concatenate([2 * x[0] - x[first], x, 2 * x[-1] - x[last]])
     take = Take(longer - longer[0], x, smooth=cutoff if is_filtered else None)
-    at = float(t[0] - longer[0]) + np.arange(-_EDGE, n + _EDGE + 1) * (float(t[-1]) / n)
-    return take.positions(np.clip(at, 0.0, take.duration))
+    instants = float(t[0] - longer[0]) + np.arange(-_EDGE, n + _EDGE + 1) * (float(t[-1]) / n)
+    return take.positions(np.clip(instants, 0.0, take.duration))
 
 
 def spectral_arc_length(speed: Floats, rate: float) -> float:
@@ -124,9 +124,9 @@ def spectral_arc_length(speed: Floats, rate: float) -> float:
     2012). The scale of the speed has no effect, nor has rest before and after.
     """
     n = 1 << int(np.ceil(np.log2(_SAL_PADDED * len(speed))))
-    most = int(_SAL_CUTOFF / rate * n) + 1
-    size = np.abs(np.fft.rfft(speed, n))[: most + 1]
-    return -float(np.hypot(np.diff(size) / size[0], 1 / most).sum()) if size[0] else 0.0
+    n_bins = int(_SAL_CUTOFF / rate * n) + 1
+    size = np.abs(np.fft.rfft(speed, n))[: n_bins + 1]
+    return -float(np.hypot(np.diff(size) / size[0], 1 / n_bins).sum()) if size[0] else 0.0
 
 
 def _slope(x: Floats) -> Floats:
@@ -158,13 +158,13 @@ def _reversals(x: Floats) -> list[int]:
         return []
     ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
     turns: list[int] = []
-    way, low, high = 0, 0, 0  # direction; extreme samples since the last turn
+    direction, low, high = 0, 0, 0  # direction; extreme samples since the last turn
     for i in (*ends.tolist(), len(x) - 1):
         low, high = (i if x[i] < x[low] else low), (i if x[i] > x[high] else high)
-        if way >= 0 and x[i] < x[high] - room:
-            turns += [high] if way else []
-            way, low, high = -1, i, i
-        elif way <= 0 and x[i] > x[low] + room:
-            turns += [low] if way else []
-            way, low, high = 1, i, i
+        if direction >= 0 and x[i] < x[high] - room:
+            turns += [high] if direction else []
+            direction, low, high = -1, i, i
+        elif direction <= 0 and x[i] > x[low] + room:
+            turns += [low] if direction else []
+            direction, low, high = 1, i, i
     return turns

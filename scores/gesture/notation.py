@@ -67,9 +67,9 @@ class _Event(NamedTuple):
 class _Group:
     """An open bracket: its events so far, in times from its own start."""
 
-    def __init__(self, offset: int, most: int = MAX_EVENTS) -> None:
+    def __init__(self, offset: int, events_max: int = MAX_EVENTS) -> None:
         self.offset = offset
-        self.most = most
+        self.most = events_max
         self.events: list[_Event] = []
         self.beats = 0.0
         self.seconds = 0.0
@@ -129,13 +129,13 @@ class _Group:
         self.beats, self.seconds = beats, seconds
 
 
-def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
+def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:
     """Read one-line notation; `curve` is that of points before the first curve word.
 
-    More than `most` points are refused. Raises TextError with the characters at fault.
+    More than `events_max` points are refused. Raises TextError with the characters at fault.
     """
     poll()
-    stack = [_Group(0, most)]
+    stack = [_Group(0, events_max)]
     pending: tuple[str, int] | None = None  # a curve word without its point
     for token in _TOKEN.finditer(text):
         opened, closed, count, bar, word = token.groups()
@@ -145,7 +145,7 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
                 raise TextError(
                     f"groups are nested more than {MAX_DEPTH} deep", offset=token.start(1)
                 )
-            stack.append(_Group(token.start(1), most))
+            stack.append(_Group(token.start(1), events_max))
         elif closed:
             _no_pending(pending)
             _close(stack, token, count)
@@ -163,19 +163,19 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
             _no_pending(pending)
             curve = curve_word(word, offset)
             pending = (word, offset)
-        if len(stack[-1].events) > most:
-            raise TextError(_too_many("this notation has", most), offset=token.start())
+        if len(stack[-1].events) > events_max:
+            raise TextError(_too_many("this notation has", events_max), offset=token.start())
     _no_pending(pending)
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )*4", offset=stack[-1].offset)
     return _joined(stack[0].events)
 
 
-def parse_table(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
+def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:
     """Read rows `t x [curve]`; `curve` is that of rows without a curve word.
 
-    More than `most` rows are refused. `#` starts a comment. Raises TextError with the characters
-    at fault.
+    More than `events_max` rows are refused. `#` starts a comment. Raises TextError with the
+    characters at fault.
     """
     poll()
     group = _Group(0)
@@ -186,8 +186,8 @@ def parse_table(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Not
             raise explained_row(line, offset)
         if row.group(1) is not None:
             group.row(row, curve, offset)
-            if len(group.events) > most:
-                raise TextError(_too_many("this table has", most), offset=offset)
+            if len(group.events) > events_max:
+                raise TextError(_too_many("this table has", events_max), offset=offset)
         offset += len(line) + 1
     return _joined(group.events)
 
@@ -236,9 +236,9 @@ def _joined(events: list[_Event]) -> Notation:
     while events:  # popped, to free memory: there may be a million
         event = events.pop()
         x = event.x
-        at = Time(event.beats, event.seconds)
+        check_time = Time(event.beats, event.seconds)
         if x is None:
-            checks.append(BarCheck(at, event.offset))
+            checks.append(BarCheck(check_time, event.offset))
             continue
         if last is not None and last.x is not None:
             still = abs(x - last.x) <= SAME
@@ -252,7 +252,10 @@ def _joined(events: list[_Event]) -> Notation:
                 )
             if event.curve == "hold":
                 x = points[-1].x  # the engine compares them exactly
-            if abs(at[0] - last.beats) <= SAME and abs(at[1] - last.seconds) <= SAME:
+            if (
+                abs(check_time[0] - last.beats) <= SAME
+                and abs(check_time[1] - last.seconds) <= SAME
+            ):
                 if still:
                     continue
                 raise TextError(
@@ -260,16 +263,16 @@ def _joined(events: list[_Event]) -> Notation:
                     offset=event.offset,
                     length=event.length,
                 )
-        points.append(Point(at, x, event.curve, event.offset, event.length))
+        points.append(Point(check_time, x, event.curve, event.offset, event.length))
         last = event
     if not points:
         raise TextError("a gesture needs a point, such as 0mm@0")
     return Notation(tuple(points), tuple(checks))
 
 
-def _too_many(subject: str, most: int) -> str:
-    if most > 0:
-        return f"{subject} more than {most:,} points"
+def _too_many(subject: str, count_max: int) -> str:
+    if count_max > 0:
+        return f"{subject} more than {count_max:,} points"
     return f"the gestures of the piece have more than {MAX_EVENTS:,} points together"
 
 

@@ -127,10 +127,10 @@ class Npz:
 
     def array(self, row: Row) -> Floats:
         """All numbers of a row. Raises TakeError."""
-        numbers, at = np.empty(row.length), 0
+        numbers, first_row = np.empty(row.length), 0
         for block in self.blocks(row):
-            numbers[at : at + len(block)] = block
-            at += len(block)
+            numbers[first_row : first_row + len(block)] = block
+            first_row += len(block)
         return numbers
 
 

@@ -62,8 +62,8 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         return in_blocks((rows.values(line, at) for line, at in _frames(rows)), n, path)
 
-    said = next((header[name] for name in _COUNTS if header.get(name)), None)
-    n = sum(1 for _ in _frames(rows)) if said is None else _count(said, path)
+    count_text = next((header[name] for name in _COUNTS if header.get(name)), None)
+    n = sum(1 for _ in _frames(rows)) if count_text is None else _count(count_text, path)
     metres = _METRES.get(header.get("Length Units", "").lower())
     return judged(
         Motion(
@@ -109,13 +109,14 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
     what = wide[-1]
     starts = [
-        at
-        for at in range(2, width - 2)
-        if cells[at : at + 3] == ["X", "Y", "Z"] and what[at : at + 3] == ["Position"] * 3
+        column
+        for column in range(2, width - 2)
+        if cells[column : column + 3] == ["X", "Y", "Z"]
+        and what[column : column + 3] == ["Position"] * 3
     ]
     if not starts:
         raise TakeError("this file of Motive has no columns called Position, X, Y, Z", path, number)
-    return header, _Rows(path, number + 1, width, [names[at] for at in starts], starts)
+    return header, _Rows(path, number + 1, width, [names[column] for column in starts], starts)
 
 
 def _cells(line: str, path: Path, number: int) -> list[str]:
@@ -130,19 +131,19 @@ def _text(path: Path) -> io.TextIOWrapper:
     return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
 
 
-def _count(said: str, path: Path) -> int:
-    if not said.isdecimal() or len(said) > 9:
+def _count(count_text: str, path: Path) -> int:
+    if not count_text.isdecimal() or len(count_text) > 9:
         raise TakeError("the number of frames in this file of Motive is not a number", path)
-    return int(said)
+    return int(count_text)
 
 
 def _rate(header: Mapping[str, str], path: Path) -> float | None:
     """Frames a second; None where the file does not tell."""
-    said = next((header[name] for name in _RATES if header.get(name)), None)
-    if said is None:
+    rate_text = next((header[name] for name in _RATES if header.get(name)), None)
+    if rate_text is None:
         return None
     try:
-        rate = float(said)
+        rate = float(rate_text)
     except ValueError:
         rate = 0.0
     if not 0 < rate <= 1e6:

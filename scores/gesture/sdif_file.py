@@ -50,7 +50,7 @@ def columns(path: Path) -> dict[str, Column]:
     """All columns of a file by name. Raises TakeError, also if there are more than a take may
     have.
     """
-    found: dict[_Key, Column] = {}
+    columns_found: dict[_Key, Column] = {}
     declared: dict[bytes, list[str]] = {}
     n_values = 0
     for name, t, stream, matrix in _matrices(path, declared):
@@ -62,15 +62,15 @@ def columns(path: Path) -> dict[str, Column]:
         for row, values in enumerate(matrix.tolist()):
             for column, value in enumerate(values):
                 key = name, stream, row, column
-                if (own := found.get(key)) is None:
-                    if len(found) == MAX_CHANNELS:
+                if (known_column := columns_found.get(key)) is None:
+                    if len(columns_found) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
-                    own = found[key] = Column(array("d"), array("d"))
-                own.t.append(t)
-                own.x.append(value)
-    if not found:
+                    known_column = columns_found[key] = Column(array("d"), array("d"))
+                known_column.t.append(t)
+                known_column.x.append(value)
+    if not columns_found:
         raise TakeError("the file has no matrices of numbers", path)
-    return _named(found, declared)
+    return _named(columns_found, declared)
 
 
 def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, Floats]:
@@ -95,14 +95,16 @@ def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, 
     return t - t[0], (x - x[0]) * metres
 
 
-def _named(found: dict[_Key, Column], declared: dict[bytes, list[str]]) -> dict[str, Column]:
-    streams = {(name, row, column): set[int]() for name, _, row, column in found}
-    rows = {(name, stream, column): set[int]() for name, stream, _, column in found}
-    for name, stream, row, column in found:
+def _named(
+    columns_by_key: dict[_Key, Column], declared: dict[bytes, list[str]]
+) -> dict[str, Column]:
+    streams = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
+    rows = {(name, stream, column): set[int]() for name, stream, _, column in columns_by_key}
+    for name, stream, row, column in columns_by_key:
         streams[name, row, column].add(stream)
         rows[name, stream, column].add(row)
-    told = {}
-    for key, column_of in found.items():
+    by_word = {}
+    for key, column_of in columns_by_key.items():
         name, stream, row, column = key
         titles = declared.get(name, [])
         title = titles[column] if column < len(titles) else str(column + 1)
@@ -111,8 +113,8 @@ def _named(found: dict[_Key, Column], declared: dict[bytes, list[str]]) -> dict[
             word += f" stream {stream}"
         if len(rows[name, stream, column]) > 1:
             word += f" row {row + 1}"
-        told[word if word not in told else f"{word} ({column + 1})"] = column_of
-    return told
+        by_word[word if word not in by_word else f"{word} ({column + 1})"] = column_of
+    return by_word
 
 
 def _matrices(
@@ -135,14 +137,14 @@ def _matrices(
             t, stream, count = _FRAME.unpack_from(data)
             if not math.isfinite(t):
                 continue  # it applies to the whole file
-            yield from ((name, t, stream, x) for name, x in _of_frame(data, count, path))
+            yield from ((name, t, stream, x) for name, x in _frame_matrices(data, count, path))
 
 
 def _body(file: BufferedReader, size: int, path: Path) -> bytes:
     """The content of a frame, which follows its size."""
-    said = file.read(4)
-    length = int.from_bytes(said, "big")
-    if len(said) < 4 or length > size - file.tell():
+    size_bytes = file.read(4)
+    length = int.from_bytes(size_bytes, "big")
+    if len(size_bytes) < 4 or length > size - file.tell():
         raise TakeError("the file ends within a frame", path)
     if length > _FRAME_MAX:
         raise TakeError("the file has a frame of more than 16 MB", path)
@@ -156,18 +158,18 @@ def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
         declared[name.encode("latin-1")] = [word.replace(".", "_") for word in words if word]
 
 
-def _of_frame(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes, Floats]]:
+def _frame_matrices(data: bytes, count: int, path: Path) -> Iterator[tuple[bytes, Floats]]:
     """Name and numbers of each matrix of a frame; matrices of other types are skipped."""
-    at = _FRAME.size
+    offset = _FRAME.size
     for _ in range(count):
-        if at + _MATRIX.size > len(data):
+        if offset + _MATRIX.size > len(data):
             raise TakeError("the file has a frame that is too short for its matrices", path)
-        name, kind, n_rows, n_columns = _MATRIX.unpack_from(data, at)
-        at += _MATRIX.size
+        name, kind, n_rows, n_columns = _MATRIX.unpack_from(data, offset)
+        offset += _MATRIX.size
         length = n_rows * n_columns * (kind & 0xFF)
-        if at + length > len(data):
+        if offset + length > len(data):
             raise TakeError("the file has a matrix that is longer than its frame", path)
         if kind in _TYPES and length:
-            values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, at)
+            values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, offset)
             yield name, values.astype(np.float64).reshape(n_rows, n_columns)
-        at += length + -length % 8  # padded
+        offset += length + -length % 8  # padded

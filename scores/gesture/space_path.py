@@ -41,8 +41,8 @@ class _PositionInText(NamedTuple):
 
 def axes(text: str) -> int:
     """The number of positions that each point of a notation has; 1 if it is not a path in space."""
-    found = _POSITIONS.search(text)
-    return 1 if found is None else found[1].count(",") + 1
+    match = _POSITIONS.search(text)
+    return 1 if match is None else match[1].count(",") + 1
 
 
 def played(name: str, known: Container[str]) -> tuple[str, ...]:
@@ -52,22 +52,22 @@ def played(name: str, known: Container[str]) -> tuple[str, ...]:
     return tuple(one for one in (name, *(f"{name}.{axis}" for axis in AXES)) if one in known)
 
 
-def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> tuple[Notation, ...]:
-    """Read a path in space, axis by axis; `curve` and `most` are those of `notation.parse`.
+def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> tuple[Notation, ...]:
+    """Read a path in space, axis by axis; `curve` and `events_max` are those of `notation.parse`.
 
     Raises TextError with the characters at fault.
     """
     points = [_brackets(match) for match in _POSITIONS.finditer(text)]
     n_axes = axes(text)
     _check(text, points, n_axes)
-    return tuple(_along(text, points, axis, curve, most // n_axes) for axis in range(n_axes))
+    return tuple(_along(text, points, axis, curve, events_max // n_axes) for axis in range(n_axes))
 
 
 def _brackets(match: re.Match[str]) -> _Brackets:
-    parts, at = [], match.start(1)
+    parts, offset = [], match.start(1)
     for part in match[1].split(","):
-        parts.append((at + len(part) - len(part.lstrip()), part.strip()))
-        at += len(part) + 1
+        parts.append((offset + len(part) - len(part.lstrip()), part.strip()))
+        offset += len(part) + 1
     return _Brackets(match.start(), match.end(), tuple(parts))
 
 
@@ -91,29 +91,31 @@ def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
             raise TextError(message, offset=match.start(), length=len(match[0]))
 
 
-def _along(text: str, points: Sequence[_Brackets], axis: int, curve: str, most: int) -> Notation:
+def _along(
+    text: str, points: Sequence[_Brackets], axis: int, curve: str, events_max: int
+) -> Notation:
     """The notation along one axis, with offsets into the text as written."""
     pieces: list[str] = []
     end = 0
     # By the offset of a position in the text that is parsed: where it is in the text as written.
     begins: dict[int, _PositionInText] = {}
     for start, stop, parts in points:
-        at, part = parts[axis]
+        part_offset, part = parts[axis]
         # The replacement has the same length, with the position next to its time, so that other
         # offsets stay.
         pieces += (text[end:start], part.rjust(stop - start))
-        begins[stop - len(part)] = _PositionInText(start, at, len(part))
+        begins[stop - len(part)] = _PositionInText(start, part_offset, len(part))
         end = stop
     try:
-        read = notation.parse("".join((*pieces, text[end:])), curve, most)
+        read = notation.parse("".join((*pieces, text[end:])), curve, events_max)
     except TextError as error:
         begin = max((one for one in begins if one <= error.offset), default=-1)
         if begin >= 0 and error.offset <= begin + max(0, begins[begin].length - 1):
             error.offset += begins[begin].at - begin
         raise
-    found = []
+    points_placed = []
     for point in read.points:
         start = begins[point.offset].start
         length = point.offset + point.length - start
-        found.append(replace(point, offset=start, length=length))
-    return replace(read, points=tuple(found))
+        points_placed.append(replace(point, offset=start, length=length))
+    return replace(read, points=tuple(points_placed))

@@ -150,8 +150,8 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
         columns = tuple(Column(name) for name in names)
         for block in motion.blocks():
             values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
-            for column, own in zip(columns, values, strict=True):
-                column.add(own)
+            for column, values_of_column in zip(columns, values, strict=True):
+                column.add(values_of_column)
         if not motion.rate:
             return Table(motion.n, columns, motion.note, motion.passed_over)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
@@ -166,12 +166,12 @@ def _sdif(path: Path) -> Table:
     """
     columns, times = [], Column("t [s]")
     n_rows = 0
-    for name, own in sdif_file.columns(path).items():
+    for name, column in sdif_file.columns(path).items():
         columns.append(Column(name))
-        columns[-1].add(np.frombuffer(own.x))
-        if len(own.t) > n_rows:
-            n_rows, times = len(own.t), Column("t [s]")
-            times.add(np.frombuffer(own.t))
+        columns[-1].add(np.frombuffer(column.x))
+        if len(column.t) > n_rows:
+            n_rows, times = len(column.t), Column("t [s]")
+            times.add(np.frombuffer(column.t))
     return Table(n_rows, (times, *columns))
 
 

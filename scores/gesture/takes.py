@@ -108,7 +108,7 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
             table = sheet(file, path)
             columns = _columns(table.names, path, table.line)
             c, x_unit = _chosen(columns, channel, path)
-            divisor = _of_column(table, c, x_unit, unit, path)
+            divisor = _column_values(table, c, x_unit, unit, path)
             timed = "t" in columns
             t, t_unit = columns.get("t", (c, "s"))
             _check_rate(timed, rate, path)
@@ -132,7 +132,7 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
     return _checked(seconds, np.frombuffer(xs) / divisor, path)
 
 
-def _of_column(
+def _column_values(
     table: Sheet, column: int, stated: str | None, unit: float | None, path: Path
 ) -> float:
     """How many units of a column are a metre, by its header or by `unit` [m]. Raises TakeError."""
@@ -333,8 +333,8 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
         x = _array(arrays, column, path) / _divisor(x_unit or "m", METRE, "position", path)
         if not timed:
             return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
-        at, t_unit = columns["t"]
-        t = _array(arrays, at, path) / _divisor(t_unit or "s", SECOND, "time", path)
+        t_column, t_unit = columns["t"]
+        t = _array(arrays, t_column, path) / _divisor(t_unit or "s", SECOND, "time", path)
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
     return _checked(t, x, path)

@@ -100,8 +100,8 @@ def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -
         raise TextError(f"a transformation is one of {', '.join(known)}", offset=start)
     (word, offset), arguments = words[0], words[1:]
     verb = _VERBS.get(word)
-    if word in _OF_RHYTHMS:
-        message = f"'{word}' is of rhythms and phrases; a hand moves: {_OF_RHYTHMS[word]}"
+    if word in _RHYTHM_VERBS:
+        message = f"'{word}' is of rhythms and phrases; a hand moves: {_RHYTHM_VERBS[word]}"
     elif word in _ROUND_WORDS:
         message = f"'{word}' needs rounds, and a gesture by itself has none; write it in `do` of "
         message += "what plays the gesture"
@@ -125,8 +125,8 @@ def parse_do(text: str, start: int = 0, others: Mapping[str, str] = NO_OTHERS) -
             length=length,
         )
     fields: dict[str, float | Time] = {}
-    for (argument, at), (name, read) in zip(arguments, verb.arguments, strict=True):
-        fields[name] = read(argument, at, verb.example)
+    for (argument, place), (name, read) in zip(arguments, verb.arguments, strict=True):
+        fields[name] = read(argument, place, verb.example)
     end = words[-1][1] + len(words[-1][0])
     return Transform(word, offset=offset, length=end - offset, **fields)  # type: ignore[arg-type]
 
@@ -223,8 +223,10 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _T
         return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
-    at = [Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]]
-    moved = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
+    new_times = [
+        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]
+    ]
+    moved = [_moved(p, where, p.x) for p, where in zip(points[first:], new_times, strict=True)]
     return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
 
 
@@ -275,12 +277,12 @@ def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -
     q = t.amount
     result: list[Point] = []
     for p in points:
-        at = Time(floor((p.at.beats + p.at.seconds / beat) / q + 0.5) * q, 0.0)
+        rounded = Time(floor((p.at.beats + p.at.seconds / beat) / q + 0.5) * q, 0.0)
         curve = p.curve
-        if result and at.beats <= result[-1].at.beats:
+        if result and rounded.beats <= result[-1].at.beats:
             previous = result.pop()
-            at, curve = previous.at, previous.curve if curve == "hold" else curve
-        result.append(Point(at, p.x, curve, p.offset, p.length))
+            rounded, curve = previous.at, previous.curve if curve == "hold" else curve
+        result.append(Point(rounded, p.x, curve, p.offset, p.length))
     n_lost = len(points) - len(result)
     if not n_lost:
         return _TransformResult(tuple(result))
@@ -367,10 +369,10 @@ _VERBS = {
 }
 # Those that rhythms have too: without `do` before it, such a word may be the name of a gesture.
 _RHYTHM_WORDS = ("rev", "fast", "slow")
-_ONE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
+_SINGLE_HAND = "it is in one place at a time, and a path is played once; let another player play it"
 _NO_STROKES = "it has no strokes; write its points"
 # Words that rhythms and phrases have, and what a gesture or a take has for them.
-_OF_RHYTHMS = {
+_RHYTHM_VERBS = {
     "late": "write shift 1/8, in beats",
     "early": "write shift -1/8, in beats",
     "swing": "write swing 2/3 beside `every`",
@@ -379,7 +381,7 @@ _OF_RHYTHMS = {
     "mask": "write rests between names: knock ~ knock knock",
     "cat": "write the names one after another: knock lean",
     "transpose": "it has no pitch; transpose the instrument",
-    **dict.fromkeys(("off", "superimpose", "echo", "ply", "stack", "jux"), _ONE_HAND),
+    **dict.fromkeys(("off", "superimpose", "echo", "ply", "stack", "jux"), _SINGLE_HAND),
     **dict.fromkeys(("legato", "tremolo", "roll", "grace", "arp", "rolled", "strum"), _NO_STROKES),
 }
 # Words that change some of the rounds that a player plays.

@@ -27,14 +27,14 @@ class Draws:
 
     def choose(self, site: int, turn: int, count: int) -> int:
         """One of `count` items."""
-        return _one_of(self._chance("choose", site, turn), count)
+        return _drawn_index(self._chance("choose", site, turn), count)
 
     def shuffle(self, site: int, turn: int, count: int) -> list[int]:
         """All of `count` items in some order."""
         chance = self._chance("shuffle", site, turn)
         order = list(range(count))
         for last in range(count - 1, 0, -1):  # Fisher and Yates
-            other = _one_of(chance, last + 1)
+            other = _drawn_index(chance, last + 1)
             order[last], order[other] = order[other], order[last]
         return order
 
@@ -47,9 +47,9 @@ class Draws:
         path = _walk(self.seed, self.who, site, count)
         with _WALKING:
             while len(path) <= turn:
-                step = _one_of(self._chance("walk", site, len(path)), 3) - 1
-                at = path[-1] + step
-                path.append(at if 0 <= at < count else path[-1] - step)
+                step = _drawn_index(self._chance("walk", site, len(path)), 3) - 1
+                position = path[-1] + step
+                path.append(position if 0 <= position < count else path[-1] - step)
         return path[turn]
 
     def happens(self, probability: float, place: int, member: int = 0) -> bool:
@@ -68,7 +68,7 @@ class Draws:
         return _core.Chance(self.seed, f"pattern {kind}", self.who, member, occurrence)
 
 
-def _one_of(chance: _core.Chance, count: int) -> int:
+def _drawn_index(chance: _core.Chance, count: int) -> int:
     return min(int(chance.uniform(0.0, float(count))), count - 1)
 
 

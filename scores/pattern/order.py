@@ -91,8 +91,8 @@ def parse(text: str, called: Called | None = None) -> Group:
     called = called or name_of
     alone = text.strip()
     if alone in WAYS:  # the name of a gesture
-        found = called(alone, text.index(alone))
-        return plain(found if isinstance(found, str) else alone)
+        called_name = called(alone, text.index(alone))
+        return plain(called_name if isinstance(called_name, str) else alone)
     stack = [_Open(0, ["in turn"], [])]
     for token in _TOKEN.finditer(text):
         opened, word, count, star = token.groups()
@@ -108,9 +108,9 @@ def parse(text: str, called: Called | None = None) -> Group:
             continue
         times = None if count is None else _count(count, token.start(3))
         if word != ")":
-            way = _way(word)
-            if way is not None and not top.items and top.way == ["in turn"]:
-                top.way[:] = [way]
+            choice = _choice(word)
+            if choice is not None and not top.items and top.way == ["in turn"]:
+                top.way[:] = [choice]
                 continue
             offset = token.start(2)
             leaves = _leaves(word, offset, called)
@@ -134,7 +134,7 @@ def plain(name: str) -> Group:
     return Group("in turn", (Leaf(name),), 0, 1, 1, 1)
 
 
-def _way(word: str) -> Way | None:
+def _choice(word: str) -> Way | None:
     return next((way for way in WAYS if way == word), None)
 
 
@@ -144,8 +144,8 @@ def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
     if word in WAYS:
         message = f"'{word}' must be at the beginning of a pattern or a group: ({word} knock lean)"
         raise TextError(message, offset=offset, length=len(word))
-    found = called(word, offset)
-    return [Leaf(found)] if isinstance(found, str) else [Leaf(name) for name in found]
+    leaf = called(word, offset)
+    return [Leaf(leaf)] if isinstance(leaf, str) else [Leaf(name) for name in leaf]
 
 
 def name_of(word: str, offset: int) -> str:
@@ -166,11 +166,11 @@ def _count(text: str, offset: int) -> int:
 
 def _not_empty(group: _Open, length: int = 1) -> None:
     if not group.items:
-        way = group.way[0]
-        said = "this group" if way == "in turn" else f"'{way}'"
-        message = f"{said} has no names; write for instance {way} knock lean"
-        if way == "in turn":
-            message = f"{said} has no names; write for instance (knock lean)"
+        choice = group.way[0]
+        subject = "this group" if choice == "in turn" else f"'{choice}'"
+        message = f"{subject} has no names; write for instance {choice} knock lean"
+        if choice == "in turn":
+            message = f"{subject} has no names; write for instance (knock lean)"
         raise TextError(message, offset=group.offset, length=max(1, length))
 
 
@@ -183,7 +183,7 @@ class _GroupBuilder:
 
     def group(self, written: _Open, span: int | None) -> Group:
         """A group that takes `span` steps; None: as many as it has."""
-        way, site = written.way[0], self.sites
+        choice, site = written.way[0], self.sites
         self.sites += 1
         items: list[Leaf | Group] = []
         for item, count, offset in written.items:
@@ -195,9 +195,9 @@ class _GroupBuilder:
                     items.append(self.group(item, None if count else 1))
                 if self.places > MAX_PLACES:
                     raise TextError(_TOO_MANY, offset=offset)
-        if way in ("choose", "walk"):
+        if choice in ("choose", "walk"):
             steps, places = 1, max(item.places for item in items)
         else:
             steps = sum(item.span for item in items)
             places = sum(item.places for item in items)
-        return Group(way, tuple(items), site, span or steps, steps, places)
+        return Group(choice, tuple(items), site, span or steps, steps, places)

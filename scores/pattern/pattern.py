@@ -191,24 +191,24 @@ def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
 
 def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
     """Every place of a round; without draws only the instants are valid, not the names."""
-    return _of(order, Fraction(0), Fraction(order.steps), draws, turn)
+    return _places_of(order, Fraction(0), Fraction(order.steps), draws, turn)
 
 
-def _of(
-    item: Leaf | Group, at: Fraction, width: Fraction, draws: Draws | None, turn: int
+def _places_of(
+    item: Leaf | Group, begin: Fraction, width: Fraction, draws: Draws | None, turn: int
 ) -> Iterator[Place]:
-    """The places of an item that begins at step `at` and lasts for `width` steps."""
+    """The places of an item that begins at step `begin` and lasts for `width` steps."""
     if isinstance(item, Leaf):
-        yield Place(at, item.name)
+        yield Place(begin, item.name)
         return
     if item.way in ("choose", "walk"):
         index = 0
         if draws is not None:
             draw = draws.choose if item.way == "choose" else draws.walk_position
             index = draw(item.site, turn, len(item.items))
-        last = at
+        last = begin
         chosen = item.items[index]
-        for place in _of(chosen, at, width, draws, turn):
+        for place in _places_of(chosen, begin, width, draws, turn):
             last = place.at
             yield place
         # Every round has the same number of places: those that a longer item would need are rests.
@@ -222,5 +222,5 @@ def _of(
     each = width / item.steps
     for index in order:
         child = item.items[index]
-        yield from _of(child, at, each * child.span, draws, turn)
-        at += each * child.span
+        yield from _places_of(child, begin, each * child.span, draws, turn)
+        begin += each * child.span

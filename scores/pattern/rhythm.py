@@ -68,10 +68,10 @@ def swung(step: int, into: float, share: float) -> float:
     """
     if share == EVEN:
         return step + into
-    whole = step - step % 2
+    pair_start = step - step % 2
     if step % 2:
-        return whole + 2.0 * share + into * (2.0 - 2.0 * share)
-    return whole + into * 2.0 * share
+        return pair_start + 2.0 * share + into * (2.0 - 2.0 * share)
+    return pair_start + into * 2.0 * share
 
 
 @lru_cache(maxsize=64)
@@ -89,5 +89,5 @@ def _positions(rhythm: Euclid) -> tuple[int, ...]:
         rest = heads[n_pairs:] or tails[n_pairs:]
         heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], rest
     beats = [beat for group in (*heads, *tails) for beat in group]
-    found = (index for index, beat in enumerate(beats) if beat)
-    return tuple(sorted((index - rhythm.rotate) % steps for index in found))
+    indices = (index for index, beat in enumerate(beats) if beat)
+    return tuple(sorted((index - rhythm.rotate) % steps for index in indices))

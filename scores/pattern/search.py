@@ -14,32 +14,34 @@ def n_before(beats: Sequence[float], beat: float) -> int:
     return first_from(beats.__getitem__, len(beats), beat)
 
 
-def first_from(at: Callable[[int], float], count: int, wanted: float) -> int:
-    """The first index below `count` at which `at` is not below `wanted`.
+def first_from(value_of_index: Callable[[int], float], count: int, wanted: float) -> int:
+    """The first index below `count` at which `value_of_index` is not below `wanted`.
 
-    `at` must rise with the index; the search begins where linear interpolation puts the value.
-    Returns `count` if all values are below.
+    `value_of_index` must rise with the index; the search begins where linear interpolation puts
+    the value. Returns `count` if all values are below.
     """
-    if not count or (first := at(0)) >= wanted:
+    if not count or (first := value_of_index(0)) >= wanted:
         return 0
-    if (last := at(count - 1)) < wanted:
+    if (last := value_of_index(count - 1)) < wanted:
         return count
     low, high = 1, count - 1  # at(low - 1) < wanted <= at(high)
     span = last - first
     share = (wanted - first) / span if isfinite(span) else 0.0
     guess, width = min(max(low, round(share * (count - 1))), high), 1
-    if at(guess) < wanted:
+    if value_of_index(guess) < wanted:
         low = guess + 1
         while guess + width < high:
-            if at(guess + width) >= wanted:
+            if value_of_index(guess + width) >= wanted:
                 high = guess + width
                 break
             low, width = guess + width + 1, 2 * width
     else:
         high = guess
         while guess - width >= low:
-            if at(guess - width) < wanted:
+            if value_of_index(guess - width) < wanted:
                 low = guess - width + 1
                 break
             high, width = guess - width, 2 * width
-    return low + bisect_left(range(low, high), True, key=lambda number: at(number) >= wanted)
+    return low + bisect_left(
+        range(low, high), True, key=lambda number: value_of_index(number) >= wanted
+    )

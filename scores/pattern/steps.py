@@ -56,14 +56,20 @@ class Steps(Sequence[float]):
         """How many places there are."""
         return self._count
 
-    def part(self, first: int, last: int, at: Callable[[float], str]) -> dict[str, str | None]:
+    def part(
+        self, first: int, last: int, position_text: Callable[[float], str]
+    ) -> dict[str, str | None]:
         """Fields of a line that has only the places from `first` to before `last`, at the same
         beats.
 
-        `at` writes a beat.
+        `position_text` writes a beat.
         """
         pattern = self.course.pattern
-        fields = {"at": at(self[first]), "until": at(self.beat(last)), "times": None}
+        fields = {
+            "at": position_text(self[first]),
+            "until": position_text(self.beat(last)),
+            "times": None,
+        }
         skipped, euclid = pattern.skip + first, pattern.euclid
         if not skipped and euclid is not None:  # its first pulse may be later than its beginning
             rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
@@ -86,7 +92,7 @@ class Steps(Sequence[float]):
 
 def steps(
     tempo: TempoMap,
-    at: float,
+    begin: float,
     course: PlaceSequence,
     *,
     every: Length | None = None,
@@ -95,7 +101,7 @@ def steps(
     length: Callable[[str], Length | None] = lambda name: None,
     room: int = MAX_OCCURRENCES,
 ) -> Steps:
-    """The places of a line that begins on beat `at`, with one step per `every`.
+    """The places of a line that begins on beat `begin`, with one step per `every`.
 
     Without `every` a Euclidean rhythm lasts a bar, and plain names follow each other after their
     own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many
@@ -103,69 +109,71 @@ def steps(
     """
     poll()
     times = 1 if times is None and until is None else times
-    most = room + 1 if times is None else course.places_of(times)
-    if most <= 0:
+    count_max = room + 1 if times is None else course.places_of(times)
+    if count_max <= 0:
         raise TextError(f"'skip {course.pattern.skip}' leaves out every place of the pattern")
     if every is None and course.pattern.euclid is not None:
         every = Length(bars=1.0 / course.pattern.euclid.steps)
     if every is not None:
         if not every.is_some:
             raise TextError("'every' must be above 0")
-        beat = _even(tempo, at, course, every)
+        beat = _even(tempo, begin, course, every)
     else:
-        beat = _end_to_end(tempo, at, course, length, min(most, room + 1), until)
+        beat = _end_to_end(tempo, begin, course, length, min(count_max, room + 1), until)
     if until is not None:
         stop = until - SAME
-        most = first_from(beat, min(most, room + 1), stop)
-    if most > room:
+        count_max = first_from(beat, min(count_max, room + 1), stop)
+    if count_max > room:
         raise TextError(_TOO_MANY)
 
     def again(other: PlaceSequence) -> Steps:
         return steps(
-            tempo, at, other, every=every, times=times, until=until, length=length, room=room
+            tempo, begin, other, every=every, times=times, until=until, length=length, room=room
         )
 
-    return Steps(course, beat, most, again)
+    return Steps(course, beat, count_max, again)
 
 
 def _even(
-    tempo: TempoMap, at: float, course: PlaceSequence, every: Length
+    tempo: TempoMap, begin: float, course: PlaceSequence, every: Length
 ) -> Callable[[int], float]:
     """Steps of the length `every`; if places are skipped, the first one that is left begins at
-    `at`.
+    `begin`.
     """
     first = course.position(0) if course.pattern.skip else 0.0
 
     def beat(place: int) -> float:
-        return tempo.after(at, every.times(course.position(place) - first))
+        return tempo.after(begin, every.times(course.position(place) - first))
 
     return beat
 
 
 def _end_to_end(
     tempo: TempoMap,
-    at: float,
+    begin: float,
     course: PlaceSequence,
     length: Callable[[str], Length | None],
-    most: int,
+    count_max: int,
     until: float | None,
 ) -> Callable[[int], float]:
     """Each place begins when the gesture of the place before has ended."""
     order = course.pattern.order
     lasting = []
     for item in order.items:
-        found = length(item.name) if isinstance(item, Leaf) and item.name is not None else None
+        length_found = (
+            length(item.name) if isinstance(item, Leaf) and item.name is not None else None
+        )
         is_mixed = order.way != "in turn" or course.later or course.pattern.swing != EVEN
-        if is_mixed or found is None:
+        if is_mixed or length_found is None:
             raise TextError(
                 "the length of a step is missing; write `every`, for instance every 1",
                 code="E103",
             )
-        lasting.append(found)
+        lasting.append(length_found)
     if not any(length.is_some for length in lasting):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
-    beats = [at]
-    for place in range(most):
+    beats = [begin]
+    for place in range(count_max):
         if until is not None and beats[-1] >= until:
             break
         if not place % 1024:

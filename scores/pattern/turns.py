@@ -21,7 +21,7 @@ _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
 _OMIT_EMPTY = {"hash_omits_empty": True}
 # One transformation: from its word up to a comma or to the word of the next transformation.
 _WORDS = "|".join(ARGUMENTS)
-_ONE = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
+_TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +133,8 @@ def _clause(text: str, start: int) -> Turn:
         message = f"'{text.strip()[:40]}' is not written like 4th do mirror"
         raise TextError(message, offset=start, length=max(1, len(text.strip())))
     chain = []
-    for one in _ONE.finditer(text, match.end()):
-        chain.append(parse_do(one.group(), start + one.start()))
+    for verb_match in _TRANSFORM.finditer(text, match.end()):
+        chain.append(parse_do(verb_match.group(), start + verb_match.start()))
     if not chain or text.rstrip().endswith(","):
         raise TextError("'do' needs a transformation: 4th do mirror", offset=start + len(text) - 1)
     return Turn(int(match[1]), tuple(chain))

@@ -43,7 +43,7 @@ OPTIONS = {
 # The option that is written `every 4th do mirror`: it has no keyword of its own.
 NTH = "nth"
 # Options of a pattern that may also be names of gestures: the first word of a play is a name.
-_OF_PATTERNS = ("chance", "euclid", "swing", "skip")
+_PATTERN_WORDS = ("chance", "euclid", "swing", "skip")
 _KNOWN = (*OPTIONS, "do", *ARITY)
 _SIGNS = frozenset(",()*~")  # signs that a single name does not have
 _WORD = re.compile(r",|[^\s,]+")
@@ -84,7 +84,9 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
     Raises TextError with offsets into the text plus `start`.
     """
     words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
-    if not words or (words[0].text in (*OPTIONS, "do", ",") and words[0].text not in _OF_PATTERNS):
+    if not words or (
+        words[0].text in (*OPTIONS, "do", ",") and words[0].text not in _PATTERN_WORDS
+    ):
         raise TextError(
             "the gesture or take is missing; write for instance knock every 1",
             offset=start + (words[0].offset if words else 0),
@@ -239,30 +241,30 @@ def rows(text: str) -> Iterator[tuple[str, int]]:
 
 
 def parse_row(row: str, offset: int = 0, called: Called | None = None) -> Row:
-    """Read `at` and the words of a play. Raises TextError with offsets plus `offset`."""
+    """Read `first_cell` and the words of a play. Raises TextError with offsets plus `offset`."""
     cells = row.split()
-    at = cells[0]
-    lead = row.index(at)
+    first_cell = cells[0]
+    lead = row.index(first_cell)
     if len(cells) == 1:
-        example = f"{at} knock" if at[0].isdigit() else f"1|1 {at}"
+        example = f"{first_cell} knock" if first_cell[0].isdigit() else f"1|1 {first_cell}"
         raise TextError(
             f"a row has a position and a gesture or take; write {example[:40]}",
             offset=offset + lead,
-            length=len(at),
+            length=len(first_cell),
         )
     if (
         len(cells) == 2 and not _SIGNS & set(cells[1]) and cells[1] not in _KNOWN
     ):  # most rows of most tables
-        name = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
-        return Row(Word(at, offset + lead), PlayWords(name, {}))
-    play = parse(row[lead + len(at) :], offset + lead + len(at), called)
+        name = Word(cells[1], offset + row.index(cells[1], lead + len(first_cell)))
+        return Row(Word(first_cell, offset + lead), PlayWords(name, {}))
+    play = parse(row[lead + len(first_cell) :], offset + lead + len(first_cell), called)
     if "at" in play.options:
         raise TextError(
             "a row begins with a position, such as 3|1 or B",
             offset=play.options["at"].offset,
             length=1,
         )
-    return Row(Word(at, offset + lead), play)
+    return Row(Word(first_cell, offset + lead), play)
 
 
 def _end_of_turns(words: list[Word], first: int) -> int:

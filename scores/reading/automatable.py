@@ -109,21 +109,21 @@ def _stays(module: Module) -> str | None:
 
 def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
     """Why a parameter of a module cannot change while it plays; None if it can."""
-    own = PARAMETERS.get(module.kind, ())
+    parameters = PARAMETERS.get(module.kind, ())
     if module.kind == "INSTRUMENT" and not is_ca and parameter == "f":
         why = next(filter(None, map(_stays, module.fields["modules"])), None)
         return why and f"cannot glide as a whole: {why}; glide its modules"
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
-    if not own:
+    if not parameters:
         able = ", ".join(kind for kind in PARAMETERS if kind != "INSTRUMENT")
         return (
             f"is {with_article(module.shown_kind)}, which does not change while it plays; {able} do"
         )
-    if module.kind == "INSTRUMENT" and parameter not in own:
+    if module.kind == "INSTRUMENT" and parameter not in parameters:
         return f"has several modules: of the whole only f changes; name a module for {parameter}"
-    if parameter not in own:
-        word = " and ".join(own)
+    if parameter not in parameters:
+        word = " and ".join(parameters)
         return f"is a {module.kind}, of which only {word} change while it plays"
     if module.kind == "BUT" and module.fields.get("contact") == "magic":
         return "is a magic contact, which chooses its own K and Z"

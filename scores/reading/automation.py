@@ -25,7 +25,7 @@ from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
 from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.midi_uses import MidiUses
-from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
+from ergon.scores.reading.patterns import PATTERN_TABLE, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
 SHAPES: tuple[Shape, ...] = ("sine", "triangle", "ramp", "square")
@@ -87,8 +87,8 @@ class Automation:
         assert self.pattern is not None
         until = None if self.until is None else tempo.resolve(self.until)
         course = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
-        at = tempo.resolve(self.at)
-        return steps(tempo, at, course, every=self.every, times=self.times, until=until)
+        begin = tempo.resolve(self.at)
+        return steps(tempo, begin, course, every=self.every, times=self.times, until=until)
 
 
 AUTOMATION = Record(
@@ -114,7 +114,7 @@ AUTOMATION = Record(
         Field("curve", choice("line", "smooth"), "the way to that value", "line"),
         Field("every", k.LENGTH, "length of a step"),
         Field("times", k.TIMES, "number of rounds", shown="once, or until `until`"),
-        *OF_PATTERN,
+        *PATTERN_TABLE,
         Field("from", k.PATH, "a MIDI file that it follows"),
         Field("channel", k.integer(1, 16, "1"), "of that file", shown="all together"),
         Field(
@@ -142,15 +142,15 @@ AUTOMATION = Record(
     ),
     meant={"glide": "set", "ramp": "set"},
 )
-_OF_PATTERN = ("every", "times", *(field.name for field in OF_PATTERN))
-_OF_SET = ("to", "over", "curve", *_OF_PATTERN)
-_OF_FILE = ("from", "channel", "by", "start")
-_OF_LFO = ("range", "period", "shape", "phase")
+_PATTERN_NAMES = ("every", "times", *(field.name for field in PATTERN_TABLE))
+_SET_NAMES = ("to", "over", "curve", *_PATTERN_NAMES)
+_FILE_NAMES = ("from", "channel", "by", "start")
+_LFO_NAMES = ("range", "period", "shape", "phase")
 # By what an entry is called: the fields that it needs, and those that it may not have.
 _FIELDS = {
-    "set": (("to",), (*_OF_FILE, *_OF_LFO)),
-    "from": (("from", "by", "range"), (*_OF_SET, "period", "shape", "phase")),
-    "lfo": (("range", "period"), (*_OF_FILE, *_OF_SET)),
+    "set": (("to",), (*_FILE_NAMES, *_LFO_NAMES)),
+    "from": (("from", "by", "range"), (*_SET_NAMES, "period", "shape", "phase")),
+    "lfo": (("range", "period"), (*_FILE_NAMES, *_SET_NAMES)),
 }
 
 
@@ -173,7 +173,7 @@ def check(values: Values) -> bool:
         values.error("E111", f"automation: `{name}` does not belong to `{kind}`", name)
         return False
     glides = values.written("over") or is_curve(str(values["to"] or ""))
-    for name in values.written(*_OF_PATTERN) if glides else values.written("curve"):
+    for name in values.written(*_PATTERN_NAMES) if glides else values.written("curve"):
         what = "a glide has no steps" if glides else "only a glide `over` a length has a way"
         values.error("E111", f"automation: {what}; remove `{name}`", name)
         return False

@@ -53,7 +53,7 @@ START = Position()
 _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
 
 
-def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
+def _has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
     present = [group for group in groups if values.written(*group)]
     if len(present) > 1:
@@ -87,7 +87,7 @@ def key(values: Values, files: Files) -> Key:
     else:
         if not values.written("M"):
             values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
-        _one_of(values, ("K", "Z"), ("f", "t60"))
+        _has_single(values, ("K", "Z"), ("f", "t60"))
         fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
@@ -99,8 +99,8 @@ def key(values: Values, files: Files) -> Key:
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
     known = None if measured is None else calibration.key_constants(measured)
-    own = values.context.name, modules, struck, travel, values["reach"], values.place
-    return Key(*own, measured=known)
+    arguments = values.context.name, modules, struck, travel, values["reach"], values.place
+    return Key(*arguments, measured=known)
 
 
 def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
@@ -109,37 +109,37 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
 
     None if an error was reported.
     """
-    if not _one_of(values, ("notation",), ("points",)):
+    if not _has_single(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
     text = values.given.get(name)
     if not isinstance(text, Scalar):
         return None
 
-    def parse(said: str) -> tuple[notation.Notation, ...]:
-        if name == "notation" and space_path.axes(said) > 1:
-            return space_path.parse(said, values["curve"], room)
+    def parse(source: str) -> tuple[notation.Notation, ...]:
+        if name == "notation" and space_path.axes(source) > 1:
+            return space_path.parse(source, values["curve"], room)
         parse_one = notation.parse if name == "notation" else notation.parse_table
-        return (parse_one(said, values["curve"], room),)
+        return (parse_one(source, values["curve"], room),)
 
     try:
         read = parse_with_names(
-            text, lambda said: [_at_start(one, said, text) for one in parse(said)]
+            text, lambda said: [_is_at_start(one, said, text) for one in parse(said)]
         )
     except TextError as error:
         values.context.text_error(error, text, "")
         return None
-    own = values["do"] or (), playing_options(values.given), values.place, text
-    made = [Gesture(values.context.name, one.points, one.bar_checks, *own) for one in read]
-    return {"": made[0]} if len(made) == 1 else dict(zip(AXES, made, strict=False))
+    options = values["do"] or (), playing_options(values.given), values.place, text
+    parsed = [Gesture(values.context.name, one.points, one.bar_checks, *options) for one in read]
+    return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
 
 _HIGHPASS = 20.0  # of an input [Hz]
 _GLIDE = 0.02  # from one value by OSC to the next [s]
 _GLIDE_MAX = 60.0  # [s]
-_OF_INPUTS = ("gain", "highpass", "clamp", "glide")
-_OF_MIDI = ("velocity", "depth", "curve")
-_NOT_OF_INPUTS = (*_OF_MIDI, "trim", "smooth", "rate", "unit")
+_INPUT_NAMES = ("gain", "highpass", "clamp", "glide")
+_MIDI_NAMES = ("velocity", "depth", "curve")
+_NOT_OF_INPUTS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
 
 
 def take(values: Values, files: Files) -> TakeFile | None:
@@ -147,7 +147,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     v, who = values, f"{values.context.of('file')}: "
     if v.written("input"):
         return _input(v, files, who)
-    for name in v.written(*_OF_INPUTS):
+    for name in v.written(*_INPUT_NAMES):
         v.error("E111", f"{v.context.of(name)}: belongs to a take with `input`", name)
     if v["file"] is None:
         message = f"{v.context.of('')} has neither a file nor an input; write `file` or `input`"
@@ -166,7 +166,7 @@ def take(values: Values, files: Files) -> TakeFile | None:
     else:
         path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES
-    for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _OF_MIDI)):
+    for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
         which = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
         v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
     if note_files.is_musicxml(path) and v.written("bend"):
@@ -189,7 +189,7 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
     for name in v.written(*_NOT_OF_INPUTS):
         v.error("E111", f"{v.context.of(name)}: an input has no {name}; remove it", name)
-    told = v["input"] == OSC
+    is_osc = v["input"] == OSC
     if v["gain"] is None or v["input"] is None:
         if not v.written("gain"):
             message = f"{v.context.of('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
@@ -219,8 +219,8 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         v.error("E111", message, "channel")
     highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
     glide = _GLIDE if v["glide"] is None else v["glide"]
-    for name in v.written("highpass" if told else "glide"):
-        which = "an input by OSC" if told else "an input of the sound card"
+    for name in v.written("highpass" if is_osc else "glide"):
+        which = "an input by OSC" if is_osc else "an input of the sound card"
         v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
     if glide > _GLIDE_MAX:
         message = f"{v.context.of('glide')}: the longest glide is {_GLIDE_MAX:g} s"
@@ -236,12 +236,12 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         place=v.place,
         places={name: node.place for name, node in v.nodes.items()},
         input=SoundInput(
-            None if told else v["input"],
+            None if is_osc else v["input"],
             gain,
             is_force,
-            None if told else highpass,
+            None if is_osc else highpass,
             clamp,
-            glide if told else None,
+            glide if is_osc else None,
         ),
     )
 
@@ -296,24 +296,24 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     pattern = pattern_of(v.given, order) if has_pattern else None
     return Strikes(
-        **_said_of_all(v, to), span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
+        **_common_fields(v, to), span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
     )
 
 
-def _said_of_all(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
+def _common_fields(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
     """The fields that strikes of every kind may have."""
-    said = ("at", "until", "every", "times", "mass", "speed")
+    names = ("at", "until", "every", "times", "mass", "speed")
     levels = v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,)))
-    fields = {name: v[name] for name in said}
+    fields = {name: v[name] for name in names}
     return {"name": v.context.name, "to": to, "place": v.place, "levels": levels, **fields}
 
 
 def _check_force(values: Values) -> None:
     """Check that strikes have `impulse`, both `mass` and `speed`, or neither; reports errors."""
     if values.written("impulse"):
-        _one_of(values, ("impulse",), ("mass", "speed"))
-    if len(said := values.written("mass", "speed")) == 1:
-        values.error("E103", f"{values.context.of('')} needs both mass and speed", said[0])
+        _has_single(values, ("impulse",), ("mass", "speed"))
+    if len(force_fields := values.written("mass", "speed")) == 1:
+        values.error("E103", f"{values.context.of('')} needs both mass and speed", force_fields[0])
 
 
 def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
@@ -321,21 +321,21 @@ def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     if values.written("for") and values.written("until"):
         message = f"{values.context.of('until')}: `for` is written too; keep one of the two"
         values.error("E111", message, "until")
-    return Strikes(**_said_of_all(values, to), span=values["for"])
+    return Strikes(**_common_fields(values, to), span=values["for"])
 
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)
-    said = _said_of_all(values, to)
-    return Strikes(**said, length=values["for"], passing=passing(values))
+    fields = _common_fields(values, to)
+    return Strikes(**fields, length=values["for"], passing=passing(values))
 
 
-def _at_start(read: notation.Notation, said: str, text: Scalar) -> notation.Notation:
+def _is_at_start(read: notation.Notation, source: str, text: Scalar) -> notation.Notation:
     """The notation; its places are set to the beginning if names of values were replaced in the
     text.
     """
-    if said == text.text:
+    if source == text.text:
         return read
     points = tuple(replace(point, offset=0, length=1) for point in read.points)
     checks = tuple(replace(check, offset=0) for check in read.bar_checks)
@@ -384,8 +384,8 @@ def coupling(values: Values, number: int) -> Coupling | None:
     a, b = v["couple"]
     link_module = module(f"duet{number}", v.kind, link)
     until = v["until"]
-    at = v["at"] or START
-    return Coupling(link_module, _unresolved(a), _unresolved(b), at, until, v.node.place)
+    begin = v["at"] or START
+    return Coupling(link_module, _unresolved(a), _unresolved(b), begin, until, v.node.place)
 
 
 def _unresolved(name: Any) -> Target:
@@ -446,8 +446,8 @@ def mix(values: Values | None, files: Files) -> Mix:
     rooms = mixing.rooms(values["rooms"])
     refused = {*(values["rooms"] or {})} - {each.name for each in rooms}
     routes = tuple(_without_sends(route, refused) for route in routes)
-    heard = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
-    highest = max(map(max, heard), default=0)
+    route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
+    highest = max(map(max, route_channels), default=0)
     outputs = room.n_channels if room else 0
     channels = values["channels"] or max(highest, outputs)
     for route in routes:
@@ -461,11 +461,11 @@ def mix(values: Values | None, files: Files) -> Mix:
         if route.is_panned and (route.to == "nearest" or len(set(route.to)) != 2):
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
             values.context.error("E103", message, route.place)
-    for own in rooms:
-        last = max(own.to, default=0)
+    for room_entry in rooms:
+        last = max(room_entry.to, default=0)
         if last > channels:
             message = f"channel {last} does not exist; the mix has {channels}"
-            values.context.error("E202", message, own.place)
+            values.context.error("E202", message, room_entry.place)
     if room is not None and values.written("channels") and outputs > channels:
         message = f"the layout has {outputs} loudspeakers, but the mix has {channels} channels"
         if room.outputs:
@@ -523,7 +523,7 @@ def accuracy(values: Values | None) -> Accuracy:
     if values is None:
         return Accuracy()
     if values.written("method") or values.written("error") or values.written("cents"):
-        _one_of(values, ("method",), ("error",), ("cents",))
+        _has_single(values, ("method",), ("error",), ("cents",))
     if values.written("upto") and not values.written("cents"):
         values.error("E103", f"{values.context.of('upto')} needs `cents`", "upto")
     if values["guard"] == "off" and values["method"] != "ca":

@@ -35,7 +35,7 @@ def over(values: Values, measured: Values) -> Values:
 
     A key begins at its measured rest position, unless it says otherwise.
     """
-    given, nodes = dict(values.given), dict(values.nodes)
+    fields, nodes = dict(values.given), dict(values.nodes)
     has_place = values.context.place is not None
     names = {name: name for name in ("M", "K", "Z", "travel")}
     if not values["simple"]:
@@ -44,8 +44,8 @@ def over(values: Values, measured: Values) -> Values:
         node = values.nodes.get(name)
         is_own = node is not None and has_place and _inside(node.place, values)
         if source in measured.given and not is_own:
-            given[name], nodes[name] = measured.given[source], measured.nodes[source]
-    return Values(values.record, values.node, values.context, given, nodes, values.free)
+            fields[name], nodes[name] = measured.given[source], measured.nodes[source]
+    return Values(values.record, values.node, values.context, fields, nodes, values.free)
 
 
 def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
@@ -61,11 +61,11 @@ def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
             message += "mass they are a part"
             measured.error("E202", message, "modes")
             return (cel,)
-    made = [replace(cel, fields={**cel.fields, "M": mass})]
+    modules = [replace(cel, fields={**cel.fields, "M": mass})]
     for number, mode in enumerate(modes, 1):
-        made += _mode(f"mode {number}", mode, cel)
-    made += _dry(measured)
-    return tuple(made)
+        modules += _mode(f"mode {number}", mode, cel)
+    modules += _dry(measured)
+    return tuple(modules)
 
 
 def key_constants(measured: Values) -> tuple[float, float, float | None] | None:

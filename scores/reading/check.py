@@ -77,7 +77,7 @@ class Checker:
             self.part_names,
             self.matter.by_name.get,
         )
-        players = {v.context.name: self._player(v) for v in self._own("players")}
+        players = {v.context.name: self._player(v) for v in self._section_values("players")}
         mix = routed(build.mix(score["mix"], self.uses.files), self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, file)
@@ -97,12 +97,12 @@ class Checker:
             self.part_names,
             self.matter.by_name.get,
         )
-        for _, one in included:
-            plays = *plays, *one.parts
-            strikes += one.strikes
-            changes += one.automation
-            duet += one.duet
-            players |= one.players
+        for _, included_piece in included:
+            plays = *plays, *included_piece.parts
+            strikes += included_piece.strikes
+            changes += included_piece.automation
+            duet += included_piece.duet
+            players |= included_piece.players
         piece = Piece(
             title=score["title"],
             seed=score["seed"],
@@ -185,14 +185,16 @@ class Checker:
 
     def _included(self, times: Times, n_links: int) -> list[tuple[Include, Played]]:
         """The lines of `include:` with what their scores play."""
-        found: list[tuple[Include, Played]] = []
+        included: list[tuple[Include, Played]] = []
         if self.uses.is_full or not self.names.included:
-            return found
+            return included
         n_lines = 0
-        taken = {v.context.name: None for v in self._own("strikes")}
-        owners: dict[str, Player | None] = {v.context.name: None for v in self._own("players")}
-        for one, names in self.names.included:
-            if not times.exists(one.at, one.values.place_of("at")):
+        taken = {v.context.name: None for v in self._section_values("strikes")}
+        owners: dict[str, Player | None] = {
+            v.context.name: None for v in self._section_values("players")
+        }
+        for include_entry, names in self.names.included:
+            if not times.exists(include_entry.at, include_entry.values.place_of("at")):
                 continue
             file = names.document.file
             if file not in self.uses.pieces:
@@ -201,27 +203,31 @@ class Checker:
             piece = self.uses.pieces[file]
             if self.collector.has_errors():
                 continue
-            made = played(piece, one, n_links, self.collector)
-            n_links += len(made.duet)
-            n_lines += len(made)
+            played_include = played(piece, include_entry, n_links, self.collector)
+            n_links += len(played_include.duet)
+            n_lines += len(played_include)
             if n_lines > MAX_INCLUDED:
                 message = f"more than {MAX_INCLUDED:,} lines are included"
-                self.collector.error("E105", message, one.place)
+                self.collector.error("E105", message, include_entry.place)
                 break
-            clashes = [f"strikes {quote(s.name)}" for s in made.strikes if s.name in taken]
+            clashes = [
+                f"strikes {quote(s.name)}" for s in played_include.strikes if s.name in taken
+            ]
             clashes += [
                 f"player {quote(name)}"
-                for name, player in made.players.items()
+                for name, player in played_include.players.items()
                 if owners.get(name, player) != player
             ]
             for clash in clashes:
                 message = f"{clash} of {file} is already defined; give its names a prefix"
-                self.collector.error("E303", message, one.place, help="include: {file: x, as: v2}")
-            taken |= {s.name: None for s in made.strikes}
-            owners |= made.players
-            self._reach_included(piece, one.prefix)
-            found.append((one, made))
-        return found
+                self.collector.error(
+                    "E303", message, include_entry.place, help="include: {file: x, as: v2}"
+                )
+            taken |= {s.name: None for s in played_include.strikes}
+            owners |= played_include.players
+            self._reach_included(piece, include_entry.prefix)
+            included.append((include_entry, played_include))
+        return included
 
     def _reach_included(self, piece: Piece, prefix: str) -> None:
         head = f"{prefix}." if prefix else ""
@@ -229,7 +235,7 @@ class Checker:
         for name in (*piece.gestures, *piece.takes):
             self.gestures_and_takes.play(head + name)
 
-    def _own(self, section: str) -> list[Values]:
+    def _section_values(self, section: str) -> list[Values]:
         return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
 
     # --- who plays what, and where it goes ------------------------------------------------------
@@ -291,12 +297,12 @@ class Checker:
             take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
             if take is not None:
                 self.uses.midi.play(take, has_lengths=True)
-            found = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
-            if found is not None and not self._has_quarters and isinstance(phrase, Values):
-                found = melodies.in_quarters(phrase, *found)
-            if found is None:
+            hits = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
+            if hits is not None and not self._has_quarters and isinstance(phrase, Values):
+                hits = melodies.in_quarters(phrase, *hits)
+            if hits is None:
                 return None
-            melody = self._melody(build.melody(values, *found), values)
+            melody = self._melody(build.melody(values, *hits), values)
             if melody is None or take is None:
                 return melody
             return with_wheels(melody, values, take, self.uses.files)
@@ -322,22 +328,24 @@ class Checker:
                 self._is_of_cells(target, who)
             return self._with_reaches(passing, values)
         n_reports = self.collector.told
-        made = self._with_reaches(build.strikes(values, targets), values)
-        if made is None:
+        strikes_built = self._with_reaches(build.strikes(values, targets), values)
+        if strikes_built is None:
             return None
-        if made.notes and names and all(self.part_names.family(name) for name in names):
+        if strikes_built.notes and names and all(self.part_names.family(name) for name in names):
             voices = NoteTargets(self.part_names, names)
-            made = melodies.strikes_of_pattern(made, values, voices, who)
+            strikes_built = melodies.strikes_of_pattern(strikes_built, values, voices, who)
         if values.written("do") and self.collector.told == n_reports:
             do = phrase_do.rhythm_do(values)
             if do is None:
                 return None
-            return rhythm_strikes.transformed_strikes(made, do, values, self.part_names, names)
-        if made.voices:
-            return made
-        for target in made.to if made.notes else ():
+            return rhythm_strikes.transformed_strikes(
+                strikes_built, do, values, self.part_names, names
+            )
+        if strikes_built.voices:
+            return strikes_built
+        for target in strikes_built.to if strikes_built.notes else ():
             self._has_pitch(target, who)
-        return made
+        return strikes_built
 
     def _melody(self, strikes: Strikes, values: Values) -> Strikes | None:
         """A melody, or a phrase as a rhythm where it has transformations of rhythms; None if an
@@ -401,8 +409,8 @@ class Checker:
                 message = f"{who}: {quote(target.text)} moves along one axis; strike its masses"
                 self.collector.error("E304", message, target.place)
                 return None
-        made = build.strikes(values, tuple(points))
-        if made.levels is not None and made.levels.has_strengths:
+        strikes_built = build.strikes(values, tuple(points))
+        if strikes_built.levels is not None and strikes_built.levels.has_strengths:
             message = f"{values.context.of('along')}: strikes along a direction have an impulse, "
             values.error("E103", message + "such as impulse: 2mNs", "along")
             return None
@@ -411,7 +419,7 @@ class Checker:
             for axis in range(len(along))
             for point in points
         )
-        return replace(made, to=coordinates, along=tuple(part / length for part in along))
+        return replace(strikes_built, to=coordinates, along=tuple(part / length for part in along))
 
     def _phrases(self) -> dict[str, Any]:
         """Phrases, and takes that are MIDI files."""
@@ -426,8 +434,8 @@ class Checker:
     def _has_pitch(self, target: Target, who: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
         part = self.part_names.parts[target.part]
-        made = self.matter.by_name[target.part]
-        is_ca = isinstance(made, Instrument) and made.ca_rate is not None
+        struck_part = self.matter.by_name[target.part]
+        is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
         if part.modules[target.module].kind != "CEL" or is_ca:
             message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
             self.collector.error("E304", message, target.place)
@@ -456,16 +464,18 @@ class Checker:
             memory.hold(f"led {file}", None, (section, names, heads))
         self.part_names.reached |= heads & self.matter.by_name.keys()
 
-    def _struck_modules(self, made: Strikes, values: Values) -> tuple[tuple[str, str], ...] | None:
+    def _struck_modules(
+        self, strikes: Strikes, values: Values
+    ) -> tuple[tuple[str, str], ...] | None:
         """The modules on which strikes depend; None for those that depend on more."""
         names = values["to"] or ()
         if melodies.kind_of(values) or any(self.part_names.family(name) for name in names):
             return None
-        return tuple({(target.part, target.module) for target in made.to})
+        return tuple({(target.part, target.module) for target in strikes.to})
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:
-        made = build.coupling(values, number) if isinstance(values, Values) else None
-        if made is None:
+        coupling_built = build.coupling(values, number) if isinstance(values, Values) else None
+        if coupling_built is None:
             return None
         keys = self.names.tables["keys"]
         ends = []
@@ -481,19 +491,19 @@ class Checker:
         if (a.part, a.module) == (b.part, b.module):
             message = "coupling: a key cannot be coupled with itself; name two keys"
             self.collector.error("E304", message, b.place)
-        if made.link.fields.get("follows"):
+        if coupling_built.link.fields.get("follows"):
             message = "coupling: what follows a MAT stands in an instrument; link the keys there"
-            self.collector.error("E304", message, made.place)
+            self.collector.error("E304", message, coupling_built.place)
             return None
-        laws = self.matter.laws((made.link,), self.names)
-        who = f"{made.link.kind} of a coupling"
+        laws = self.matter.laws((coupling_built.link,), self.names)
+        who = f"{coupling_built.link.kind} of a coupling"
         link = rules.with_checked_law(
-            made.link, laws, values.given[values.kind], who, self.collector
+            coupling_built.link, laws, values.given[values.kind], who, self.collector
         )
         if "gap" in link.fields:
             gap = spread.gaps(link, 1, who, self.collector)
             link = replace(link, fields={**link.fields, "gap": gap})
-        return replace(made, link=link, a=a, b=b)
+        return replace(coupling_built, link=link, a=a, b=b)
 
 
 def _led(values: Any) -> str:

@@ -36,7 +36,7 @@ def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
     """
     amounts: list[Amount] = []
     moved: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
-    pieces, at, length = [], 0, 0
+    pieces, offset, length = [], 0, 0
     for match in _VALUE.finditer(text):
         try:
             amount = read(match.group())
@@ -46,14 +46,14 @@ def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
         if amount not in amounts:
             amounts.append(amount)
         # Write each value as a position of a gesture: its index in metres.
-        for part in (text[at : match.start()], f"{amounts.index(amount)}m"):
+        for part in (text[offset : match.start()], f"{amounts.index(amount)}m"):
             pieces.append(part)
             length += len(part)
-        at = match.end()
-        moved.append((length, at))
-    pieces.append(text[at:])
+        offset = match.end()
+        moved.append((length, offset))
+    pieces.append(text[offset:])
     try:
-        points = notation.parse("".join(pieces), most=MAX_POINTS).points
+        points = notation.parse("".join(pieces), events_max=MAX_POINTS).points
     except TextError as error:
         here = [pair for pair in moved if pair[0] <= error.offset]
         if here:
@@ -64,9 +64,9 @@ def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
         raise
     if points[0].at != Time():
         raise TextError("a curve begins at 0: write its first value as VALUE@0", length=len(text))
-    found = []
+    points_read = []
     for point in points:
         if point.curve == "throw":
             raise TextError("`throw` is for gestures only; write smooth or line", length=len(text))
-        found.append(CurvePoint(point.at, amounts[round(point.x)], cast("Way", point.curve)))
-    return tuple(found)
+        points_read.append(CurvePoint(point.at, amounts[round(point.x)], cast("Way", point.curve)))
+    return tuple(points_read)

@@ -21,7 +21,7 @@ class GesturesAndTakes:
         self._tables = names.tables
         self._uses = uses
         self._collector = uses.collector
-        self._made: dict[str, Gesture | None] = {}
+        self._gestures_by_name: dict[str, Gesture | None] = {}
         self._paths: dict[str, tuple[str, ...]] = {}  # gestures in space: the names of their axes
         self._room = MAX_EVENTS  # points that gestures may still have
         self.takes: dict[str, TakeFile] = {}
@@ -30,7 +30,7 @@ class GesturesAndTakes:
     @property
     def gestures(self) -> dict[str, Gesture]:
         """The gestures without mistakes."""
-        return {name: made for name, made in self._made.items() if made is not None}
+        return {name: made for name, made in self._gestures_by_name.items() if made is not None}
 
     def own(self, place: Place) -> None:
         """Make the gestures and takes that the score itself defines; `place` is that of the
@@ -79,18 +79,22 @@ class GesturesAndTakes:
     def take(self, name: str, entry: Entry) -> None:
         """Make a take, unless it is a MIDI file: strikes and keys play the notes of a MIDI file."""
         if name not in self.takes and isinstance(entry.values, Values):
-            made = build.take(entry.values, self._uses.files)
-            if made is not None and not melodies.is_midi(entry.values):
-                self.takes[name] = called(made, name)
+            take_built = build.take(entry.values, self._uses.files)
+            if take_built is not None and not melodies.is_midi(entry.values):
+                self.takes[name] = called(take_built, name)
 
     def _gesture(self, name: str, entry: Entry) -> None:
-        if name not in self._made:
+        if name not in self._gestures_by_name:
             values, _ = self._uses.resolved("gestures", entry)
-            made = build.gestures(values, self._room) if values is not None else None
-            self._keep(name, (made or {}).get(""))
-            axes = {f"{name}.{axis}": one for axis, one in (made or {}).items() if axis}
-            for called_so, one in axes.items():
-                self._keep(called_so, one)
+            gestures_built = build.gestures(values, self._room) if values is not None else None
+            self._keep(name, (gestures_built or {}).get(""))
+            axes = {
+                f"{name}.{axis}": gesture_of_axis
+                for axis, gesture_of_axis in (gestures_built or {}).items()
+                if axis
+            }
+            for called_so, gesture_of_axis in axes.items():
+                self._keep(called_so, gesture_of_axis)
             if axes:
                 self._paths[name] = tuple(axes)
 
@@ -101,16 +105,18 @@ class GesturesAndTakes:
         if entry is None or axis not in AXES:
             return False
         self._gesture(head, entry)
-        return name in self._made or (self._made[head] is None and head not in self._paths)
+        return name in self._gestures_by_name or (
+            self._gestures_by_name[head] is None and head not in self._paths
+        )
 
     def _pressed(self, name: str, entry: Entry) -> None:
         """Make a gesture of a MIDI take that a hand plays."""
-        if name not in self._made:
+        if name not in self._gestures_by_name:
             self.take(name, entry)
             self._uses.midi.play(entry.values, has_lengths=False)
             files, room = self._uses.files, self._room
             self._keep(name, midi_gesture.gesture(entry.values, files, room, self.has_quarters))
 
     def _keep(self, name: str, made: Gesture | None) -> None:
-        self._made[name] = called(made, name) if made else None
+        self._gestures_by_name[name] = called(made, name) if made else None
         self._room -= len(made.points) if made else 0

@@ -69,7 +69,7 @@ class Played:
 
 def includes(score: Values) -> list[Include]:
     """The lines of `include:`; reports a transposition without a prefix."""
-    found = []
+    entries_read = []
     for v in score["include"] or ():
         if not isinstance(v, Values):
             continue
@@ -77,8 +77,8 @@ def includes(score: Values) -> list[Include]:
             message = "transpose of include: instruments of this score would move too; write `as`, "
             v.error("E103", message + "a prefix for the names of the file", "transpose")
             continue
-        found.append(Include(v["file"], v["at"] or Position(), str(v["as"] or ""), v))
-    return found
+        entries_read.append(Include(v["file"], v["at"] or Position(), str(v["as"] or ""), v))
+    return entries_read
 
 
 def transposed(values: Any, include: Include) -> Any:
@@ -86,10 +86,13 @@ def transposed(values: Any, include: Include) -> Any:
     interval: Interval | None = include.values["transpose"]
     if interval is None or not isinstance(values, Values):
         return values
-    own = values["transpose"] if "transpose" in values.given else None
-    given = {**values.given, "transpose": own.then(interval) if own else interval}
+    member_interval = values["transpose"] if "transpose" in values.given else None
+    fields = {
+        **values.given,
+        "transpose": member_interval.then(interval) if member_interval else interval,
+    }
     nodes = {**values.nodes, "transpose": include.values.nodes["transpose"]}
-    return replace(values, given=given, nodes=nodes)
+    return replace(values, given=fields, nodes=nodes)
 
 
 def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
@@ -109,69 +112,69 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         return tuple(map(target, own))
 
     players = {
-        named(one.name): replace(
-            one,
-            name=named(one.name),
-            key=named(one.key),
-            standin=None if one.standin is None else named(one.standin),
+        named(item.name): replace(
+            item,
+            name=named(item.name),
+            key=named(item.key),
+            standin=None if item.standin is None else named(item.standin),
         )
-        for one in piece.players.values()
+        for item in piece.players.values()
     }
     parts = tuple(
         replace(
-            one,
-            player=named(one.player),
-            what=named(one.what) if one.pattern is None else one.what,
-            at=moved(one.at),
-            until=until(one.until),
+            item,
+            player=named(item.player),
+            what=named(item.what) if item.pattern is None else item.what,
+            at=moved(item.at),
+            until=until(item.until),
             pattern=None
-            if one.pattern is None
-            else replace(one.pattern, order=_renamed(one.pattern.order, named)),
+            if item.pattern is None
+            else replace(item.pattern, order=_renamed(item.pattern.order, named)),
         )
-        for one in piece.parts
+        for item in piece.parts
     )
     strikes = tuple(
         replace(
-            one,
-            name=named(one.name),
-            to=targets(one.to),
-            at=moved(one.at),
-            until=until(one.until),
-            voices={word: targets(own) for word, own in one.voices.items()},
-            rhythm=one.rhythm and retargeted(one.rhythm, target),
-            reaches={named(part): reach for part, reach in one.reaches.items()},
-            glides=tuple(replace(g, target=target(g.target)) for g in one.glides),
+            item,
+            name=named(item.name),
+            to=targets(item.to),
+            at=moved(item.at),
+            until=until(item.until),
+            voices={word: targets(own) for word, own in item.voices.items()},
+            rhythm=item.rhythm and retargeted(item.rhythm, target),
+            reaches={named(part): reach for part, reach in item.reaches.items()},
+            glides=tuple(replace(g, target=target(g.target)) for g in item.glides),
             hits=tuple(
                 replace(
                     hit,
                     at=moved(hit.at) if isinstance(hit.at, Position) else hit.at,
                     to=targets(hit.to),
                 )
-                for hit in one.hits
+                for hit in item.hits
             ),
         )
-        for one in piece.strikes
+        for item in piece.strikes
     )
     automation = tuple(
         replace(
-            one,
-            target=target(one.target),
-            other_notes=tuple(map(target, one.other_notes)),
-            at=moved(one.at),
-            until=until(one.until),
+            item,
+            target=target(item.target),
+            other_notes=tuple(map(target, item.other_notes)),
+            at=moved(item.at),
+            until=until(item.until),
         )
-        for one in piece.automation
+        for item in piece.automation
     )
     duet = tuple(
         replace(
-            one,
-            link=replace(one.link, name=f"duet{number}"),
-            a=target(one.a),
-            b=target(one.b),
-            at=moved(one.at),
-            until=until(one.until),
+            item,
+            link=replace(item.link, name=f"duet{number}"),
+            a=target(item.a),
+            b=target(item.b),
+            at=moved(item.at),
+            until=until(item.until),
         )
-        for number, one in enumerate(piece.duet, first_link)
+        for number, item in enumerate(piece.duet, first_link)
     )
     return Played(players, parts, strikes, automation, duet)
 
@@ -182,20 +185,20 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
         return
     place = include.values.place_of("transpose")
     fixed = [
-        f"automation of {quote(one.name)}"
-        for one in piece.automation
-        if one.parameter == "f"
+        f"automation of {quote(entry.name)}"
+        for entry in piece.automation
+        if entry.parameter == "f"
         and not all(
             amount.is_factor
             for amount in (
-                *one.amounts.values(),
-                *(point.amount for point in one.points),
-                *(amount for _, amount in one.moves),
-                *((one.swing.low, one.swing.high) if one.swing else ()),
+                *entry.amounts.values(),
+                *(point.amount for point in entry.points),
+                *(amount for _, amount in entry.moves),
+                *((entry.swing.low, entry.swing.high) if entry.swing else ()),
             )
         )
     ]
-    fixed += [f"strikes {quote(one.name)}" for one in piece.strikes if one.notes]
+    fixed += [f"strikes {quote(entry.name)}" for entry in piece.strikes if entry.notes]
     for what in fixed:
         message = f"transpose of include: {what} in {include.file} sets pitches, which stay"
         help = "write its values as factors, such as x1.5, or leave `transpose` out"
@@ -211,12 +214,12 @@ def _moved(start: Position, tempo: TempoMap) -> Callable[[Position], Position]:
     `start`.
     """
 
-    def moved(own: Position) -> Position:
-        seconds = own.plus.seconds
-        beats = tempo.resolve(replace(own, plus=replace(own.plus, seconds=0.0)))
+    def moved(position: Position) -> Position:
+        seconds = position.plus.seconds
+        beats = tempo.resolve(replace(position, plus=replace(position.plus, seconds=0.0)))
         plus = start.plus
         later = Length(plus.bars, plus.beats + beats, plus.seconds + seconds)
-        return replace(start, plus=later, text=own.text)
+        return replace(start, plus=later, text=position.text)
 
     return moved
 

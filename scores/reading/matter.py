@@ -31,7 +31,7 @@ from ergon.scores.reading.piece import Key
 from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
-_Made = TypeVar("_Made")
+_Item = TypeVar("_Item")
 _Part = TypeVar("_Part", Key, Instrument)
 
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
@@ -96,7 +96,7 @@ class PartsReader:
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
         values = self._with_files(values)
-        part_object = called(self._made(section, name, entry, values), name)
+        part_object = called(self._read_part(section, name, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
         modules = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules)
@@ -126,22 +126,26 @@ class PartsReader:
             if not isinstance(body, Values):
                 return owner
             if owner.kind in ("BANK", "MODES") and body.written("modes"):
-                said = modal.from_file(body, read, moved, self._collector)
+                body_read = modal.from_file(body, read, moved, self._collector)
             elif owner.kind == "MESH" and body.written("file"):
-                said = mesh_file.from_file(body, read, self._collector)
+                body_read = mesh_file.from_file(body, read, self._collector)
             elif owner.kind == "BUT" and isinstance(wall := body.given.get("mesh"), Values):
                 wall = mesh_file.from_file(wall, read, self._collector)
-                said = replace(body, given={**body.given, "mesh": wall})
+                body_read = replace(body, given={**body.given, "mesh": wall})
             else:
                 return owner
-            return replace(owner, given={**owner.given, owner.kind: said})
+            return replace(owner, given={**owner.given, owner.kind: body_read})
 
-        own = filled(values)
+        filled_values = filled(values)
         modules = values["modules"] or {}
-        said = {n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()}
-        if any(said[n] is not one for n, one in modules.items()):
-            own = replace(own, given={**own.given, "modules": said})
-        return own
+        filled_modules = {
+            n: filled(one) if isinstance(one, Values) else one for n, one in modules.items()
+        }
+        if any(filled_modules[n] is not one for n, one in modules.items()):
+            filled_values = replace(
+                filled_values, given={**filled_values.given, "modules": filled_modules}
+            )
+        return filled_values
 
     def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
         """Make an instrument for each note, with the note in its name: `string.F3`."""
@@ -160,18 +164,18 @@ class PartsReader:
             return
         parts = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
         family = self._part_names.families[name] = Family(parts, tuning.written())
-        for word, own in (values["members"] or {}).items():
+        for word, member in (values["members"] or {}).items():
             if family.note(word) is None:
                 message = f"{values.context.of('members')}: it has no note {quote(word)}"
-                self._collector.error("E301", message, own.place, word=word, names=notes)
+                self._collector.error("E301", message, member.place, word=word, names=notes)
         for note in notes:
             part = f"{name}.{note}"
-            pitched = self._at_note(part, values, note, entry.values)
+            pitched = self._values_at_note(part, values, note, entry.values)
             self._part("instruments", part, entry, pitched, selves | {name})
 
-    def _at_note(self, part: str, values: Values, note: str, own: object) -> Values:
-        """The values of an instrument, whose `own` may move all its notes, at one of them."""
-        interval = own.given.get("transpose") if isinstance(own, Values) else None
+    def _values_at_note(self, part: str, values: Values, note: str, member: object) -> Values:
+        """The values of an instrument, whose `member` may move all its notes, at one of them."""
+        interval = member.given.get("transpose") if isinstance(member, Values) else None
         memory, name = self._uses.files.memory, f"note {part}"
         known = None if memory is None else memory.held_for(name, values)
         if known is not None and known[0] == interval:
@@ -183,7 +187,7 @@ class PartsReader:
             memory.hold(name, (values,), (interval, pitched))
         return pitched
 
-    def _made(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
+    def _read_part(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
         memory = self._uses.files.memory
         named = tuple(named_amounts(values.node.document).names.items())
         make: Callable[[Values], Key | Instrument] = partial(self._instrument, named)
@@ -218,9 +222,9 @@ class PartsReader:
         before: dict[Hashable, Any] = memory.held(place, named) or {}
         now: dict[Hashable, Any] = {}
 
-        def recall(key: Hashable, make: Callable[[], _Made]) -> _Made:
+        def recall(key: Hashable, make: Callable[[], _Item]) -> _Item:
             n_reports = self._collector.told
-            value: _Made = before[key] if key in before else make()
+            value: _Item = before[key] if key in before else make()
             if self._collector.told == n_reports:
                 now[key] = value
             return value
@@ -241,7 +245,7 @@ class PartsReader:
                 continue
             done.add(name)
             _, values = self._written[name]
-            made = self.by_name[name]
+            part_built = self.by_name[name]
             part = self._part_names.parts[name]
             takes = self._names.tables["takes"]
             modules = self._resolved(part, takes)
@@ -250,21 +254,21 @@ class PartsReader:
             for source in sources:
                 if source in takes:
                     self._gestures_and_takes.take(source, takes[source])
-            if isinstance(made, Key):
-                self._struck(made)
+            if isinstance(part_built, Key):
+                self._struck(part_built)
                 every = self._rates.of_key(values)
-                self.keys[name] = self._same(replace(made, modules=modules, every=every))
+                self.keys[name] = self._same(replace(part_built, modules=modules, every=every))
             else:
                 acts = tuple(self._part_names.resolved_act(part, a) for a in part.acts.values())
-                outputs = rules.outputs(part, made.outputs, self._part_names, self._layout)
+                outputs = rules.outputs(part, part_built.outputs, self._part_names, self._layout)
                 every = self._rates.of_instrument(values)
                 self.instruments[name] = self._same(
-                    replace(made, modules=modules, outputs=outputs, every=every, acts=acts)
+                    replace(part_built, modules=modules, outputs=outputs, every=every, acts=acts)
                 )
             todo += sorted(self._part_names.reached - done)
             if total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
-                self._collector.error("E105", message, made.place)
+                self._collector.error("E105", message, part_built.place)
                 break
         order = list(self._written)
         self.keys = {n: self.keys[n] for n in order if n in self.keys}

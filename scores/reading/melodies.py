@@ -30,7 +30,7 @@ from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes
 
 _PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
-_OWN = {
+_FIELDS_BY_KIND = {
     "entries": ("entries", "to", "impulse", "until"),
     "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
     "sweep": ("sweep", *_PASSING),
@@ -46,7 +46,7 @@ _ONLY = {"transpose": "play", "width": "path", "cycle": "rhythm"}
 
 def kind_of(values: Values) -> str:
     """The field that tells the kind of strikes; "" if there is no such field."""
-    return next(iter(values.written(*_OWN)), "")
+    return next(iter(values.written(*_FIELDS_BY_KIND)), "")
 
 
 def is_whole(values: Values) -> bool:
@@ -59,9 +59,11 @@ def is_whole(values: Values) -> bool:
         if name not in v.nodes:
             message = f"{v.context.of('')} has no '{name}': {v.record.by_name[name].shape.words()}"
             v.error("E103", message)
-    own = _OWN.get(kind, tuple(name for name in v.record.by_name if name not in _ONLY))
+    fields = _FIELDS_BY_KIND.get(
+        kind, tuple(name for name in v.record.by_name if name not in _ONLY)
+    )
     for name in v.nodes:
-        if name not in own:
+        if name not in fields:
             why = f"cannot be used together with `{kind}`; remove it"
             if not kind:
                 why = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
@@ -90,10 +92,14 @@ def hits_of(
     if do is None:
         return None
     voices = NoteTargets(part_names, notes_in(phrase, values))
-    found = played(phrase, values, do[0], voices, files, phrases)
+    played_hits = played(phrase, values, do[0], voices, files, phrases)
     if not (values.written("to", "transpose", "do") or is_midi(phrase)):
         who = phrase.context.of("")  # a name that is unknown is the phrase's
-    return None if found is None else (_hits(found[0], found[1], who), found[2])
+    return (
+        None
+        if played_hits is None
+        else (_hits(played_hits[0], played_hits[1], who), played_hits[2])
+    )
 
 
 def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
@@ -162,20 +168,20 @@ def played(
     return rows, voices, length
 
 
-def strikes_of_pattern(made: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:
+def strikes_of_pattern(strikes: Strikes, values: Values, voices: NoteTargets, who: str) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
     place = values.place_of("notes")
-    found: dict[str, tuple[Target, ...]] = {}
-    for word in made.notes:
+    targets_by_word: dict[str, tuple[Target, ...]] = {}
+    for word in strikes.notes:
         root = tuning.spelled(word).partition(".")[0]
         if not tuning.is_pitch(root):
             message = f"{who}: {quote(word)} is not a note such as A3, by which members are called"
             voices.part_names.collector.error("E304", message, place)
             continue
         row = Row(Length(), (Name(notes.scale_step(word), place),), None, place)
-        found[word] = voices.targets(row, who)
-    targets = dict.fromkeys(target for own in found.values() for target in own)
-    return replace(made, to=tuple(targets), notes={}, voices=found)
+        targets_by_word[word] = voices.targets(row, who)
+    targets = dict.fromkeys(target for own in targets_by_word.values() for target in own)
+    return replace(strikes, to=tuple(targets), notes={}, voices=targets_by_word)
 
 
 def is_midi(take: Any) -> bool:
@@ -200,12 +206,12 @@ def midi_notes(take: Values, files: Files) -> MidiNotes | None:
 
 def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | None:
     """The notes of a file as a phrase, and its length; None if an error was reported."""
-    found = midi_notes(take, files)
-    if found is None:
+    take_notes = midi_notes(take, files)
+    if take_notes is None:
         return None
     place, impulse, rows = take.place_of("file"), take["velocity"], []
     curve = take["curve"] or EVEN
-    for note in found.notes:
+    for note in take_notes.notes:
         level: Level | None = curve.level(note.velocity)
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse, curve),) * 2)
@@ -215,7 +221,7 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         what = (Name(note.word or tuning.current().key_word(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
         rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))
-    return tuple(rows), Length(beats=found.length)
+    return tuple(rows), Length(beats=take_notes.length)
 
 
 def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
@@ -225,7 +231,7 @@ def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
 
 
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
-    found: list[Hit] = []
+    hits: list[Hit] = []
     for row in rows:
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
@@ -233,12 +239,12 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]
         if any(voices.part_names.has_end(target) for target in targets):
             hit = replace(hit, lasting=row.lasting)
         if not level.is_strength:
-            found.append(replace(hit, to=targets))
+            hits.append(replace(hit, to=targets))
             continue
         by_reach: dict[Reach, list[Target]] = {}
         for target in targets:
             reach = voices.part_names.sure_reach(target, who)
             if reach is not None:
                 by_reach.setdefault(reach, []).append(target)
-        found += [replace(hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()]
-    return tuple(found)
+        hits += [replace(hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()]
+    return tuple(hits)

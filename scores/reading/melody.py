@@ -66,7 +66,7 @@ class WhatShape(Reference):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         items = node.items if isinstance(node, document.Sequence) else [node]
-        found: list[Name] = []
+        struck_names: list[Name] = []
         for item in items:
             if not isinstance(item, Scalar):
                 return wrong_shape(self, item, name, context)
@@ -74,12 +74,12 @@ class WhatShape(Reference):
                 struck = _struck(word.group(), word.start(), item, name, context)
                 if struck is None:
                     return MISSING
-                found.append(struck)
-        if not 1 <= len(found) <= MAX_CHORD:
+                struck_names.append(struck)
+        if not 1 <= len(struck_names) <= MAX_CHORD:
             message = f"{context.of(name)}: from 1 to {MAX_CHORD} names are expected"
             context.error("E106", message, node.place)
             return MISSING
-        return tuple(found)
+        return tuple(struck_names)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -137,9 +137,9 @@ def _row(values: Values) -> Row:
     return Row(values["at"], values["what"], level, values.node.place, swells=swells)
 
 
-def _entry(at: Text, doc: str) -> Record:
+def _entry(position_kind: Text, doc: str) -> Record:
     fields = (
-        Field("at", at, doc, required=True),
+        Field("at", position_kind, doc, required=True),
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", SWELLING, "how strongly", shown="that of the strike before"),
     )
@@ -163,22 +163,22 @@ class Entries(Shape):
             return _checked(ListOf(self.entry, 1, MAX_ROWS).read(node, name, context), context)
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
-        found, is_broken = [], False
+        entries_read, is_broken = [], False
         for number, (row, offset) in enumerate(words.rows(node.text)):
             if number >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 return MISSING
             read = self._row(row, offset, node, context)
             is_broken |= read is None
-            found += [read] if read is not None else []
-        if not found and not is_broken:
+            entries_read += [read] if read is not None else []
+        if not entries_read and not is_broken:
             context.error("E106", f"{context.of(name)}: the table has no row", node.place)
             return MISSING
-        return MISSING if is_broken else _checked(tuple(found), context)
+        return MISSING if is_broken else _checked(tuple(entries_read), context)
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
-        (at, start), rest = cells[0], cells[1:]
+        (position_text, start), rest = cells[0], cells[1:]
         impulse, swells = None, bool(rest) and rest[-1][0] == "->"
         if swells:
             word, start_of_arrow = rest.pop()
@@ -189,17 +189,17 @@ class Entries(Shape):
                 return None
         if rest and _is_impulse(rest[-1][0], node, is_alone=len(rest) == 1):
             impulse = self._value("impulse", *rest.pop(), node, context)
-        when = self._value("at", at, start, node, context)
+        when = self._value("at", position_text, start, node, context)
         if not 1 <= len(rest) <= MAX_CHORD:
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
-            context.error("E204", message, node.place_at(start, len(at)))
+            context.error("E204", message, node.place_at(start, len(position_text)))
             return None
         names = [_struck(word, place, node, "what", context) for word, place in rest]
         if when is MISSING or impulse is MISSING or None in names:
             return None
         struck = tuple(name for name in names if name is not None)
         level = impulse and impulse.level
-        return Row(when, struck, level, node.place_at(start, len(at)), swells=swells)
+        return Row(when, struck, level, node.place_at(start, len(position_text)), swells=swells)
 
     def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
         shape = self.entry.by_name[field].shape
@@ -222,8 +222,8 @@ class Entries(Shape):
 
     def words(self) -> str:
         """In words."""
-        at = "1|1" if self.entry is ENTRY else "1/2"
-        return f"a list of strikes, or a table below '|' with rows such as {at}  D3 F3  2mNs"
+        example = "1|1" if self.entry is ENTRY else "1/2"
+        return f"a list of strikes, or a table below '|' with rows such as {example}  D3 F3  2mNs"
 
 
 def _checked(rows: Any, context: Context) -> Any:
@@ -275,25 +275,25 @@ def transformed(
     mirrored: Callable[[Row, Row], Row],
 ) -> tuple[tuple[Row, ...], Length]:
     """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
-    found = tuple(rows)
+    rows_out = tuple(rows)
     for transform in chain:
         if transform.word == "mirror":
-            found = tuple(mirrored(row, found[0]) for row in found)
+            rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
             continue
         act = _ACTS.get(transform.word)
         if act is None:
             known = ", ".join([*_ACTS, "mirror"])
             message = f"'{transform.word}' moves the points of a gesture; a phrase has {known}"
             raise TextError(message, offset=transform.offset, length=transform.length)
-        found = tuple(act(found, transform))
+        rows_out = tuple(act(rows_out, transform))
         if transform.word == "stretch":
             length = length.times(transform.amount)
         if transform.word == "from":
             length = _length_after(length, transform)
-            if not found or not length.is_some:
+            if not rows_out or not length.is_some:
                 message = "'from' begins after the last entry of this phrase"
                 raise TextError(message, offset=transform.offset, length=transform.length)
-    return found, length
+    return rows_out, length
 
 
 def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -309,29 +309,31 @@ def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
-        at = _length(row)
-        beats, seconds = at.beats + t.time.beats, at.seconds + t.time.seconds
-        yield replace(row, at=Length(at.bars, beats, seconds))
+        length = _length(row)
+        beats, seconds = length.beats + t.time.beats, length.seconds + t.time.seconds
+        yield replace(row, at=Length(length.bars, beats, seconds))
 
 
 def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     """The rows in reverse order, within the same time span."""
-    at = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
-    if sum(any(unit) for unit in zip(*at, strict=True)) > 1:
+    lengths = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
+    if sum(any(unit) for unit in zip(*lengths, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
-    both = [low + high for low, high in zip(min(at), max(at), strict=True)]
-    for row, own in sorted(zip(rows, at, strict=True), key=lambda pair: pair[1], reverse=True):
-        yield replace(row, at=Length(*(a - b for a, b in zip(both, own, strict=True))))
+    both = [low + high for low, high in zip(min(lengths), max(lengths), strict=True)]
+    for row, length in sorted(
+        zip(rows, lengths, strict=True), key=lambda pair: pair[1], reverse=True
+    ):
+        yield replace(row, at=Length(*(a - b for a, b in zip(both, length, strict=True))))
 
 
 def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     for row in rows:
-        at = _length(row)
-        if at.bars or at.seconds:
+        length = _length(row)
+        if length.bars or length.seconds:
             message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
             raise TextError(message, offset=t.offset, length=t.length)
-        yield replace(row, at=Length(beats=floor(at.beats / t.amount + 0.5) * t.amount))
+        yield replace(row, at=Length(beats=floor(length.beats / t.amount + 0.5) * t.amount))
 
 
 def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -429,10 +431,10 @@ class NoteTargets:
         known = self._known.get(name)
         if known is not None:
             return [Target(t.part, t.module, t.first, t.count, t.text, name.place) for t in known]
-        found = self.part_names.struck(name, who)
-        if found:  # else each row reports what is missing
-            self._known[name] = found
-        return found
+        targets_struck = self.part_names.struck(name, who)
+        if targets_struck:  # else each row reports what is missing
+            self._known[name] = targets_struck
+        return targets_struck
 
     def _names(self, word: Name, before: Name, who: str) -> list[Name]:
         if notes.word_of(word) is None:
@@ -446,7 +448,7 @@ class NoteTargets:
             message = f"{who}: {quote(word)} is a note; write `to`, whose notes are struck"
             self.part_names.collector.error("E103", message, word.place)
             return []
-        found = []
+        names_read = []
         for to in self.to:
             family = self.part_names.family(to)
             if family is None:
@@ -470,8 +472,8 @@ class NoteTargets:
                     message += f", to which {quote(before)} is moved{ends}"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
-            found.append(Name(".".join(filter(None, (note, rest))), word.place))
-        return found
+            names_read.append(Name(".".join(filter(None, (note, rest))), word.place))
+        return names_read
 
     def _note(self, word: str) -> float | None:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""

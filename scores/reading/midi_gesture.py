@@ -25,10 +25,10 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
     if take["depth"] is None:
         take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
         return None
-    found = midi_notes(take, files)
-    if found is None:
+    take_notes = midi_notes(take, files)
+    if take_notes is None:
         return None
-    points = _points(found.notes, take["depth"], take["curve"] or EVEN, found.length)
+    points = _points(take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length)
     if len(points) > room:
         take.error("E105", f"{who}: the gestures have more points than a piece may have", "file")
         return None
@@ -51,15 +51,15 @@ def _points(
     def add(at: float, x: float, curve: str) -> None:
         points.append(Point(Time(at), x, curve, 0, 1))
 
-    for i, at in enumerate(instants):
-        before = instants[i - 1] if i else -at  # half the way from the beginning
-        after = instants[i + 1] if i + 1 < len(instants) else at + 1.0
-        if at > 0.0:
+    for i, instant in enumerate(instants):
+        before = instants[i - 1] if i else -instant  # half the way from the beginning
+        after = instants[i + 1] if i + 1 < len(instants) else instant + 1.0
+        if instant > 0.0:
             if not points:
                 add(0.0, 0.0, "smooth")
-            add(at - min(_REACH, _ROOM * (at - before)), 0.0, "hold")
-        add(at, between(hardest[at], depth, curve), "smooth")
-        add(at + min(_REACH, _ROOM * (after - at)), 0.0, "smooth")
+            add(instant - min(_REACH, _ROOM * (instant - before)), 0.0, "hold")
+        add(instant, between(hardest[instant], depth, curve), "smooth")
+        add(instant + min(_REACH, _ROOM * (after - instant)), 0.0, "smooth")
     if length > points[-1].at.beats:
         add(length, 0.0, "hold")
     return tuple(points)

@@ -14,17 +14,17 @@ def named_point(piece: Piece, text: str) -> Target:
     """The masses that a name reaches: a key, `bell.m`, `string.s.12`. Raises TextError."""
     collector = Collector()
     parts = {
-        name: Part(name, {module.name: module for module in own.modules}, struck=own.struck)
-        for name, own in piece.keys.items()
+        name: Part(name, {module.name: module for module in key.modules}, struck=key.struck)
+        for name, key in piece.keys.items()
     }
-    for name, made in piece.instruments.items():
-        own = {module.name: module for module in made.modules}
-        parts[name] = Part(name, own, axes=made.axes)
-    found = PartNames(collector, parts).target(Name(text, piece.place), "mats", "")
-    if found is None:
+    for name, instrument in piece.instruments.items():
+        key = {module.name: module for module in instrument.modules}
+        parts[name] = Part(name, key, axes=instrument.axes)
+    target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "")
+    if target is None:
         mistake = collector.finish()[0]
         close = mistake.suggestion
         if close is None and mistake.code == "E301":
             close = nearest(text.partition(".")[0], parts)
         raise TextError(mistake.message, suggestion=close)
-    return found
+    return target

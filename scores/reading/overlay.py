@@ -27,45 +27,53 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
 _LAW = ("law", "damping", "points")
 
 
-def overlay_fields(base: Values, own: Values) -> Values:
+def overlay_fields(base: Values, member: Values) -> Values:
     """The base's fields under one's own, also within modules; transformations are appended.
 
     An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
     """
-    hidden = _hidden(own, own.record.noun) | {"transpose"}
-    if own.written("notes"):  # members of the base have no meaning for other notes
+    hidden = _hidden(member, member.record.noun) | {"transpose"}
+    if member.written("notes"):  # members of the base have no meaning for other notes
         hidden.add("members")
-    body = own.given.get(own.kind)
+    body = member.given.get(member.kind)
     if isinstance(body, Values):  # fields inside a generator precede those beside it
         hidden.update(body.written("f", "t60", "M"))
         if body.written("K", "Z"):
             hidden.update(("f", "t60"))
-    given = {name: value for name, value in base.given.items() if name not in hidden}
+    fields = {name: value for name, value in base.given.items() if name not in hidden}
     nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    for name, value in own.given.items():
-        if name == "modules" and isinstance(given.get(name), dict):
-            value = _modules(given[name], value)
-        elif name == "do" and name in given:
-            value = (*given[name], *value)
-        elif name == own.kind == base.kind and isinstance(value, Values):
-            value = _fields(name, given.get(name), value)
-        elif name == "members" and isinstance(given.get(name), dict):
-            value = {**given[name], **value}
-        elif name == "f" and isinstance(value, tuple) and "transpose" in own.given:
-            value = tuple(pitch(one, own.given["transpose"]) for one in value)
-        given[name] = value
-    given.pop("transpose", None)
-    nodes.update(own.nodes)
-    kind = own.kind or base.kind
-    return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
+    for name, value in member.given.items():
+        if name == "modules" and isinstance(fields.get(name), dict):
+            value = _modules(fields[name], value)
+        elif name == "do" and name in fields:
+            value = (*fields[name], *value)
+        elif name == member.kind == base.kind and isinstance(value, Values):
+            value = _fields(name, fields.get(name), value)
+        elif name == "members" and isinstance(fields.get(name), dict):
+            value = {**fields[name], **value}
+        elif name == "f" and isinstance(value, tuple) and "transpose" in member.given:
+            value = tuple(pitch(one, member.given["transpose"]) for one in value)
+        fields[name] = value
+    fields.pop("transpose", None)
+    nodes.update(member.nodes)
+    kind = member.kind or base.kind
+    return Values(
+        member.record,
+        member.node,
+        member.context,
+        fields,
+        nodes,
+        {**base.free, **member.free},
+        kind,
+    )
 
 
 def member(values: Values, height: float) -> Values | None:
     """The fields that are written for one note of an instrument, by its pitch."""
-    for word, own in (values["members"] or {}).items():
+    for word, member_values in (values["members"] or {}).items():
         if notes.pitch(word) == height:
-            assert isinstance(own, Values)
-            return own
+            assert isinstance(member_values, Values)
+            return member_values
     return None
 
 
@@ -73,12 +81,15 @@ def at(values: Values, note: str, interval: Interval | None = None) -> Values:
     """An instrument with notes at one of its notes, with the fields that are written for that note;
     moved by the `interval` of the whole instrument, and by that of the note.
     """
-    base, own = at_note(values, note), member(values, notes.pitch(note) or 0.0)
-    if own is not None:
-        interval = both(interval, own.given.get("transpose"))
-        own = replace(own, given={n: value for n, value in own.given.items() if n != "transpose"})
-        said = overlay_fields(base, own)
-        base = replace(said, record=base.record, node=base.node, context=base.context)
+    base, member_values = at_note(values, note), member(values, notes.pitch(note) or 0.0)
+    if member_values is not None:
+        interval = both(interval, member_values.given.get("transpose"))
+        member_values = replace(
+            member_values,
+            given={n: value for n, value in member_values.given.items() if n != "transpose"},
+        )
+        overlaid = overlay_fields(base, member_values)
+        base = replace(overlaid, record=base.record, node=base.node, context=base.context)
     if interval is None:
         return base
     asking = replace(base, given={**base.given, "transpose": interval})
@@ -92,19 +103,19 @@ def both(first: Interval | None, second: Interval | None) -> Interval | None:
     return first.then(second)
 
 
-def _hidden(own: Values, what: str) -> set[str]:
+def _hidden(member: Values, what: str) -> set[str]:
     hidden: set[str] = set()
     for groups in _EXCLUSIVE.get(what, ()):
-        if any(own.written(*group) for group in groups):
+        if any(member.written(*group) for group in groups):
             for group in groups:
-                if not own.written(*group):
+                if not member.written(*group):
                     hidden.update(group)
     return hidden
 
 
-def _modules(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+def _modules(base: Mapping[str, Any], member_modules: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(base)
-    for name, body in own.items():
+    for name, body in member_modules.items():
         below = base.get(name)
         if isinstance(body, Values) and isinstance(below, Values) and body.kind == below.kind:
             fields = _fields(body.kind, below.given.get(body.kind), body.given[body.kind])
@@ -113,21 +124,30 @@ def _modules(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _fields(kind: str, base: Any, own: Any) -> Any:
+def _fields(kind: str, base: Any, member_fields: Any) -> Any:
     """The fields of one module over those of a base module of the same kind."""
-    if not isinstance(base, Values) or not isinstance(own, Values):
-        return own
-    hidden, free = _hidden(own, kind), {**base.free, **own.free}
+    if not isinstance(base, Values) or not isinstance(member_fields, Values):
+        return member_fields
+    hidden, free = _hidden(member_fields, kind), {**base.free, **member_fields.free}
     if kind == "PLATE":  # one of the fields that set its pitch is dropped
         sets = "tension" if base.written("tension") else "thickness"
-        hidden |= {sets} if own.written("f") and not own.written(sets) else set()
         hidden |= (
-            {"f"} if own.written("tension", "thickness") and base.written("material") else set()
+            {sets} if member_fields.written("f") and not member_fields.written(sets) else set()
         )
-    if kind == "LNL" and own.written(*_LAW):  # another law has other constants
-        hidden, free = {*_LAW, *base.free, "interval"}, dict(own.free)
-    if kind == "BUT" and own["contact"] == "magic":
+        hidden |= (
+            {"f"}
+            if member_fields.written("tension", "thickness") and base.written("material")
+            else set()
+        )
+    if kind == "LNL" and member_fields.written(*_LAW):  # another law has other constants
+        hidden, free = {*_LAW, *base.free, "interval"}, dict(member_fields.free)
+    if kind == "BUT" and member_fields["contact"] == "magic":
         hidden = {"K", "Z", "clamp"}
-    given = {name: value for name, value in base.given.items() if name not in hidden}
+    fields = {name: value for name, value in base.given.items() if name not in hidden}
     nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    return replace(own, given={**given, **own.given}, nodes={**nodes, **own.nodes}, free=free)
+    return replace(
+        member_fields,
+        given={**fields, **member_fields.given},
+        nodes={**nodes, **member_fields.nodes},
+        free=free,
+    )

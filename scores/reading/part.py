@@ -30,9 +30,9 @@ from ergon.scores.pattern.pattern import Pattern, iteration_mistake
 from ergon.scores.pattern.turn_chain import as_turns
 from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
-from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
+from ergon.scores.reading.patterns import PATTERN_TABLE, pattern_of
 from ergon.scores.reading.piece import Play
-from ergon.scores.reading.playing_options import HAND_WORDS, OF_ENTRY, PLAY_DO, playing_options
+from ergon.scores.reading.playing_options import ENTRY_FIELDS, HAND_WORDS, PLAY_DO, playing_options
 
 MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
@@ -49,29 +49,33 @@ def _play(values: Values) -> Play:
         _unused_rate(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
     played: Played = values["play"] or Played("", None, values.place)
-    return _made(values.given, values.context, played, values.place_of("at"), until)
+    return _entry(values.given, values.context, played, values.place_of("at"), until)
 
 
-def _made(
-    given: dict[str, Any], context: Context, played: Played, at: Place, until: Place | None
+def _entry(
+    fields: dict[str, Any],
+    context: Context,
+    played: Played,
+    place_of_at: Place,
+    until: Place | None,
 ) -> Play:
-    do, more = as_turns(given.get("do", ()))
-    given = {**given, "nth": numbered((*given.get("nth", ()), *more))} if more else given
-    pattern = pattern_of(given, played.order or plain(played.text))
+    do, more = as_turns(fields.get("do", ()))
+    fields = {**fields, "nth": numbered((*fields.get("nth", ()), *more))} if more else fields
+    pattern = pattern_of(fields, played.order or plain(played.text))
     if wrong := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {wrong}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
         what=played.text if only is None else only.name or "",
-        at=given["at"],
-        every=_spaced(pattern, given.get("every"), do),
-        times=given.get("times"),
-        until=given.get("until"),
+        at=fields["at"],
+        every=_spaced(pattern, fields.get("every"), do),
+        times=fields.get("times"),
+        until=fields.get("until"),
         do=do,
-        manner=playing_options(given),
+        manner=playing_options(fields),
         place=played.place,
-        at_place=at,
+        at_place=place_of_at,
         until_place=until,
         pattern=pattern if only is None else None,
     )
@@ -121,7 +125,7 @@ _PLAYED = _PlayedShape(
     "a gesture or a take, or several, such as knock lean knock", ("gestures", "takes")
 )
 _TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True)
-_AT = Field("at", k.WHEN, "when it begins", required=True)
+_WHEN = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
     Field(
@@ -131,16 +135,16 @@ _OPTIONS = (
         shown="once, or until `until`",
     ),
     Field("until", k.WHEN, "position from which on no repetition begins"),
-    *OF_PATTERN,
+    *PATTERN_TABLE,
     Field("nth", _TURNS, "transformations of every nth round"),
-    *OF_ENTRY,
+    *ENTRY_FIELDS,
     Field("rate", k.RATE, "not used; the rate of the key is"),
 )
 PLAY = Record(
     "part entry",
     "a gesture or take, when, how often and how",
     (
-        _AT,
+        _WHEN,
         Field("play", _PLAYED, "what is played: a name or a pattern", required=True),
         *_OPTIONS,
         Field("do", PLAY_DO, "transformations, left to right"),
@@ -149,7 +153,7 @@ PLAY = Record(
     meant={"repeat": "times"},
 )
 # The shape that reads each word's value, here and at the prompt.
-SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}
+SHAPES = {f.name: f.shape for f in (_WHEN, *_OPTIONS)}
 
 
 @dataclass(frozen=True)
@@ -200,31 +204,36 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     except TextError as error:
         context.text_error(error, node, "")
         return None
-    given: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     broken = False
     for name, word in (("at", row.at), *row.play.options.items()):
         value = _option(name, word, node, context)
         if value is MISSING:
             broken = True
         else:
-            given[name] = value
+            fields[name] = value
     if broken:
         return None
-    given["do"] = row.play.do
-    if "rate" in given:
+    fields["do"] = row.play.do
+    if "rate" in fields:
         _unused_rate(context, _place(row.play.options["rate"], node))
     what, until = row.play.what, row.play.options.get("until")
     text = " ".join(what.text.split())
-    at = _place(row.at, node)
-    # In a literal block a row is one line of the file, so the column follows from that of `at`.
-    column = at.column + what.offset - row.at.offset
+    row_place = _place(row.at, node)
+    # In a literal block a row is one line of the file, so the column follows from that of
+    # `row_place`.
+    column = row_place.column + what.offset - row.at.offset
     is_block = node.style == "|"
-    place = Place(at.file, at.line, column, len(what.text)) if is_block else _place(what, node)
-    return _made(
-        given,
+    place = (
+        Place(row_place.file, row_place.line, column, len(what.text))
+        if is_block
+        else _place(what, node)
+    )
+    return _entry(
+        fields,
         context,
         Played(Name(text, place), row.play.order, place),
-        at,
+        row_place,
         _place(until, node) if until else None,
     )
 

@@ -22,16 +22,16 @@ _EUCLID = Text(
 _SWING = Text(parse_swing, "a share of two steps, such as 0.6, 2/3 or 60%", is_value=True)
 _SKIP = k.integer(0, MAX_OCCURRENCES, "5")
 # Rhythm and chance of the places of a pattern; gestures and strikes have the same fields.
-OF_PATTERN = (
+PATTERN_TABLE = (
     Field("chance", k.CHANCE, "chance of each place of the pattern", shown="1"),
     Field("euclid", _EUCLID, "a Euclidean rhythm: pulses and steps", shown="every step"),
     Field("swing", _SWING, "share that the first of two steps takes of both", shown="0.5"),
     Field("skip", _SKIP, "places that are left out at the beginning", shown="0"),
 )
-PATTERN_FIELDS = tuple(field.name for field in OF_PATTERN)
+PATTERN_FIELDS = tuple(field.name for field in PATTERN_TABLE)
 
 
-def pattern_of(given: Mapping[str, Any], order: Group) -> Pattern:
+def pattern_of(fields: Mapping[str, Any], order: Group) -> Pattern:
     """An order with the rhythm and the chance that were written beside it."""
-    said = {name: given[name] for name in PATTERN_FIELDS if name in given}
-    return Pattern(order, turns=given.get("nth", ()), **said)
+    pattern_fields = {name: fields[name] for name in PATTERN_FIELDS if name in fields}
+    return Pattern(order, turns=fields.get("nth", ()), **pattern_fields)

@@ -34,7 +34,7 @@ def split_do(text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...],
     return tuple(chain), ""
 
 
-def _of_entries(text: str) -> tuple[Transform, ...]:
+def _entries_do(text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
     chain, rhythm = split_do(text)
     if rhythm:
@@ -46,8 +46,8 @@ def _of_entries(text: str) -> tuple[Transform, ...]:
     return chain
 
 
-def _of_entry(text: str) -> Transform:
-    chain = _of_entries(text)
+def _entry_do(text: str) -> Transform:
+    chain = _entries_do(text)
     if len(chain) != 1:
         message = f"{quote(text)} is not one transformation; write one in each item of a list"
         raise TextError(message, length=len(text))
@@ -58,7 +58,7 @@ _EXAMPLE = "such as stretch 2, reverse"
 # The `do` of a phrase.
 DO = Either(
     scalar=Text(
-        _of_entries,
+        _entries_do,
         f"transformations, {_EXAMPLE}",
         types=("string",),
         has_values=True,
@@ -66,7 +66,7 @@ DO = Either(
     ),
     sequence=ListOf(
         Text(
-            _of_entry,
+            _entry_do,
             "a transformation, such as reverse",
             types=("string",),
             has_values=True,

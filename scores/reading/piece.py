@@ -36,7 +36,7 @@ from ergon.scores.reading.tones import Echo, Tone
 # Fields that were added later: a digest omits them if empty, so that digests of older scores do not
 # change.
 OMIT_EMPTY = {"hash_omits_empty": True}
-_WHOLE = 1e-9  # tolerance for rounding of a number of frames
+_ROUNDING = 1e-9  # tolerance for rounding of a number of frames
 
 REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
 
@@ -296,19 +296,19 @@ class Strikes:
 
     def beats(self, tempo: TempoMap) -> Sequence[float]:
         """Beats of strikes without a pattern: one, or one per `every`. Raises TextError."""
-        at = tempo.resolve(self.at)
+        begin = tempo.resolve(self.at)
         if self.every is None:
-            return [at]
+            return [begin]
         stop = self.stop(tempo)
-        return starts(tempo, at, Length(), every=self.every, times=self.times, until=stop)
+        return starts(tempo, begin, Length(), every=self.every, times=self.times, until=stop)
 
     def rounds(self, tempo: TempoMap) -> list[float]:
         """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
         if self.length is None:
             return [0.0]
         until = None if self.until is None else tempo.resolve(self.until)
-        at, every, times = tempo.resolve(self.at), self.every, self.times
-        return starts(tempo, at, self.length, every=every, times=times, until=until)
+        begin, every, times = tempo.resolve(self.at), self.every, self.times
+        return starts(tempo, begin, self.length, every=every, times=times, until=until)
 
     def falls(
         self, piece: Piece, since: float = -inf, before: float = inf
@@ -324,8 +324,12 @@ class Strikes:
         until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, start in enumerate(self.rounds(tempo)):
             for number, hit in enumerate(self.hits):
-                at = hit.at
-                beat = tempo.resolve(at) if isinstance(at, Position) else tempo.after(start, at)
+                position = hit.at
+                beat = (
+                    tempo.resolve(position)
+                    if isinstance(position, Position)
+                    else tempo.after(start, position)
+                )
                 if beat < until:
                     yield beat, turn * len(self.hits) + number, hit
 
@@ -343,15 +347,15 @@ class Strikes:
     ) -> Iterator[tuple[float, int, Hit]]:
         tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
         before = before if stop is None else min(stop, before)
-        at = tempo.resolve(self.at)
+        begin = tempo.resolve(self.at)
         first = 0
         if since != -inf:
             cycles_late, seconds_late = rhythm.late()
             early = tempo.after(since, Length(seconds=-seconds_late)) if seconds_late else since
-            first = max(0, rhythm.count(tempo, at, early) - 1 - cycles_late)
+            first = max(0, rhythm.count(tempo, begin, early) - 1 - cycles_late)
         cycles = range(first, self.cycles(tempo, before))
         levels = self.levels or Levels((MEZZO_FORTE,))
-        for stroke in rhythm.strokes(tempo, at, levels, (piece.seed, self.who), cycles):
+        for stroke in rhythm.strokes(tempo, begin, levels, (piece.seed, self.who), cycles):
             if not since - SAME <= stroke.beat < before - SAME:
                 continue
             for to, reach in rhythm.voices[stroke.word]:
@@ -364,9 +368,9 @@ class Strikes:
         """The places of the pattern, on which it strikes. Raises TextError."""
         assert self.pattern is not None
         tempo = piece.tempo_map
-        at, stop = tempo.resolve(self.at), self.stop(tempo)
+        begin, stop = tempo.resolve(self.at), self.stop(tempo)
         course = PlaceSequence(self.pattern, Draws(piece.seed, self.who))
-        return steps(tempo, at, course, every=self.every, times=self.times, until=stop)
+        return steps(tempo, begin, course, every=self.every, times=self.times, until=stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -590,7 +594,7 @@ class Piece:
     @property
     def motion_every(self) -> int:
         """The number of frames from one step of parts that are only seen to the next."""
-        return 1 if self.motion is None else max(1, floor(self.rate / self.motion + _WHOLE))
+        return 1 if self.motion is None else max(1, floor(self.rate / self.motion + _ROUNDING))
 
     def modules(self) -> Iterator[tuple[str, Module]]:
         """Every module of the keys and instruments, with the name of its part."""
@@ -638,35 +642,37 @@ class Piece:
         return digest_of(self)
 
 
-def is_same_matter(one: Piece, other: Piece) -> bool:
+def is_same_matter(first: Piece, other: Piece) -> bool:
     """Whether two pieces have the same modules, heard in the same way, whatever is played on them.
 
     Text, comments and places do not count, as in `Piece.digest`; comparing digests would take
     ten times as long.
     """
-    return is_same(_of_matter(one), _of_matter(other))
+    return is_same(_matter_fields(first), _matter_fields(other))
 
 
-def is_same(one: Any, other: Any) -> bool:
+def is_same(first: Any, other: Any) -> bool:
     """Whether two values of pieces have the same digest.
 
     Fast, because most parts of two versions are the same object.
     """
-    if one is other or one == other:
+    if first is other or first == other:
         return True
-    if type(one) is not type(other):
+    if type(first) is not type(other):
         return False
-    if isinstance(one, (tuple, list)):
-        return len(one) == len(other) and all(map(is_same, one, other))
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
-    if isinstance(one, (Key, Instrument)):
-        names = [f.name for f in fields(one) if f.name not in _NOT_VALUES.get(type(one), ())]
-        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
-    return [*_chunks(one)] == [*_chunks(other)]
+    if isinstance(first, (tuple, list)):
+        return len(first) == len(other) and all(map(is_same, first, other))
+    if isinstance(first, Mapping):
+        return first.keys() == other.keys() and all(
+            is_same(first[key], other[key]) for key in first
+        )
+    if isinstance(first, (Key, Instrument)):
+        names = [f.name for f in fields(first) if f.name not in _NOT_VALUES.get(type(first), ())]
+        return all(is_same(getattr(first, name), getattr(other, name)) for name in names)
+    return [*_chunks(first)] == [*_chunks(other)]
 
 
-_of_matter = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
+_matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
 def digest_of(value: Any) -> str:
@@ -723,9 +729,9 @@ def _earlier(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
     return {
-        name: own
-        for name, own in value.items()
-        if name not in HASH_OMITS_DEFAULTS or own != HASH_OMITS_DEFAULTS[name]
+        name: item
+        for name, item in value.items()
+        if name not in HASH_OMITS_DEFAULTS or item != HASH_OMITS_DEFAULTS[name]
     }
 
 

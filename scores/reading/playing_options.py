@@ -54,7 +54,7 @@ PLAY_DO = Either(
     ),
 )
 # An option that neither the gesture nor the entry writes is that of DEFAULT_OPTIONS.
-OF_GESTURE = (
+GESTURE_FIELDS = (
     Field(
         "touch",
         choice("open", "tracked"),
@@ -67,12 +67,14 @@ OF_GESTURE = (
     Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
     Field("layer", k.BOOLEAN, "play over the earlier gesture instead of cutting it", shown="false"),
 )
-OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # default: the gesture's own
-_NAMES = frozenset(field.name for field in OF_GESTURE)
+ENTRY_FIELDS = tuple(
+    replace(field, shown=None) for field in GESTURE_FIELDS
+)  # default: the gesture's own
+_NAMES = frozenset(field.name for field in GESTURE_FIELDS)
 
 
-def playing_options(given: Mapping[str, Any]) -> PlayingOptions:
+def playing_options(fields: Mapping[str, Any]) -> PlayingOptions:
     """The options that were written; an option that was not is None."""
-    if _NAMES.isdisjoint(given):  # most rows of most tables
+    if _NAMES.isdisjoint(fields):  # most rows of most tables
         return NO_OPTIONS
-    return PlayingOptions(**{name: value for name, value in given.items() if name in _NAMES})
+    return PlayingOptions(**{name: value for name, value in fields.items() if name in _NAMES})

@@ -7,7 +7,7 @@ from __future__ import annotations
 from ergon.notation.tables.fields import Values
 from ergon.scores.reading.sections import RATE
 
-_WHOLE = 1e-6  # relative tolerance: rates are written with few digits
+_TOLERANCE = 1e-6  # relative tolerance: rates are written with few digits
 
 
 class Rates:
@@ -28,13 +28,13 @@ class Rates:
 
     def of_key(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
-        return self._own(values) or self.gesture
+        return self._module_rate(values) or self.gesture
 
     def of_instrument(self, values: Values) -> int:
         """Frames between two steps of an instrument's springs; 1: at every frame."""
-        return self._own(values) or 1
+        return self._module_rate(values) or 1
 
-    def _own(self, values: Values) -> int | None:
+    def _module_rate(self, values: Values) -> int | None:
         return _every(self.audio, values, "rate") if values.written("rate") else None
 
 
@@ -58,7 +58,7 @@ def _every(audio: float, values: Values, name: str) -> int:
     if not isinstance(rate, float):
         return 1  # reported already
     frames = max(1, round(audio / rate))
-    if abs(audio / rate - frames) <= _WHOLE * frames:
+    if abs(audio / rate - frames) <= _TOLERANCE * frames:
         return frames
     subject = "rates: gesture" if name == "gesture" else values.context.of(name)
     relation = "above" if rate > audio else "not a divisor of"

@@ -63,27 +63,29 @@ class Rhythm:
         """The beat on which a cycle begins, of a rhythm that begins at a beat."""
         return tempo.after(at, self.cycle.times(number))
 
-    def count(self, tempo: TempoMap, at: float, before: float) -> int:
+    def count(self, tempo: TempoMap, begin: float, before: float) -> int:
         """The number of cycles that begin before a beat."""
         if before == inf:
             return MAX_CYCLES
         low, high = 0, 1
-        while high < MAX_CYCLES and self.begin(tempo, at, high) < before - SAME:
+        while high < MAX_CYCLES and self.begin(tempo, begin, high) < before - SAME:
             low, high = high, 2 * high
         high = min(high, MAX_CYCLES)
-        if self.begin(tempo, at, low) >= before - SAME:
+        if self.begin(tempo, begin, low) >= before - SAME:
             return low
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (
-                (middle, high) if self.begin(tempo, at, middle) < before - SAME else (low, middle)
+                (middle, high)
+                if self.begin(tempo, begin, middle) < before - SAME
+                else (low, middle)
             )
         return high
 
     def strokes(
         self,
         tempo: TempoMap,
-        at: float,
+        start: float,
         levels: Levels,
         draws: tuple[int, str],
         cycles: range,
@@ -91,7 +93,7 @@ class Rhythm:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
         source = _cycles_of(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
-            begin, end = (self.begin(tempo, at, n) for n in (turn, turn + 1))
+            begin, end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
             number = self.first + turn
             events = source(number)
             strokes: list[_Placed] = []
@@ -105,13 +107,13 @@ class Rhythm:
             for index, (beat, long, struck, loud) in enumerate(strokes):
                 yield Stroke(beat, number * MAX_EVENTS + index, key_of(struck), loud, long)
 
-    def strokes_per_cycle(self, tempo: TempoMap, at: float, draws: tuple[int, str]) -> int:
+    def strokes_per_cycle(self, tempo: TempoMap, begin: float, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles.
 
         Raises TextError.
         """
         counts = [0] * _TRIED
-        for stroke in self.strokes(tempo, at, _PLAIN, draws, range(_TRIED)):
+        for stroke in self.strokes(tempo, begin, _PLAIN, draws, range(_TRIED)):
             cycle = stroke.number // MAX_EVENTS - self.first
             counts[cycle] += sum(len(to) for to, _ in self.voices[stroke.word])
         return max(counts)

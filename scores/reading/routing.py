@@ -25,8 +25,8 @@ def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartName
             message += "`reference: SI` from the master, or write a gain here"
             part_names.collector.error("E111", message, route.place)
     written = (each for route in mix.routes for each in _each_note(route, part_names))
-    found = (_route(route, parts, part_names, mix.rooms) for route in written)
-    return replace(mix, routes=tuple(route for route in found if route is not None))
+    routes_read = (_route(route, parts, part_names, mix.rooms) for route in written)
+    return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
 def _each_note(route: Route, part_names: PartNames) -> Iterable[Route]:
@@ -63,9 +63,9 @@ def _route(
         known = tuple(f"{part}.{name}" for name in names if name)
         part_names.collector.error("E301", message, route.place, word=str(route.part), names=known)
     part_names.reached.add(part)
-    found = _levelled(replace(route, part=part, out=out), instrument, part_names)
-    _check_route(found, instrument, rooms, part_names)
-    return found
+    levelled = _levelled(replace(route, part=part, out=out), instrument, part_names)
+    _check_route(levelled, instrument, rooms, part_names)
+    return levelled
 
 
 def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
@@ -93,14 +93,16 @@ def _check_route(
         if name not in known:
             message = f"route: no room is called {quote(name)}"
             part_names.collector.error("E301", message, route.place, word=name, names=known)
-    heard = [out for out in instrument.outputs if route.out in (None, out.name)]
-    wrong = next((out for out in heard if not out.traits.radiates), None)
+    outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
+    wrong = next((out for out in outputs_routed if not out.traits.radiates), None)
     if route.radiation is not None and wrong is not None:
         message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
-    others = [out.kind for out in heard if not out.traits.is_movement]
-    if route.to == "nearest" and any(not out.is_movement and out.nearest is None for out in heard):
+    others = [out.kind for out in outputs_routed if not out.traits.is_movement]
+    if route.to == "nearest" and any(
+        not out.is_movement and out.nearest is None for out in outputs_routed
+    ):
         quantity = others[0] if others else "a distance"
         message = (
             "route: `nearest` needs masses, which have positions, and "

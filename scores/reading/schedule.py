@@ -76,23 +76,23 @@ def _starts(
 def _line(
     piece: Piece,
     play: Play,
-    at: float,
+    begin: float,
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
     room: int,
     collector: Collector,
 ) -> Sequence[float] | None:
     """Beats on which a line is played; None if only a take's file can tell."""
     if play.pattern is not None:
-        return _pattern(piece, play, at, lengths, room, collector)
+        return _pattern(piece, play, begin, lengths, room, collector)
     beats = None
     gesture = piece.gestures.get(play.what)
     length, notes = Length(), _NOTHING
     if gesture is not None:
-        length, notes = _length(piece, gesture, play, at, lengths)
+        length, notes = _length(piece, gesture, play, begin, lengths)
     for note in notes:
         collector.error("W315", f"{quote(play.what)}: {note}", play.place)
     if gesture is not None or (_check_take_transforms(play, collector) and play.every is not None):
-        beats = _beats(piece, play, at, length, room, collector)
+        beats = _beats(piece, play, begin, length, room, collector)
     if gesture is not None and gesture.bar_checks and not play.do:
         _check_bar_lines(piece, gesture, beats[:1] if beats else [], collector)
     return beats
@@ -101,32 +101,32 @@ def _line(
 def _pattern(
     piece: Piece,
     play: Play,
-    at: float,
+    begin: float,
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
     room: int,
     collector: Collector,
 ) -> Sequence[float]:
     """Beats on which the places of a pattern begin."""
     assert play.pattern is not None
-    tempo, own = piece.tempo_map, {}
+    tempo, pattern_lengths = piece.tempo_map, {}
     for name in play.names:
         gesture = piece.gestures.get(name)
         if gesture is None:
             for chain in play.chains:
                 _check_take_transforms(replace(play, what=name, do=chain), collector)
             continue
-        own[name], notes = _length(piece, gesture, play, at, lengths)
+        pattern_lengths[name], notes = _length(piece, gesture, play, begin, lengths)
         for note in notes:
             collector.error("W315", f"{quote(name)}: {note}", play.place)
     try:
         return steps(
             tempo,
-            at,
+            begin,
             play.course(piece.seed),
             every=play.every,
             times=play.times,
             until=None if play.until is None else tempo.resolve(play.until),
-            length=own.get,
+            length=pattern_lengths.get,
             room=room,
         )
     except TextError as error:
@@ -136,12 +136,14 @@ def _pattern(
 
 
 def _beats(
-    piece: Piece, play: Play, at: float, length: Length, room: int, collector: Collector
+    piece: Piece, play: Play, begin: float, length: Length, room: int, collector: Collector
 ) -> list[float]:
     tempo = piece.tempo_map
     until = None if play.until is None else tempo.resolve(play.until)
     try:
-        return starts(tempo, at, length, every=play.every, times=play.times, until=until, room=room)
+        return starts(
+            tempo, begin, length, every=play.every, times=play.times, until=until, room=room
+        )
     except TextError as error:
         collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
         return []
@@ -234,14 +236,14 @@ def _length(
     piece: Piece,
     gesture: Gesture,
     play: Play,
-    at: float,
+    begin: float,
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
 ) -> _Length:
-    """The length of a gesture from beat `at` on, after its transformations."""
+    """The length of a gesture from beat `begin` on, after its transformations."""
     chain = (*gesture.do, *play.do)
     if not chain:
         return gesture.length(gesture.points[-1].at), ()
-    beat = gesture.beat(piece.tempo_map, at)
+    beat = gesture.beat(piece.tempo_map, begin)
     memo = gesture.name, play.do, beat
     if memo not in lengths:
         points, lost = apply(gesture.points, chain, MidpointChance(), beat)
@@ -250,11 +252,11 @@ def _length(
 
 
 def _check_bar_lines(
-    piece: Piece, gesture: Gesture, found: list[float], collector: Collector
+    piece: Piece, gesture: Gesture, start_beats: list[float], collector: Collector
 ) -> None:
     """Check that each '|' in a notation is on a bar line when the gesture is first played."""
     tempo = piece.tempo_map
-    for start in found:
+    for start in start_beats:
         for check in gesture.bar_checks:
             beats = tempo.beats(tempo.instant(start, check.at))
             _, beat = tempo.bar_beat(beats)

@@ -43,9 +43,9 @@ from ergon.scores.reading.automation import AUTOMATION
 from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.part import PART
-from ergon.scores.reading.patterns import OF_PATTERN
+from ergon.scores.reading.patterns import PATTERN_TABLE
 from ergon.scores.reading.piece import METHODS
-from ergon.scores.reading.playing_options import DO, OF_GESTURE
+from ergon.scores.reading.playing_options import DO, GESTURE_FIELDS
 from ergon.scores.reading.rhythms import RHYTHM
 from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
 
@@ -83,7 +83,7 @@ GESTURE = Record(
         Field("curve", CURVE, "the way into points without a curve word", "smooth"),
         Field("like", Reference("a gesture", ("gestures",)), "begin with another gesture"),
         Field("do", DO, "transformations, left to right (after those of `like`)"),
-        *OF_GESTURE,
+        *GESTURE_FIELDS,
     ),
 )
 
@@ -225,7 +225,7 @@ STRIKES = Record(
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
         Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
-        *OF_PATTERN,
+        *PATTERN_TABLE,
         Field("impulse", LEVELS, "how strongly, from a range by chance; a pattern in turn"),
         Field(
             "notes",
@@ -300,8 +300,8 @@ class MelodyShape(Shape):
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        own = self.record.schema()
-        return {**self.record.by_name["entries"].shape.schema(), **own, "type": _ANY}
+        record_schema = self.record.schema()
+        return {**self.record.by_name["entries"].shape.schema(), **record_schema, "type": _ANY}
 
     def words(self) -> str:
         """In words."""
@@ -602,7 +602,7 @@ LAYOUT = Record(
 )
 
 
-def _own_fields(table: Record) -> tuple[str, ...]:
+def _field_names(table: Record) -> tuple[str, ...]:
     """Fields that only such a file has: a score with one of them is a file of that kind."""
     return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))
 
@@ -647,7 +647,9 @@ SCORE = Record(
     refused={"link": _LINK},
     elsewhere={"mute": _MUTE, "solo": _MUTE, "pedal": _PEDAL},
     foreign={
-        **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
-        **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),
+        **dict.fromkeys(
+            _field_names(CALIBRATION), "a calibration is named by a key: `calib: FILE`"
+        ),
+        **dict.fromkeys(_field_names(LAYOUT), "a layout is named by the mix: `layout: FILE`"),
     },
 )

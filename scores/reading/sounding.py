@@ -43,16 +43,16 @@ class SoundingNames:
         if not self.names:
             return name
         head, dot, rest = name.partition(".")
-        return f"{self._of(head)}{dot}{rest}"
+        return f"{self._name_for(head)}{dot}{rest}"
 
-    def _of(self, head: str) -> str:
+    def _name_for(self, head: str) -> str:
         if head in self.names:
             return self.names[head]
         taken = self.names.values()
-        number, found = 2, head
-        while found in taken:
-            number, found = number + 1, f"{head}-{number}"
-        return found
+        number, unique_name = 2, head
+        while unique_name in taken:
+            number, unique_name = number + 1, f"{head}-{number}"
+        return unique_name
 
     def shown(self, name: str, known: Iterable[str]) -> str:
         """The own name, among `known`, of the part that sounds by `name`."""
@@ -63,15 +63,15 @@ class SoundingNames:
     def renamed(self, old: str, new: str) -> SoundingNames:
         """The names after a part was renamed."""
         rest = {own: name for own, name in self.names.items() if own != old}
-        return SoundingNames({**rest, new: self._of(old)})
+        return SoundingNames({**rest, new: self._name_for(old)})
 
     def piece(self, piece: Piece) -> Piece:
         """The piece with all names replaced by those by which its parts sound."""
         if not self.names:
             return piece
         before, self._known = self._known, {}
-        made = {
-            name: self._made(getattr(piece, name), before)
+        sections = {
+            name: self._renamed(getattr(piece, name), before)
             for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
         }
         families = {
@@ -79,20 +79,20 @@ class SoundingNames:
         }
         tunings = {self.of(name): tuned for name, tuned in piece.tunings.items()}
         parts = {
-            section: {part.name: part for part in made[section].values()}
+            section: {part.name: part for part in sections[section].values()}
             for section in ("keys", "instruments")
         }
-        return replace(piece, **{**made, **parts}, families=families, tunings=tunings)
+        return replace(piece, **{**sections, **parts}, families=families, tunings=tunings)
 
-    def _made(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
+    def _renamed(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
         """A value with its names replaced; the value itself if there are none."""
         if isinstance(value, (tuple, list)):
-            items = [self._made(one, before) for one in value]
+            items = [self._renamed(one, before) for one in value]
             is_same = all(a is b for a, b in zip(items, value, strict=True))
             return value if is_same else type(value)(items)
         if isinstance(value, Mapping):
-            found = {name: self._made(one, before) for name, one in value.items()}
-            return value if all(found[name] is value[name] for name in value) else found
+            entries = {name: self._renamed(one, before) for name, one in value.items()}
+            return value if all(entries[name] is value[name] for name in value) else entries
         if not isinstance(value, (Target, *_HOLDING)):
             return value
         known = (
@@ -105,10 +105,12 @@ class SoundingNames:
         if isinstance(value, Rhythm):
             value = renamed(value, self.of)
         named = _NAMED.get(type(value), ())
-        said: dict[str, Any] = {}
+        changed_fields: dict[str, Any] = {}
         for field in fields(value):
-            own = getattr(value, field.name)
-            made = self.of(own) if field.name in named else self._made(own, before)
-            if made is not own and made != own:
-                said[field.name] = made
-        return replace(value, **said) if said else value
+            field_value = getattr(value, field.name)
+            new_value = (
+                self.of(field_value) if field.name in named else self._renamed(field_value, before)
+            )
+            if new_value is not field_value and new_value != field_value:
+                changed_fields[field.name] = new_value
+        return replace(value, **changed_fields) if changed_fields else value

@@ -83,22 +83,22 @@ def _point(text: str) -> Point:
 
 def parse_path(text: str) -> tuple[Point, ...]:
     """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
-    found: list[Point] = []
+    points_read: list[Point] = []
     start = 0
     for part in text.split(_ARROW):
         try:
-            found.append(_point(part))
+            points_read.append(_point(part))
         except TextError as error:
             error.offset += start
             raise
         start += len(part) + len(_ARROW)
-    if not 2 <= len(found) <= MAX_POINTS:
+    if not 2 <= len(points_read) <= MAX_POINTS:
         message = f"a path has 2 to {MAX_POINTS:,} points, with {_ARROW} between them"
         raise TextError(message, length=max(1, len(text)), code="E106")
-    if sum(abs(b - a) for (_, a), (_, b) in pairwise(found)) > 360.0 * MAX_TURNS:
+    if sum(abs(b - a) for (_, a), (_, b) in pairwise(points_read)) > 360.0 * MAX_TURNS:
         message = f"the path goes round more than {MAX_TURNS:.0f} times"
         raise TextError(message, length=len(text), code="E202")
-    return tuple(found)
+    return tuple(points_read)
 
 
 PATH = Text(

@@ -47,22 +47,22 @@ class Times:
             self._lines = [(v, build.tempo(v, tempos if v.written("from") else ())) for v in lines]
             nodes = getattr(marks_node, "entries", {})
             marks = tuple(
-                Mark(name, at, nodes[name][1].place)
-                for name, at in sorted((score["marks"] or {}).items())
-                if at is not MISSING
+                Mark(name, position, nodes[name][1].place)
+                for name, position in sorted((score["marks"] or {}).items())
+                if position is not MISSING
             )
             self.marks = marks
             known = marks_node, lines, self.file, self._lines, marks, self._map()
             if memory is not None and known[-1] is not None:
                 memory.hold(f"tempo {file}", self._lets, known)
-        _, _, _, self._lines, self.marks, made = known
+        _, _, _, self._lines, self.marks, known_map = known
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
-        self._is_made = made is not None
+        self._is_made = known_map is not None
         # With mistakes in tempo or marks no position is known; each mark is somewhere.
-        self.map = made or TempoMap((), {name: Position() for name in self._known})
-        said = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
+        self.map = known_map or TempoMap((), {name: Position() for name in self._known})
+        entries_key = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         places = [(mark.name, mark.at) for mark in self.marks]
-        self.known = KnownPlays(memory, file, (said, self.file, places))
+        self.known = KnownPlays(memory, file, (entries_key, self.file, places))
 
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
@@ -101,17 +101,17 @@ class Times:
             values.error("E111", f"{message}write this in a line of its own below", name)
         return not extra
 
-    def _mark_exists(self, at: Position, place: Place) -> bool:
-        if at.mark is None or at.mark in self._known:
+    def _mark_exists(self, position: Position, place: Place) -> bool:
+        if position.mark is None or position.mark in self._known:
             return True
-        meant, help = self._difference(at.mark)
+        meant, help = self._difference(position.mark)
         self.collector.error(
             "E301",
-            f"no mark is called {quote(at.mark)}",
-            Place(place.file, place.line, place.column, len(at.mark)),
+            f"no mark is called {quote(position.mark)}",
+            Place(place.file, place.line, place.column, len(position.mark)),
             suggestion=meant,
             help=help,
-            word=None if help else at.mark,
+            word=None if help else position.mark,
             names=self._known,
         )
         return False
@@ -131,14 +131,16 @@ class Times:
                 return None, f"a mark is not a length; write how far before it, such as {mark}-1bar"
         return None, None
 
-    def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:
+    def _beats(self, position: Position | None, place: Callable[[], Place]) -> float | None:
         """Beats of a position; None if there is none, or if an error was reported."""
-        if at is None or (at.mark is not None and not self._mark_exists(at, place())):
+        if position is None or (
+            position.mark is not None and not self._mark_exists(position, place())
+        ):
             return None
         if not self._is_made:
             return None
         try:
-            return self.map.resolve(at)
+            return self.map.resolve(position)
         except TextError as error:
             self.collector.error("E305", error.message, place())
             return None
@@ -169,8 +171,8 @@ class Times:
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:
-                if isinstance(at := module.fields.get("at"), Position):
-                    self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
+                if isinstance(position := module.fields.get("at"), Position):
+                    self._beats(position, lambda m=module: m.places["at"])  # type: ignore[misc]
         return begins
 
     def _check_positions(
@@ -186,8 +188,8 @@ class Times:
             for number in known.unknown:
                 values, n_reports = entries[number], self.collector.told
                 if isinstance(values, Values):
-                    at, until = values["at"], values["until"]
-                    start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
+                    position, until = values["at"], values["until"]
+                    start = self._beats(position, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                     stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                     self._order(start, stop, values.place_of("until"))
                 if self.collector.told == n_reports:

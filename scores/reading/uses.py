@@ -112,10 +112,12 @@ class Uses:
         for file, place, prefix in _files(score):
             names.families.append(prefix or PurePath(file).stem)
             self._add_file(names, file, place, prefix)
-        for one in includes(score):
-            used = self._add_file(names, one.file, one.place, one.prefix, one)
+        for include_entry in includes(score):
+            used = self._add_file(
+                names, include_entry.file, include_entry.place, include_entry.prefix, include_entry
+            )
             if used is not None:
-                names.included.append((one, used))
+                names.included.append((include_entry, used))
         self._open.pop()
         return names
 

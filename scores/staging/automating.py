@@ -61,7 +61,7 @@ def automation_points(
     lines = known.tracks(piece)
     here = tempo.beats(begins) if begins > -math.inf else -math.inf
     leds: dict[Where, Led] = {}
-    found: dict[Where, Points] = {}
+    points_by_where: dict[Where, Points] = {}
     left: dict[Where, Tracks] = {}
     for where, track in lines.items():
         led = known.led(piece, where)
@@ -72,7 +72,7 @@ def automation_points(
         if points is None:
             left[where] = track
         else:
-            found[where] = points
+            points_by_where[where] = points
     if begins > -math.inf:
         begins -= slack(
             piece, (o for track in left.values() for o in track.entries.values()), begins
@@ -82,8 +82,8 @@ def automation_points(
     moving = {where for where in leds if lines[where].moves_from < here}
     wholes: dict[str, Curve] = {}
     for where in [where for where in left if leds[where].module.kind == "INSTRUMENT"]:
-        order, own_value = left.pop(where).entries["f"], leds[where].own["f"]
-        wholes[where[0]] = _curve(piece, order, own_value, extent, collector)
+        order, value_alone = left.pop(where).entries["f"], leds[where].own["f"]
+        wholes[where[0]] = _curve(piece, order, value_alone, extent, collector)
         for module in moved(piece.instruments[where[0]]):
             member = where[0], module.name
             left.setdefault(member, lines.get(member) or Tracks({}, math.inf))
@@ -96,19 +96,19 @@ def automation_points(
             name: _curve(piece, order, led.own[name], extent, collector)
             for name, order in track.entries.items()
         }
-        whole = wholes.get(where[0])
-        if whole is not None and led.module not in moved(piece.instruments[where[0]]):
-            whole = None
-        made = _points(led, curves, whole)
-        if led.cost * len(made) > MAX_POINTS:
+        chord_curve = wholes.get(where[0])
+        if chord_curve is not None and led.module not in moved(piece.instruments[where[0]]):
+            chord_curve = None
+        points_made = _points(led, curves, chord_curve)
+        if led.cost * len(points_made) > MAX_POINTS:
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, _place(piece, where[0]))
-        elif made:
-            found[where] = made
-            if whole is None and _is_settled(track, curves, here, begins):
-                found[where] = made[-1:]
-                known.settle(where, track, led, here, made[-1:])
-    return Automated(found, frozenset(moving))
+        elif points_made:
+            points_by_where[where] = points_made
+            if chord_curve is None and _is_settled(track, curves, here, begins):
+                points_by_where[where] = points_made[-1:]
+                known.settle(where, track, led, here, points_made[-1:])
+    return Automated(points_by_where, frozenset(moving))
 
 
 def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instant: float) -> bool:
@@ -132,18 +132,18 @@ def _place(piece: Piece, part: str) -> Place:
     return next(chain(lines, notes))
 
 
-def _points(led: Led, curves: Mapping[str, Curve], whole: Curve | None) -> Points:
+def _points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) -> Points:
     """The points of a module with automated parameters, which may also follow the automation of a
-    `whole` instrument.
+    `chord_curve` instrument.
     """
-    all_curves = [*curves.values(), *([] if whole is None else [whole])]
+    all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
     known: dict[tuple[float, ...], tuple[float, ...]] = {}
     points = []
     for t, values in _values(all_curves):
         if values not in known:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
-            if whole is not None:
-                numbers = led.transposed(numbers, values[-1] / whole.own)
+            if chord_curve is not None:
+                numbers = led.transposed(numbers, values[-1] / chord_curve.own)
             known[values] = numbers
         points.append((max(0.0, t), *known[values]))
     within = set().union(*(curve.within for curve in all_curves))
@@ -166,13 +166,16 @@ def _chords(points: Points, within: Container[float]) -> Points:
     The engine interpolates linearly, and a pitch that is slightly too high all the way would end
     with a wrong phase.
     """
-    made = list(points)
-    for at in range(1, len(points) - 1):
-        (before, *low), (here, *own), (after, *high) = points[at - 1 : at + 2]
+    with_chords = list(points)
+    for index in range(1, len(points) - 1):
+        (before, *low), (here, *values_here), (after, *high) = points[index - 1 : index + 2]
         if here in within and abs((here - before) - (after - here)) < 1e-9:
-            bends = (a - 2.0 * x + b for a, x, b in zip(low, own, high, strict=True))
-            made[at] = (here, *(x - bend / 12.0 for x, bend in zip(own, bends, strict=True)))
-    return made
+            bends = (a - 2.0 * x + b for a, x, b in zip(low, values_here, high, strict=True))
+            with_chords[index] = (
+                here,
+                *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
+            )
+    return with_chords
 
 
 def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
@@ -210,30 +213,30 @@ def takeover_points(
     `before` are complete up to the instant `known` [s], and compared up to there. Modules with
     their own values alone have no points, except those that have `moved`.
     """
-    found: dict[Where, Points] = {}
+    points_by_where: dict[Where, Points] = {}
     memory = memory or KnownAutomation()
     for where in {**before, **after}:
         if (settled := after.get(where)) is not None and settled is before.get(where):
             moves = memory.settled_moves(where, settled)
             if moves or (moves is not None and where in moved):
-                found[where] = settled
+                points_by_where[where] = settled
             if moves is not None:
                 continue
         led = memory.led(piece, where)
         if led is None:
             continue  # the module is gone
-        own = (0.0, *led.numbers_alone)
-        old, new = before.get(where) or [own], after.get(where) or [own]
+        value_alone = (0.0, *led.numbers_alone)
+        old, new = before.get(where) or [value_alone], after.get(where) or [value_alone]
         if len(old[0]) != len(new[0]):
-            old = [own]  # it was a module of another kind
+            old = [value_alone]  # it was a module of another kind
         is_same = _is_same(old, new, start, known)
         if not is_same:
             soon = start + GLIDE
             later = (point for point in new if point[0] > soon)
             new = [(start, *value_at(old, start)), (soon, *value_at(new, soon)), *later]
-        if (is_same and where in moved) or any(point[1:] != own[1:] for point in new):
-            found[where] = new
-    return found
+        if (is_same and where in moved) or any(point[1:] != value_alone[1:] for point in new):
+            points_by_where[where] = new
+    return points_by_where
 
 
 def _is_same(old: Points, new: Points, start: float, known: float) -> bool:
@@ -261,37 +264,41 @@ def value_at(points: Points, instant: float) -> tuple[float, ...]:
 
 
 def _curve(
-    piece: Piece, order: Sequence[Entry], own: float, extent: Extent, collector: Collector
+    piece: Piece, order: Sequence[Entry], value_alone: float, extent: Extent, collector: Collector
 ) -> Curve:
     """The curve of one parameter: its automation entries one after another, its own value in
     between.
     """
     tempo, until = piece.tempo_map, extent.until
-    first, curve = needed(piece, order, own, extent)
+    first, curve = needed(piece, order, value_alone, extent)
     ended = math.inf if curve.t else -math.inf
     for place in range(first, len(order)):
         entry, extent_here = order[place], extent
-        one, begin, stop = entry
+        automation_entry, begin, stop = entry
         if begin > until:
             break
         if curve.t and begin > ended + SAME:
-            curve.set(tempo.seconds(ended), own, tempo.seconds(begin))
+            curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin))
         if extent.begins > -math.inf and place + 1 < len(order):  # of some only the end is needed
             begins = min(extent.begins, tempo.seconds(order[place + 1].begin))
             extent_here = Extent(min(extent.since, stop), until, begins)
         try:
-            if one.swing is not None:
+            if automation_entry.swing is not None:
                 add_swing(piece, entry, curve, extent_here)
                 ended = stop
-            elif one.points:
+            elif automation_entry.points:
                 add_glide(piece, entry, curve, extent_here.begins)
                 ended = stop
             else:
                 ended = min(stop, add_pattern(piece, entry, curve, extent_here))
-                ended = math.inf if one.struck and place + 1 == len(order) else ended
+                ended = math.inf if automation_entry.struck and place + 1 == len(order) else ended
         except TextError as error:
-            collector.error("E305", f"automation of {one.name}: {error.message}", one.place)
+            collector.error(
+                "E305",
+                f"automation of {automation_entry.name}: {error.message}",
+                automation_entry.place,
+            )
             return curve
     if curve.t and ended <= until and tempo.seconds(ended) < NEVER:
-        curve.set(tempo.seconds(ended), own)
+        curve.set(tempo.seconds(ended), value_alone)
     return curve

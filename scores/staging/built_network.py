@@ -75,14 +75,20 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     # Links reach the <M> points of other parts, so all of these are added first.
     for name, key in piece.keys.items():
         assembly.part(name, key.modules, reach=key.reach, every=key.every)
-    for name, made in piece.instruments.items():
-        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every, space=made.space)
-    for name, made in piece.instruments.items():
-        assembly.add_followers(name, made.modules, ca_rate=made.ca_rate)
+    for name, instrument in piece.instruments.items():
+        assembly.part(
+            name,
+            instrument.modules,
+            ca_rate=instrument.ca_rate,
+            every=instrument.every,
+            space=instrument.space,
+        )
+    for name, instrument in piece.instruments.items():
+        assembly.add_followers(name, instrument.modules, ca_rate=instrument.ca_rate)
     for name, key in piece.keys.items():
         assembly.joins(name, key.modules, reach=key.reach)
-    for name, made in piece.instruments.items():
-        assembly.joins(name, made.modules, ca_rate=made.ca_rate)
+    for name, instrument in piece.instruments.items():
+        assembly.joins(name, instrument.modules, ca_rate=instrument.ca_rate)
     if assembly.refused:
         return []  # the ends of a coupling may be left out
     if piece.duet:
@@ -95,6 +101,6 @@ def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
     tempo = piece.tempo_map
     for coupling in piece.duet:
         until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = until is not None and until <= at and isinstance(tempo, OffsetTempoMap)
-        yield at, COUPLING_ENDED if is_over else until
+        begin_seconds = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
+        is_over = until is not None and until <= begin_seconds and isinstance(tempo, OffsetTempoMap)
+        yield begin_seconds, COUPLING_ENDED if is_over else until

@@ -38,8 +38,8 @@ def cut_stage(
     """
     assert stage.timeline is not None
     instant = frame / stage.rate
-    kept = [] if ends_gestures else _in_flight(stage, instant)
-    timeline = stage.timeline.cut(frame, kept, stops=stops)
+    in_flight = [] if ends_gestures else _in_flight(stage, instant)
+    timeline = stage.timeline.cut(frame, in_flight, stops=stops)
     mat_of, rate = stage.built.assembly.mats.get, stage.rate
     DrawnNotes(timeline, () if resets else stage.drawn, instant, rate).end_others(mat_of, 0)
     piece = _standing(stage.piece, instant) if stops else stage.piece
@@ -59,7 +59,7 @@ def cut_stage(
         ),
         n_frames=0,
         drawn=(),
-        gestures=[stage.gestures[index] for index in kept],
+        gestures=[stage.gestures[index] for index in in_flight],
         diagnostics=[],
         plan=plan,
         is_plan_kept=False,

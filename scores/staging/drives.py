@@ -15,24 +15,26 @@ from ergon.scores.staging.takes import Takes
 
 def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
     """The inputs by name: the number of each, and the length [s] of its file."""
-    found: dict[str, tuple[int, float]] = {}
+    sounds_by_name: dict[str, tuple[int, float]] = {}
     for name, take in piece.takes.items():
-        if (own := take.input) is None:
+        if (sound_input := take.input) is None:
             continue
-        if own.highpass is not None and own.highpass >= 0.5 * piece.rate:
+        if sound_input.highpass is not None and sound_input.highpass >= 0.5 * piece.rate:
             message = f"take {quote(name)}: its highpass is not below half of the rate"
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
         elif (samples := takes.sound(name)) is not None:
-            how = {"gain": own.gain, "clamp": own.clamp}
-            if own.channel is None:
-                number, glide = input_number(name), own.glide or 0.0
+            how = {"gain": sound_input.gain, "clamp": sound_input.clamp}
+            if sound_input.channel is None:
+                number, glide = input_number(name), sound_input.glide or 0.0
                 index = timeline.told_in(number, samples, **how, glide=glide)
             else:
-                highpass = own.highpass
-                index = timeline.sound_in(own.channel - 1, samples, **how, highpass=highpass)
-            found[name] = index, len(samples) / piece.rate
-    return found
+                highpass = sound_input.highpass
+                index = timeline.sound_in(
+                    sound_input.channel - 1, samples, **how, highpass=highpass
+                )
+            sounds_by_name[name] = index, len(samples) / piece.rate
+    return sounds_by_name
 
 
 def input_number(name: str) -> int:
@@ -55,7 +57,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
             is_position = module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
             scale = reach if is_position else 1.0 / reach
-            source, at = module.fields["from"], module.fields["at"]
+            source, begin = module.fields["from"], module.fields["at"]
             constant = source * scale if isinstance(source, float) else None
             sound = sounds.get(str(source))
             take = None
@@ -70,7 +72,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 constant=constant,
                 take=take,
                 sound=sound,
-                at=0.0 if at is None else tempo.seconds(tempo.resolve(at)),
+                at=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
                 scale=scale * module.fields["scale"],
                 own=module.fields["to"].part == name,
             )

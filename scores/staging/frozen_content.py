@@ -18,15 +18,15 @@ def joined(piece: Piece, part: str) -> set[str]:
     Links to fixed points count too: a larger group than needed does no harm.
     """
     near: dict[str, set[str]] = {}
-    for one, other in _pairs(piece):
-        near.setdefault(one, set()).add(other)
-        near.setdefault(other, set()).add(one)
-    found, left = {part}, [part]
+    for first, other in _pairs(piece):
+        near.setdefault(first, set()).add(other)
+        near.setdefault(other, set()).add(first)
+    connected, left = {part}, [part]
     while left:
-        further = near.get(left.pop(), set()) - found
-        found |= further
+        further = near.get(left.pop(), set()) - connected
+        connected |= further
         left += further
-    return found
+    return connected
 
 
 def content(piece: Piece, part: str) -> tuple[Any, ...]:
@@ -42,7 +42,7 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
     named = {name for play in plays for name in play.names}
     named |= {player.standin for player in players.values() if player.standin}
     named |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
-    routes = {(output.name, route.to == "nearest") for route, output in _heard(piece, part)}
+    routes = {(output.name, route.to == "nearest") for route, output in _outputs_of(piece, part)}
     file_meters = (piece.file_meters,) if piece.file_meters else ()
     return (
         (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout, *file_meters),
@@ -59,7 +59,7 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
     )
 
 
-def _heard(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
+def _outputs_of(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
     return ((route, output) for route, one, output in heard(piece) if one.name == part)
 
 

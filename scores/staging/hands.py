@@ -85,12 +85,12 @@ class ErgonPlaces(Sequence[Place]):
 
     def __init__(self) -> None:
         """Start without places."""
-        self._of: list[Callable[[], Place]] = []
+        self._places: list[Callable[[], Place]] = []
 
     def add(self, place: Callable[[], Place]) -> int:
         """Add a place; returns its number."""
-        self._of.append(place)
-        return len(self._of) - 1
+        self._places.append(place)
+        return len(self._places) - 1
 
     @overload
     def __getitem__(self, index: int) -> Place: ...
@@ -99,12 +99,12 @@ class ErgonPlaces(Sequence[Place]):
     def __getitem__(self, index: int | slice) -> Place | list[Place]:
         """The place of a number."""
         if isinstance(index, slice):
-            return [place() for place in self._of[index]]
-        return self._of[index]()
+            return [place() for place in self._places[index]]
+        return self._places[index]()
 
     def __len__(self) -> int:
         """How many numbers there are."""
-        return len(self._of)
+        return len(self._places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,28 +235,30 @@ class Hands:
         if places.last < since:
             return
         first, last = n_before(places, since), n_before(places, until)
-        own: dict[tuple[str, tuple[Transform, ...]], Play] = {}
+        plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         due: list[tuple[Play, float, int]] = []
         for place in range(first, last):
             if not place % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
             if (name := course.played(place)) is not None:
                 key = name, course.do(place)
-                if key not in own:
-                    own[key] = replace(play, what=name, do=(*play.do, *key[1]), pattern=None)
-                due.append((own[key], places[place], place))
-        for one in own.values():
-            begins = [start for other, start, _ in due if other is one]
-            gesture = self.piece.gestures.get(one.what)
-            if not self._room(one, begins, len(gesture.points) if gesture else 1) and begins:
+                if key not in plays_by_key:
+                    plays_by_key[key] = replace(
+                        play, what=name, do=(*play.do, *key[1]), pattern=None
+                    )
+                due.append((plays_by_key[key], places[place], place))
+        for play_due in plays_by_key.values():
+            begins = [start for other, start, _ in due if other is play_due]
+            gesture = self.piece.gestures.get(play_due.what)
+            if not self._room(play_due, begins, len(gesture.points) if gesture else 1) and begins:
                 return
-        for one, start, place in due:
-            if (gesture := self.piece.gestures.get(one.what)) is not None:
-                chain = (*gesture.do, *one.do)
+        for play_due, start, place in due:
+            if (gesture := self.piece.gestures.get(play_due.what)) is not None:
+                chain = (*gesture.do, *play_due.do)
                 chance = course.draws.transforms(place + course.pattern.skip)
-                self._put_gesture(one, gesture, chain, start, chance)
-            elif (take := self.takes.get(one.what)) is not None:
-                self._put_take(one, take, start)
+                self._put_gesture(play_due, gesture, chain, start, chance)
+            elif (take := self.takes.get(play_due.what)) is not None:
+                self._put_take(play_due, take, start)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """The starts within the window; those before it are counted, because chance draws by
@@ -273,17 +275,17 @@ class Hands:
         _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
-        for noun, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
-            if self._played[noun] > most:
+        for noun, limit in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played[noun] > limit:
                 if self._played["reports"]:
                     return ()
                 self._played["reports"] += 1
                 message = (
                     f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
-                    f"piece plays more than {most:,} {noun}"
+                    f"piece plays more than {limit:,} {noun}"
                     if points > 1
                     else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
-                    f"plays more than {most:,} {noun}"
+                    f"plays more than {limit:,} {noun}"
                 )
                 help = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help)
@@ -301,13 +303,13 @@ class Hands:
     def _ends(self, play: Play, take: _core.Take) -> list[float]:
         """Beats on which a take begins if it repeats end to end."""
         tempo = self.piece.tempo_map
-        at = tempo.resolve(play.at)
+        begin = tempo.resolve(play.at)
         until = None if play.until is None else tempo.resolve(play.until)
-        shape = apply_to_take(play.do, 60.0 / tempo.bpm(at))
+        shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin))
         lasting = (take.duration - shape.front - shape.back) * shape.stretch
         length = Length(0.0, shape.shift.beats, shape.shift.seconds + lasting)
         try:
-            return starts(tempo, at, length, times=play.times, until=until)
+            return starts(tempo, begin, length, times=play.times, until=until)
         except TextError as error:
             self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
             return []
@@ -421,8 +423,8 @@ class Hands:
     def _put_take(self, play: Play, take: _core.Take, start: float) -> None:
         tempo = self.piece.tempo_map
         shape = apply_to_take(play.do, 60.0 / tempo.bpm(start))
-        at = tempo.instant(start, shape.shift)
-        stop = at + (take.duration - shape.front - shape.back) * shape.stretch
+        begin = tempo.instant(start, shape.shift)
+        stop = begin + (take.duration - shape.front - shape.back) * shape.stretch
         if stop <= self.window.after:
             return
         options = self._options(play, play.manner.over(DEFAULT_OPTIONS))
@@ -433,7 +435,7 @@ class Hands:
             self.timeline.take(
                 index,
                 take,
-                at,
+                begin,
                 scale=shape.scale * self._reach(play),
                 stretch=shape.stretch,
                 reverse=shape.reverse,
@@ -450,7 +452,7 @@ class Hands:
                 self._key_of(play),
                 index,
                 struck,
-                at,
+                begin,
                 stop,
                 play.place,
                 layer=options["layer"],

@@ -18,7 +18,7 @@ from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.parameter_values import Points, Where
 
 FULL = 5_000.0  # [Hz] a body without modes above sounds dull
-_MOST_RADIUS = 400
+_RADIUS_MAX = 400
 _BODIES_MAX = 256  # bodies of a score that are checked
 
 
@@ -61,19 +61,19 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
     reported.
     """
     lowest: dict[Place, HighestMode] = {}
-    for one in modes:
-        known = lowest.setdefault(one.module.place, one)
-        if one.hertz < known.hertz:
-            lowest[one.module.place] = one
-    found = []
-    for one in lowest.values():
-        if one.hertz >= FULL or is_shipped(Path(one.module.place.file)):
+    for mode in modes:
+        known = lowest.setdefault(mode.module.place, mode)
+        if mode.hertz < known.hertz:
+            lowest[mode.module.place] = mode
+    warnings = []
+    for mode in lowest.values():
+        if mode.hertz >= FULL or is_shipped(Path(mode.module.place.file)):
             continue
-        message = f"{quote(one.name)} has no mode above {one.hertz / 1e3:.3g} kHz"
-        help = f"{_enough(one)} would reach about {FULL / 1e3:g} kHz"
-        place = one.module.place
-        found.append(Diagnostic("W331", message, place, None, help))
-    return found
+        message = f"{quote(mode.name)} has no mode above {mode.hertz / 1e3:.3g} kHz"
+        help = f"{_enough(mode)} would reach about {FULL / 1e3:g} kHz"
+        place = mode.module.place
+        warnings.append(Diagnostic("W331", message, place, None, help))
+    return warnings
 
 
 def warn_over_limit(
@@ -83,29 +83,31 @@ def warn_over_limit(
 
     The scheme is stable up to a mode at the rate over pi.
     """
-    found, limit = [], piece.rate / pi
-    for one in highest_modes(piece, built):
-        where = (one.name.removesuffix(f".{one.module.name}"), one.module.name)
+    warnings, limit = [], piece.rate / pi
+    for mode in highest_modes(piece, built):
+        where = (mode.name.removesuffix(f".{mode.module.name}"), mode.module.name)
         points = paths.get(where, ())
-        most = max((factor for _, factor, _ in points), default=1.0)
-        if one.hertz >= limit or one.hertz * sqrt(most) < limit:
+        factor_max = max((factor for _, factor, _ in points), default=1.0)
+        if mode.hertz >= limit or mode.hertz * sqrt(factor_max) < limit:
             continue
-        own = [line for line in piece.automation if where in line.modules]
-        place = next((line.place for line in own if line.parameter == "f"), one.module.place)
-        at = _instant(points, (limit / one.hertz) ** 2)
+        automation_lines = [line for line in piece.automation if where in line.modules]
+        place = next(
+            (line.place for line in automation_lines if line.parameter == "f"), mode.module.place
+        )
+        instant = _instant(points, (limit / mode.hertz) ** 2)
         tempo = piece.tempo_map
-        times = ceil(one.hertz * sqrt(most) / limit)
+        times = ceil(mode.hertz * sqrt(factor_max) / limit)
         message = (
-            f"from {tempo.written(tempo.beats(at))} ({at:.2f} s) on the highest mode of "
-            f"{quote(one.name)} is above {limit / 1e3:.3g} kHz, the limit at one step a frame; "
-            f"it reaches {one.hertz * sqrt(most) / 1e3:.3g} kHz"
+            f"from {tempo.written(tempo.beats(instant))} ({instant:.2f} s) on the highest mode of "
+            f"{quote(mode.name)} is above {limit / 1e3:.3g} kHz, the limit at one step a frame; "
+            f"it reaches {mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
         )
         help = (
             f"a plan takes {times} steps a frame or another method there, unless the score has "
             f"`method: ca`; a rate of {times * piece.rate:,.0f} Hz or fewer masses cost less"
         )
-        found.append(Diagnostic("W332", message, place, None, help))
-    return found
+        warnings.append(Diagnostic("W332", message, place, None, help))
+    return warnings
 
 
 def _instant(points: Points, factor: float) -> float:
@@ -116,10 +118,10 @@ def _instant(points: Points, factor: float) -> float:
     return points[0][0]
 
 
-def _enough(one: HighestMode) -> str:
+def _enough(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
-    module, fields = one.module, one.module.fields
-    masses, more = member_count(module.kind, fields), FULL / one.hertz
+    module, fields = mode.module, mode.module.fields
+    masses, more = member_count(module.kind, fields), FULL / mode.hertz
     if module.kind == "STRING":
         return f"`masses: {ceil(masses * more)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
@@ -129,7 +131,7 @@ def _enough(one: HighestMode) -> str:
         across, up = (ceil(count * side) for count in fields["sides"])
         return f"{across * up:,} masses ({across} by {up})"
     radius = ceil(fields["radius"] * side)
-    if radius > _MOST_RADIUS:
-        return f"more than the {_MOST_RADIUS} rings that a plate may have"
+    if radius > _RADIUS_MAX:
+        return f"more than the {_RADIUS_MAX} rings that a plate may have"
     wider = {**fields, "radius": radius}
     return f"{member_count(module.kind, wider):,} masses ({radius} rings)"

@@ -21,20 +21,20 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
     Instruments under `units: ca` have no SI values to check.
     """
     scene = _Scene.of(piece)
-    found: list[Diagnostic] = []
+    warnings: list[Diagnostic] = []
     for instrument in piece.instruments.values():
         if instrument.form != "si":
             continue
         for module in instrument.modules:
             name = ".".join(filter(None, (instrument.name, module.name)))
-            found += _pitches(piece, name, module)
+            warnings += _pitches(piece, name, module)
             if module.kind == "BUT":
-                found += scene.gaps(name, module)
+                warnings += scene.gaps(name, module)
             if module.kind in LINKS:
-                found += scene.stiffness(piece, name, module)
+                warnings += scene.stiffness(piece, name, module)
             if module.kind == "BRISTLE":
-                found += _gains(name, module)
-    return found
+                warnings += _gains(name, module)
+    return warnings
 
 
 def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
@@ -61,10 +61,10 @@ def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
     if f["sigma2"] < least:
         message = f"friction {quote(name)} can give energy: its sigma2 is below "
         message += f"sigma1*(Fs - Fc)/Fc, {least:.3g} Ns/m"
-        most = f["sigma2"] * level / (static - level)
+        sigma_max = f["sigma2"] * level / (static - level)
         help = f"make sigma2 {least:.3g} Ns/m or more"
-        if most > 0.0:
-            help += f", or sigma1 {most:.3g} Ns/m or less"
+        if sigma_max > 0.0:
+            help += f", or sigma1 {sigma_max:.3g} Ns/m or less"
         place = bristle.places.get("sigma1", bristle.place)
         yield Diagnostic("W333", message, place, None, help)
 
@@ -79,13 +79,13 @@ class _Scene:
 
     @classmethod
     def of(cls, piece: Piece) -> _Scene:
-        own = cls(dict(piece.keys))
+        built_scene = cls(dict(piece.keys))
         for part, module in piece.modules():
-            own.modules[part, module.name] = module
+            built_scene.modules[part, module.name] = module
             to = module.fields.get("to")
             if module.kind == "ENX" and isinstance(to, Target):
-                own.imposed.add((to.part, to.module, to.first))
-        return own
+                built_scene.imposed.add((to.part, to.module, to.first))
+        return built_scene
 
     def gaps(self, name: str, but: Module) -> Iterator[Diagnostic]:
         """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
@@ -97,8 +97,8 @@ class _Scene:
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
         pressed, nearest = -inf, -inf  # the deepest of the points of a range
-        for one in single_links(but):
-            (a, b), gap = one.fields["between"], one.fields["gap"]
+        for link in single_links(but):
+            (a, b), gap = link.fields["between"], link.fields["gap"]
             start = sign * (self._start(a) - self._start(b)) - gap
             pressed = max(pressed, start) if gap < 0.0 else pressed
             (low_a, high_a), (low_b, high_b) = self._travel(a), self._travel(b)
@@ -141,8 +141,8 @@ class _Scene:
         does = "a touch lasts" if is_contact else "half a period lasts"
         message = f"{quote(name)} is stiffer than the rate can follow: {does} {1e6 * half:.3g} us, "
         message += f"a frame {1e6 / piece.rate:.3g} us"
-        most = pi * pi * piece.rate * piece.rate / inverse
-        help = f"stay below {most:.3g} N/m, or make the masses heavier"
+        stiffness_max = pi * pi * piece.rate * piece.rate / inverse
+        help = f"stay below {stiffness_max:.3g} N/m, or make the masses heavier"
         yield Diagnostic("W328", message, link.places.get(field, link.place), None, help)
 
     def _key(self, end: Target) -> Key | None:

@@ -117,11 +117,11 @@ class KnownAutomation:
 
     def _set_lines(self, touched: set[Where]) -> None:
         """Set the lines of modules whose automation has changed."""
-        found: dict[Where, list[Automation]] = {where: [] for where in touched}
+        lines_by_where: dict[Where, list[Automation]] = {where: [] for where in touched}
         for line in self._lines:
             for where in touched.intersection(line.modules):
-                found[where].append(line)
-        self._lines_of |= found
+                lines_by_where[where].append(line)
+        self._lines_of |= lines_by_where
 
     def _set_tracks(self, tempo: TempoMap, touched: set[Where]) -> None:
         """Set the entries of modules whose lines have changed."""
@@ -279,5 +279,5 @@ def _notes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
         until = Position(plus=Length(beats=tempo.after(tempo.resolve(line.at), line.span)))
     pattern = replace(line.pattern, chance=None)
     for target in line.to:
-        said = (target, "f", line.at, until, line.every, line.times, pattern, line.notes)
-        yield Automation(*said, None, line.place, line.place, line.who)
+        arguments = (target, "f", line.at, until, line.every, line.times, pattern, line.notes)
+        yield Automation(*arguments, None, line.place, line.place, line.who)

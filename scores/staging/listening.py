@@ -20,7 +20,7 @@ from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER = 1e9  # [s]
-_WAY_NS, _ROOM_NS = 10.0, 300.0
+_PATH_NS, _ROOM_NS = 10.0, 300.0
 _PRESSURE = 1.0  # of a route that radiates, at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
@@ -93,22 +93,22 @@ class Listening:
             mixer.fade(self.fade)
         # The routes of an instrument form a group, whose gain may change while it sounds.
         groups = {name: group for group, name in enumerate(self.parts())}
-        for way in self.ways:
-            if parts is None or way.part in parts:
-                cut = highpass if way.highpass is None else way.highpass
+        for path in self.ways:
+            if parts is None or path.part in parts:
+                cut = highpass if path.highpass is None else path.highpass
                 mixer.route(
-                    way.tap,
-                    way.channel if way.room is None else way.room,
-                    way.gain if reference is None else way.gain * (reference / way.quantity),
+                    path.tap,
+                    path.channel if path.room is None else path.room,
+                    path.gain if reference is None else path.gain * (reference / path.quantity),
                     cut or None,
-                    groups[way.part],
-                    tones=[(tone.kind, tone.frequency, tone.level) for tone in way.tones],
-                    delay=way.delay,
-                    echo=way.echo,
-                    curve=way.fade,
-                    pan=way.pan,
-                    to_room=way.room is not None,
-                    squared=way.is_squared,
+                    groups[path.part],
+                    tones=[(tone.kind, tone.frequency, tone.level) for tone in path.tones],
+                    delay=path.delay,
+                    echo=path.echo,
+                    curve=path.fade,
+                    pan=path.pan,
+                    to_room=path.room is not None,
+                    squared=path.is_squared,
                 )
         return mixer
 
@@ -126,27 +126,27 @@ class Listening:
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
         ways = [
             (
-                taps[way.tap],
-                way.channel,
-                way.gain if reference is None else way.gain * (reference / way.quantity),
-                highpass if way.highpass is None else way.highpass,
-                way.room,
-                way.delay,
-                way.fade,
-                way.tones,
-                way.echo,
-                way.pan,
-                *(("squared",) if way.is_squared else ()),
+                taps[path.tap],
+                path.channel,
+                path.gain if reference is None else path.gain * (reference / path.quantity),
+                highpass if path.highpass is None else path.highpass,
+                path.room,
+                path.delay,
+                path.fade,
+                path.tones,
+                path.echo,
+                path.pan,
+                *(("squared",) if path.is_squared else ()),
             )
-            for way in self.ways
-            if parts is None or way.part in parts
+            for path in self.ways
+            if parts is None or path.part in parts
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, ways)).encode()).hexdigest()
 
     @property
     def cost(self) -> float:
         """About how long mixing a frame takes [ns]."""
-        return _WAY_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
+        return _PATH_NS * len(self.ways) + _ROOM_NS * len(self.rooms)
 
 
 def check_mix(piece: Piece, collector: Collector) -> None:
@@ -167,7 +167,7 @@ def check_mix(piece: Piece, collector: Collector) -> None:
 
 def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     """The outputs that reach loudspeakers, each with its route and its instrument."""
-    return [(route, *one) for route in piece.routes() for one in _of(piece, route)]
+    return [(route, *one) for route in piece.routes() for one in _outputs_of(piece, route)]
 
 
 def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
@@ -206,7 +206,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     return listening
 
 
-def _of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output]]:
+def _outputs_of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output]]:
     instrument = piece.instruments[route.part]
     for output in instrument.outputs:
         if route.out is None or output.name == route.out:
@@ -228,23 +228,25 @@ def _ways(
         gain *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
-    way = Way(
+    path = Way(
         *(route.part, tap, 0, gain, quantity, output.traits.is_energy),
         *(route.highpass, None, delay, fade, route.tones),
     )
     if route.echo is not None:
         frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
-        way = replace(way, delay=delay + frames, echo=(frames, ratio) if ratio and frames else None)
+        path = replace(
+            path, delay=delay + frames, echo=(frames, ratio) if ratio and frames else None
+        )
     places = _places(piece, route.pan_path)
     for number, (channel, share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
         pan = (places, number == 1) if places else None
-        listening.ways.append(replace(way, channel=channel, gain=gain * share, pan=pan))
+        listening.ways.append(replace(path, channel=channel, gain=gain * share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
         room = rooms.index(name)
-        listening.ways.append(replace(way, room=room, gain=gain * share))
+        listening.ways.append(replace(path, room=room, gain=gain * share))
 
 
 def fades(piece: Piece) -> list[Curve]:
@@ -330,10 +332,10 @@ def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output
 
 def _gauge(assembly: Assembly, name: tuple[str, str], ends: Sequence[Target]) -> int:
     """Add a link without a force, whose length is the distance that is heard; returns its index."""
-    part, own = name
+    part, listener_name = name
     assembly.network.part(part)
     a, b = (assembly.coordinates(end) for end in ends)
-    return assembly.network.gauge(" ".join(filter(None, (own, "distance"))), a, b)
+    return assembly.network.gauge(" ".join(filter(None, (listener_name, "distance"))), a, b)
 
 
 def _range(assembly: Assembly, target: Target) -> _Range:
@@ -365,9 +367,9 @@ def _nearest(
         channel = room.channels[speaker]
         name = ".".join(filter(None, (instrument.name, output.name, str(channel + 1))))
         ranges = near[speaker] if instrument.name not in listening.silent else []
-        heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
+        listened = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
-        tap = assembly.network.listen(name, **heard, order=output.traits.order)
+        tap = assembly.network.listen(name, **listened, order=output.traits.order)
         _ways(listening, piece, tap, (channel,), route, output)
 
 

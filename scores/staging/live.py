@@ -34,7 +34,7 @@ MAX_FRAMES = 160_000_000
 _SETTLED = 5.0
 # In a pause between gestures that is longer than this, a key at rest is not computed [s].
 _PAUSE = 60.0
-_AT_REST = 1e-12  # largest movement of a key at rest [m]
+_STILL = 1e-12  # largest movement of a key at rest [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +138,9 @@ def held(piece: Piece, real: Real) -> Piece:
     The real key has its own modes and friction, so those that were measured are left out.
     """
     keys = {
-        name: replace(piece.keys[name], modules=own)
+        name: replace(piece.keys[name], modules=struck_modules)
         for name in dict.fromkeys(piece.players[player].key for player in real)
-        if len(own := _struck(piece.keys[name])) < len(piece.keys[name].modules)
+        if len(struck_modules := _struck(piece.keys[name])) < len(piece.keys[name].modules)
     }
     return replace(piece, keys={**piece.keys, **keys}) if keys else piece
 
@@ -257,11 +257,11 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
 
     block = max(1, _BLOCK // tick_frames)
     positions = np.zeros(n_ticks)
-    for at in range(0, n_ticks, block):
-        count = min(block, n_ticks - at)
+    for first_tick in range(0, n_ticks, block):
+        count = min(block, n_ticks - first_tick)
         path = np.zeros((count * tick_frames, 1))
         simulation.process(path)
-        positions[at : at + count] = path[::tick_frames, 0]
+        positions[first_tick : first_tick + count] = path[::tick_frames, 0]
     return positions
 
 
@@ -276,34 +276,36 @@ def _sparse_path(
 
     rate = hands.piece.rate
     block = max(1, _BLOCK // tick_frames)
-    most = MAX_FRAMES // tick_frames
+    moving_max = MAX_FRAMES // tick_frames
     pauses = [*_pauses(hands, tick_frames, n_ticks)]
     n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
-    if n_moving > most:
+    if n_moving > moving_max:
         return None
     positions = np.zeros(n_ticks)
-    simulation, at = _core.Simulation(network, hands.timeline), 0
+    simulation, first_tick = _core.Simulation(network, hands.timeline), 0
     for busy_until, begins in pauses:
-        positions[at:busy_until] = _path(simulation, tick_frames, busy_until - at)
-        at, first = busy_until, begins - round(rate) // tick_frames
+        positions[first_tick:busy_until] = _path(simulation, tick_frames, busy_until - first_tick)
+        first_tick, first = busy_until, begins - round(rate) // tick_frames
         anew = _core.Simulation(network, hands.timeline, start=first * tick_frames)
         rest = _path(anew, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
-        if np.ptp(rest) > _AT_REST:
+        if np.ptp(rest) > _STILL:
             n_moving += begins - busy_until
-        while at < first and np.ptp(rest) <= _AT_REST:
-            count = min(block, first - at)
+        while first_tick < first and np.ptp(rest) <= _STILL:
+            count = min(block, first - first_tick)
             n_moving += count
-            if n_moving > most:
+            if n_moving > moving_max:
                 return None
-            known = positions[at : at + count] = _path(simulation, tick_frames, count)
-            at += count
-            if np.abs(known - rest[0]).max() <= _AT_REST:
-                positions[at : first + 2] = rest[0]
-                simulation, at = anew, first + 2
-    if n_moving > most:
+            known = positions[first_tick : first_tick + count] = _path(
+                simulation, tick_frames, count
+            )
+            first_tick += count
+            if np.abs(known - rest[0]).max() <= _STILL:
+                positions[first_tick : first + 2] = rest[0]
+                simulation, first_tick = anew, first + 2
+    if n_moving > moving_max:
         return None
-    positions[at:] = _path(simulation, tick_frames, n_ticks - at)
+    positions[first_tick:] = _path(simulation, tick_frames, n_ticks - first_tick)
     return positions
 
 
@@ -322,7 +324,7 @@ def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int,
 
 def _alone(piece: Piece, player: Player) -> Piece:
     """The piece reduced to one player's part, on a key without a lever."""
-    own_parts = [
+    hand_plays = [
         pair
         for pair in zip(piece.parts, piece.starts, strict=True)
         if pair[0].player == player.name
@@ -332,6 +334,6 @@ def _alone(piece: Piece, player: Player) -> Piece:
         piece,
         keys={key.name: key},
         players={player.name: player},
-        parts=tuple(play for play, _ in own_parts),
-        starts=tuple(starts for _, starts in own_parts),
+        parts=tuple(play for play, _ in hand_plays),
+        starts=tuple(starts for _, starts in hand_plays),
     )

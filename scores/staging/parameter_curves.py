@@ -26,7 +26,7 @@ GRID = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
 _BACK = 256
 _PLACE_STEPS = 2_000  # of work, for a place of a pattern
-_MOST = 200_000  # points of a swing
+_POINTS_MAX = 200_000  # points of a swing
 _FARTHEST = 1 << 24  # segments of a swing that are searched
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
 _QUARTER = (
@@ -179,7 +179,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
             add_glide(replace(piece, tempo_map=goes), entry, moving)
             curve.to(here, moving.at(goes.seconds(tempo.at)))
         return
-    to_path, of_path = _SCALES.get(line.parameter, (_same, _same))
+    to_path, from_scale = _SCALES.get(line.parameter, (_same, _same))
     instants, values, ways, last = glide_path(piece, entry, curve.own)
     before = curve.at(here)
     is_over = last <= begins and last > here + GLIDE  # only its end is heard
@@ -189,7 +189,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
             step = GRID / piece.rate
             curve.to(math.floor(here / step) * step, before)
     elif values[0] != to_path(before) and not is_over:
-        curve.set(here, of_path(values[0]), instants[1] if len(instants) > 1 else math.inf)
+        curve.set(here, from_scale(values[0]), instants[1] if len(instants) > 1 else math.inf)
     path = list(zip(instants, values, ways, strict=True))
     if len(path) > 1 and not is_over:
         times, spacing = _places(piece, curve, here, last)
@@ -198,9 +198,9 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
         near = spacing * (1.0 + SAME)
         curve.within.update(t for t in times if all(abs(t - at) > near for at in instants))
         for t, value in zip(times, _core.path_values(path, times), strict=True):
-            curve.to(t, of_path(value))
+            curve.to(t, from_scale(value))
     (end,) = _core.path_values(path, [last])
-    curve.to(last, of_path(end))
+    curve.to(last, from_scale(end))
 
 
 def _places(piece: Piece, curve: Curve, here: float, last: float) -> tuple[list[float], float]:
@@ -258,15 +258,15 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
     swing = entry.automation.swing
     assert swing is not None
-    tempo, own = piece.tempo_map, curve.own
-    low, high = swing.low.of(own), swing.high.of(own)
+    tempo, curve_value = piece.tempo_map, curve.own
+    low, high = swing.low.of(curve_value), swing.high.of(curve_value)
     beat_of = swing_beats(tempo, entry, swing)
     first = 0
     if extent.since > entry.begin:
         first = max(0, swing_points_before(beat_of, extent.since) - PIECES)
     offset = round(swing.phase * PIECES)
     edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
-    for number in range(first, first + _MOST):
+    for number in range(first, first + _POINTS_MAX):
         beat, place = beat_of(number), (number + offset) % PIECES
         if beat > entry.stop or (instant := tempo.seconds(beat)) >= NEVER:
             break

@@ -38,7 +38,7 @@ class Led:
         """Take a module."""
         self.module = module
         self.scale = scale
-        self.own = _own(module)
+        self.own = _module_numbers(module)
         self.numbers_alone = self.numbers({})
 
     @classmethod
@@ -65,22 +65,25 @@ class Led:
         kind = self.module.kind
         return member_count(kind, self.module.fields) if kind == "BANK" else 1
 
-    def numbers(self, said: Mapping[str, float]) -> tuple[float, ...]:
-        """The module's numbers, if some parameters have the values `said`."""
+    def numbers(self, values_by_name: Mapping[str, float]) -> tuple[float, ...]:
+        """The module's numbers, if some parameters have the values `values_by_name`."""
         kind = self.module.kind
         if kind == "CEL":
-            return _tied(self.module, self.own, said, self.scale)
+            return _tied(self.module, self.own, values_by_name, self.scale)
         if kind == "INSTRUMENT":
             return ()  # its modules have numbers
         if kind == "BANK":
-            f, t60 = said.get("f", 1.0), said.get("t60", 1.0)
+            f, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
             return f * f, 1.0 / t60
         if kind in BODIES:
             k, sigma = _square_and_sigma(self.own)
-            new_k, new_sigma = _square_and_sigma({**self.own, **said})
+            new_k, new_sigma = _square_and_sigma({**self.own, **values_by_name})
             return new_k / k, new_sigma / sigma if sigma else 1.0
         scaled = KINDS[kind].scaled
-        return tuple(said[name] / self.own[name] if name in said else 1.0 for name in scaled)
+        return tuple(
+            values_by_name[name] / self.own[name] if name in values_by_name else 1.0
+            for name in scaled
+        )
 
     def transposed(self, numbers: tuple[float, ...], ratio: float) -> tuple[float, ...]:
         """The numbers with all times divided by a ratio, as `transpose` does."""
@@ -105,7 +108,7 @@ class Led:
         timeline.lead(links.start, pairs, n=len(links))
 
 
-def _own(module: Module) -> dict[str, float]:
+def _module_numbers(module: Module) -> dict[str, float]:
     """The parameters of a module as written."""
     fields = module.fields
     if module.kind == "INSTRUMENT":
@@ -130,18 +133,21 @@ def _own(module: Module) -> dict[str, float]:
 
 
 def _tied(
-    module: Module, own: Mapping[str, float], said: Mapping[str, float], scale: float
+    module: Module,
+    values_alone: Mapping[str, float],
+    values_by_name: Mapping[str, float],
+    scale: float,
 ) -> tuple[float, float, float]:
-    """K, Z and M of a CEL, if some parameters have the values `said`."""
+    """K, Z and M of a CEL, if some parameters have the values `values_by_name`."""
     fields: dict[str, Any] = dict(module.fields)
-    if said.keys() & {"f", "t60"} and not fields.get("f"):
-        fields |= own
-    fields |= said
+    if values_by_name.keys() & {"f", "t60"} and not fields.get("f"):
+        fields |= values_alone
+    fields |= values_by_name
     if float(fields.get("t60") or 0.0) >= _FOR_EVER:
         fields["t60"] = None
-    if said.keys() & {"K", "Z"} and fields.get("f"):
+    if values_by_name.keys() & {"K", "Z"} and fields.get("f"):
         k, z, _ = ties(fields)
-        fields |= {"f": None, "K": said.get("K", k), "Z": said.get("Z", z)}
+        fields |= {"f": None, "K": values_by_name.get("K", k), "Z": values_by_name.get("Z", z)}
     k, z, m = ties(fields)
     return k * scale, z * scale, m * scale
 

@@ -110,7 +110,7 @@ class _Planner:
         like: _core.Plan | None,
         watched: Watched,
     ) -> None:
-        self._of = network, timeline
+        self._network_and_timeline = network, timeline
         self._watched = watched
         self._store = _CountedStore(store) if store is not None and like is None else None
         self._like = like
@@ -119,7 +119,9 @@ class _Planner:
         """A plan whose trials take a share of the work."""
         how = _budget(wished)
         store, like, watched = self._store, self._like, self._watched
-        return _core.Plan(*self._of, **how, **watched, store=store, like=like, share=share)
+        return _core.Plan(
+            *self._network_and_timeline, **how, **watched, store=store, like=like, share=share
+        )
 
     def finish(self) -> bool:
         """Let the store remove old records; returns whether no trial had to be run."""
@@ -163,33 +165,35 @@ def make(
         return Planned(cheap, draft)
     planner = _Planner(network, timeline, store, like, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
-    made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    missed = _missed(made, accuracy.error, is_foreseen=is_foreseen)
+    plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
+    missed = _missed(plan_made, accuracy.error, is_foreseen=is_foreseen)
     if accuracy.method is None and accuracy.error is None:
-        missed += _missed_by_ear(made, accuracy.cents)
+        missed += _missed_by_ear(plan_made, accuracy.cents)
     notes = [("W403", sentence) for sentence in missed]
-    notes += [("W403", sentence) for sentence in _cut_short(made, accuracy)]
-    notes += [("W403", sentence) for sentence in _diverging(made)]
-    told = 1.0 if is_free else correction
-    if accuracy.cpu is None or (not is_free and told * cost(made) <= accuracy.cpu):
-        return Planned(made, accuracy, tuple(notes), planner.finish())
+    notes += [("W403", sentence) for sentence in _cut_short(plan_made, accuracy)]
+    notes += [("W403", sentence) for sentence in _diverging(plan_made)]
+    cost_factor = 1.0 if is_free else correction
+    if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
+        return Planned(plan_made, accuracy, tuple(notes), planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
-    fits = [error for error, other in looser_plans.items() if told * cost(other) <= accuracy.cpu]
+    fits = [
+        error for error, other in looser_plans.items() if cost_factor * cost(other) <= accuracy.cpu
+    ]
     if is_free and fits:
         return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.finish())
-    all_made = ((made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
+    all_made = ((plan_made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
     cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
     hint = (
         f"error: {fits[0]:g}dB fits"
         if fits
-        else f"the cheapest plan takes {_percent(told * cost(cheapest))}"
+        else f"the cheapest plan takes {_percent(cost_factor * cost(cheapest))}"
     )
     allowed = _percent(accuracy.cpu)
-    taken = _percent(told * cost(made))
+    taken = _percent(cost_factor * cost(plan_made))
     excess = f"the plan takes {taken} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
-    chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
+    chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.finish())
 
 
@@ -238,12 +242,12 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
     others would.
     """
     error = accuracy.error
-    found: dict[tuple[float | None, float | None], list[str]] = {}
+    names_by_error: dict[tuple[float | None, float | None], list[str]] = {}
     for row in plan.rows():
         if row.cut_short and not row.diverges and not _is_met(row, accuracy):
-            found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
-    said = []
-    for (db, over), parts in found.items():
+            names_by_error.setdefault((row.error_db, row.error_s), []).extend(row.parts)
+    sentences = []
+    for (db, over), parts in names_by_error.items():
         known = "the error of the chosen method is unknown"
         if db is not None and over is not None:
             known = f"the error of the chosen method is {db:.0f} dB over the first {over:.2g} s"
@@ -252,8 +256,8 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
         elif error is not None and db is not None and db > error:
             known += f", above the {error:g} dB that you asked for"
         names = " + ".join(dict.fromkeys(parts))
-        said.append(f"{names}: planning reached its work limit; {known}")
-    return said
+        sentences.append(f"{names}: planning reached its work limit; {known}")
+    return sentences
 
 
 def _diverging(plan: _core.Plan) -> list[str]:
@@ -269,11 +273,11 @@ def _diverging(plan: _core.Plan) -> list[str]:
 
 def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
     """Whether the error of a row was measured to its end and is within the accuracy."""
-    db, heard = row.error_db, row.audible
-    if accuracy.error is None and heard is not None:
-        return _is_allowed(heard, _allowed_by_ear(accuracy.cents))
-    most = _core.INAUDIBLE if accuracy.error is None else accuracy.error
-    return db is not None and db <= most and row.spectral_db is None
+    db, audible = row.error_db, row.audible
+    if accuracy.error is None and audible is not None:
+        return _is_allowed(audible, _allowed_by_ear(accuracy.cents))
+    budget_db = _core.INAUDIBLE if accuracy.error is None else accuracy.error
+    return db is not None and db <= budget_db and row.spectral_db is None
 
 
 def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
@@ -295,7 +299,7 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
             continue
         if db > error or row.spectral_db is not None:
             islands.setdefault((db, over, row.spectral_db), []).extend(row.parts)
-    said = [
+    sentences = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"
         + (
             f", above the {error:g} dB asked for"
@@ -307,11 +311,11 @@ def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list
     ]
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
-        said.append(
+        sentences.append(
             f"{names}: the error is unknown, because no trial of another method was finished; it "
             f"may be above the {error:g} dB that you asked for"
         )
-    return said
+    return sentences
 
 
 def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
@@ -320,12 +324,12 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     limits = _core.AudibleError(*allowed)
     islands: dict[str, list[str]] = {}
     for row in plan.rows():
-        heard, over, spectral = row.audible, row.error_s, row.spectral_db
+        audible, over, spectral = row.audible, row.error_s, row.spectral_db
         if over is None or row.cut_short:
             continue
-        if heard is not None and not _is_allowed(heard, allowed):
+        if audible is not None and not _is_allowed(audible, allowed):
             sentence = (
-                f"over the first {over:.2g} s {error_text(heard)}; allowed are "
+                f"over the first {over:.2g} s {error_text(audible)}; allowed are "
                 f"{limits.cents:.2g} cents, {100 * limits.t60:.2g}%, "
                 f"{limits.third_octave_db:.2g} dB, {1e3 * limits.first_stroke_s:.2g} ms at the "
                 f"first stroke, {1e3 * limits.later_stroke_s:.2g} ms at others and "
@@ -357,12 +361,13 @@ def _is_allowed(heard: _core.AudibleError, allowed: list[float]) -> bool:
     return all(own <= most for own, most in zip(heard, allowed, strict=True))
 
 
-def error_text(heard: _core.AudibleError) -> str:
+def error_text(audible: _core.AudibleError) -> str:
     """The audible error as part of a sentence."""
     return (
-        f"pitches are off by up to {heard.cents:.2g} cents, T60 by {100 * heard.t60:.2g}%, "
-        f"audible third octaves by {heard.third_octave_db:.2g} dB, strokes by "
-        f"{1e3 * max(heard.first_stroke_s, heard.later_stroke_s):.2g} ms and {heard.stroke_db:.2g} "
+        f"pitches are off by up to {audible.cents:.2g} cents, T60 by {100 * audible.t60:.2g}%, "
+        f"audible third octaves by {audible.third_octave_db:.2g} dB, strokes by "
+        f"{1e3 * max(audible.first_stroke_s, audible.later_stroke_s):.2g} ms and "
+        f"{audible.stroke_db:.2g} "
         "dB"
     )
 

@@ -130,8 +130,8 @@ def prepare(
         n_frames = _frames(piece, end, collector) if spans is None else 0
         (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)
         if like is not None:
-            of_before = like.paths, paths, piece, begin, like.paths_until
-            paths = takeover_points(*of_before, moved, known)
+            takeover_arguments = like.paths, paths, piece, begin, like.paths_until
+            paths = takeover_points(*takeover_arguments, moved, known)
         for where, points in paths.items():
             if led := known.led(piece, where):
                 try:
@@ -143,9 +143,9 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
-    of_paths = paths, paths_until
-    of_piece = built, timeline, n_frames, hands, collector, live
-    return PreparedPiece(*of_piece, *of_paths, fades_from, memory, drawn.notes)
+    path_arguments = paths, paths_until
+    piece_arguments = built, timeline, n_frames, hands, collector, live
+    return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, drawn.notes)
 
 
 def _automate(
@@ -215,10 +215,10 @@ def _play(
             striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
             ends.append(striking.play(hands.collector))
     drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
-    for link, (at, until) in zip(couplings, acting(piece), strict=True):
+    for link, (begin, until) in zip(couplings, acting(piece), strict=True):
         if until == COUPLING_ENDED:
-            at, until = NEVER, None
-        timeline.couple(link, at, until)
+            begin, until = NEVER, None
+        timeline.couple(link, begin, until)
     return max(ends, default=0.0)
 
 

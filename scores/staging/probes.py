@@ -61,31 +61,33 @@ def probed(piece: Piece) -> ProbedPiece:
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
     ends = (end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"])
     targets = {_identity(target): target for target in (*ends, *_single(piece))}
-    kept = list(targets.items())[:MAX_POINTS]
+    first_targets = list(targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
     points = {
         identity: _point(target, number, kinds[target.part, target.module])
-        for number, (identity, target) in enumerate(kept)
+        for number, (identity, target) in enumerate(first_targets)
     }
     measured = []
-    for name, whole, module in contacts:
+    for name, contact_name, module in contacts:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            measured.append(ProbedLink(name, whole, module, a, b))
+            measured.append(ProbedLink(name, contact_name, module, a, b))
     rubbed = []
-    for name, whole, module in rubbings:
+    for name, contact_name, module in rubbings:
         a, b = (points.get(_identity(end)) for end in module.fields["between"])
         if a is not None and b is not None:
-            rubbed.append(ProbedLink(name, whole, module, a, b))
+            rubbed.append(ProbedLink(name, contact_name, module, a, b))
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
-        for number, (_, target) in enumerate(kept)
+        for number, (_, target) in enumerate(first_targets)
     )
     listener = Instrument(_NAME, (), outputs, None, piece.place)
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
-    heard = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
-    left_out = len(targets) - len(kept) + len(contacts) - len(measured)
-    return ProbedPiece(heard, tuple(points.values()), tuple(measured), left_out, tuple(rubbed))
+    probed_piece = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
+    left_out = len(targets) - len(first_targets) + len(contacts) - len(measured)
+    return ProbedPiece(
+        probed_piece, tuple(points.values()), tuple(measured), left_out, tuple(rubbed)
+    )
 
 
 def _identity(target: Target) -> tuple[str, str, int | str]:
@@ -117,9 +119,9 @@ def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
 
 def _named(part: str, module: Module) -> Iterator[tuple[str, str, Module]]:
     """The single links of a link, each with its name and that of the whole."""
-    whole = ".".join(filter(None, (part, module.name)))
-    for one in single_links(module):
-        yield ".".join(filter(None, (part, one.name))), whole, one
+    contact_name = ".".join(filter(None, (part, module.name)))
+    for link in single_links(module):
+        yield ".".join(filter(None, (part, link.name))), contact_name, link
 
 
 def _single(piece: Piece) -> Iterable[Target]:

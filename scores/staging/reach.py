@@ -48,15 +48,17 @@ class FreezeObstacle:
 
     def __str__(self) -> str:
         """The reason as a sentence that names the links."""
-        way = ", ".join(map(str, self.links))
+        path_text = ", ".join(map(str, self.links))
         if self.player is not None:
-            if not way:
+            if not path_text:
                 why = f"its output listens to {self.key}, the key of {self.player}"
                 return f"{self.part} cannot be frozen: {why}"
-            return f"{self.part} cannot be frozen: {self.player} can feel it through {way}"
-        way = f"{way} connects them" if len(self.links) == 1 else f"{way} connect them"
-        way = way if self.links else "both listen to one module"
-        return f"{self.part} cannot be frozen without {self.other}: {way}"
+            return f"{self.part} cannot be frozen: {self.player} can feel it through {path_text}"
+        path_text = (
+            f"{path_text} connects them" if len(self.links) == 1 else f"{path_text} connect them"
+        )
+        path_text = path_text if self.links else "both listen to one module"
+        return f"{self.part} cannot be frozen without {self.other}: {path_text}"
 
 
 def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[FreezeObstacle]:
@@ -72,8 +74,8 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[F
         if part not in parts
         for mat in web.heard(piece, part)
     }
-    found = (web.tie(part, web.heard(piece, part), hands, others) for part in parts)
-    return [tie for tie in found if tie is not None]
+    ties_found = (web.tie(part, web.heard(piece, part), hands, others) for part in parts)
+    return [tie for tie in ties_found if tie is not None]
 
 
 class _LinkGraph:
@@ -101,20 +103,22 @@ class _LinkGraph:
         for part, module in modules:
             if module.kind in LINKS:
                 link = Link(".".join(filter(None, (part, module.name))), module.place)
-                pairs = dict.fromkeys(self._pair(one) for one in single_links(module))
+                pairs = dict.fromkeys(
+                    self._pair(link_module) for link_module in single_links(module)
+                )
                 self._ends[part, module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
                     self._link(link, *pair)
             elif module.kind == "PROXY":
-                one = Link(".".join(filter(None, (part, module.name))), module.place)
-                own = self.assembly.mats[part, module.name]
+                link_module = Link(".".join(filter(None, (part, module.name))), module.place)
+                module_mats = self.assembly.mats[part, module.name]
                 for target in proxies.targets(module.fields):
                     for mat in self._points(target):
-                        self._link(one, own, mat)
+                        self._link(link_module, module_mats, mat)
             elif module.kind == "SURFACE":
-                one = Link(".".join(filter(None, (part, module.name))), module.place)
-                own = self.assembly.mats[part, module.name]
-                self._link(one, own, self._points(module.fields["of"])[0])
+                link_module = Link(".".join(filter(None, (part, module.name))), module.place)
+                module_mats = self.assembly.mats[part, module.name]
+                self._link(link_module, module_mats, self._points(module.fields["of"])[0])
         for coupling in piece.duet:
             a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
@@ -172,9 +176,9 @@ class _LinkGraph:
         while queue:
             mat = queue.popleft()
             if mat in hands:
-                return FreezeObstacle(part, _way(mat, came), *hands[mat])
+                return FreezeObstacle(part, _path_to(mat, came), *hands[mat])
             if mat in others and path is None:
-                path = FreezeObstacle(part, _way(mat, came), other=others[mat])
+                path = FreezeObstacle(part, _path_to(mat, came), other=others[mat])
             if mat in self._held:
                 continue
             for other, link in self._links.get(mat, ()):
@@ -184,7 +188,7 @@ class _LinkGraph:
         return path
 
 
-def _way(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
+def _path_to(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
     """The links on the path from the start of the search to a point."""
     links: list[Link] = []
     while (step := came[mat]) is not None:

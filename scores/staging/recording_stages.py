@@ -60,13 +60,13 @@ def _ways(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
     tried.
     """
     multiples = [2**doubling for doubling in range(1, _FINEST.bit_length())]
-    yield from ({"piece": _at_multiple(piece, times)} for times in multiples if times <= _FINE)
+    yield from ({"piece": _oversampled(piece, times)} for times in multiples if times <= _FINE)
     yield {"piece": piece, "fine_contacts": True}
     yield {"piece": piece, "planned": True, "store": store}
-    yield from ({"piece": _at_multiple(piece, times)} for times in multiples if times > _FINE)
+    yield from ({"piece": _oversampled(piece, times)} for times in multiples if times > _FINE)
 
 
-def _at_multiple(piece: Piece, factor: int) -> Piece:
+def _oversampled(piece: Piece, factor: int) -> Piece:
     """The piece at a multiple of its audio rate; parts with a slow rate keep it."""
     return replace(
         piece,

@@ -37,8 +37,10 @@ def place_of(piece: Piece, name: str | None) -> Place:
 
 def refuse(piece: Piece, collector: Collector, error: _core.EngineError) -> None:
     """Report each module that the engine refuses (E309)."""
-    for one in getattr(error, "refusals", ()) or (error,):
-        collector.error("E309", str(one.args[0]), place_of(piece, getattr(one, "module", None)))
+    for refusal in getattr(error, "refusals", ()) or (error,):
+        collector.error(
+            "E309", str(refusal.args[0]), place_of(piece, getattr(refusal, "module", None))
+        )
 
 
 def refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:

@@ -108,8 +108,8 @@ class Stage:
         mixer = self.listening.mixer(
             self.rate, self.simulation.n_out, highpass=highpass, reference=reference, parts=parts
         )
-        for one in self.placed:
-            mixer.freeze(*one)
+        for placed_sample in self.placed:
+            mixer.freeze(*placed_sample)
         return mixer
 
     def stems(
@@ -123,10 +123,10 @@ class Stage:
 
     def _stem_parts(self) -> dict[str, list[str]]:
         family = self.piece.note_families()
-        heard: dict[str, list[str]] = {}
+        parts_by_family: dict[str, list[str]] = {}
         for part in self.listening.parts():
-            heard.setdefault(family.get(part, part), []).append(part)
-        return heard
+            parts_by_family.setdefault(family.get(part, part), []).append(part)
+        return parts_by_family
 
     @property
     def mix_cost(self) -> float:
@@ -266,15 +266,15 @@ def stage(
             is_foreseen = going.spans is None and not real
             everything = (*piece.keys, *piece.instruments) if is_seen else ()
             watched = Watched(seen=everything, seen_every=piece.motion_every)
-            made = make(
+            planning = make(
                 *parts,
                 is_foreseen=is_foreseen,
                 correction=correction,
                 is_draft=is_draft,
                 watched=watched,
             )
-            plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
-            for code, sentence in made.notes:
+            plan, is_kept, planned_for = planning.plan, planning.is_kept, planning.accuracy
+            for code, sentence in planning.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
             _report_unused_rates(piece, plan, ready.collector)
             if is_seen and piece.motion_every > 1:

@@ -68,7 +68,7 @@ class Striking:
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._axes())
-        at, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
             if strikes.is_melody:
                 return self._melody()
@@ -83,7 +83,7 @@ class Striking:
                 level, reach = strikes.levels.steps[0], next(iter(strikes.reaches.values()), None)
                 self.timeline.rain(
                     self.mats,
-                    start=tempo.seconds(at),
+                    start=tempo.seconds(begin),
                     stop=end,
                     rate=strikes.rate,
                     impulse=(
@@ -118,8 +118,10 @@ class Striking:
         strikes = self.strikes
         n = len(self.mats) // len(strikes.along)
         for axis, share in enumerate(strikes.along):
-            own = replace(strikes, along=(), levels=strikes.levels and strikes.levels.scaled(share))
-            yield replace(self, strikes=own, mats=self.mats[axis * n : (axis + 1) * n])
+            axis_strikes = replace(
+                strikes, along=(), levels=strikes.levels and strikes.levels.scaled(share)
+            )
+            yield replace(self, strikes=axis_strikes, mats=self.mats[axis * n : (axis + 1) * n])
 
     def _by_pattern(self, places: Steps) -> float:
         """Strike in the places of a pattern; chance is drawn for each member separately."""
@@ -154,8 +156,8 @@ class Striking:
         tempo, end = self.piece.tempo_map, 0.0
         since, before = (_beat(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
-            at = tempo.resolve(self.strikes.at)
-            since -= self.strikes.rhythm.begin(tempo, at, int(LONGEST_CYCLES)) - at
+            begin = tempo.resolve(self.strikes.at)
+            since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
         for beat, number, hit in self.strikes.falls(self.piece, since, before):
             instant = tempo.seconds(beat)
             if hit.jitter != Length():
@@ -179,27 +181,27 @@ class Striking:
         assert self.assembly is not None
         assert strikes.length is not None
         parts = list(dict.fromkeys(target.part for target in strikes.to))
-        way = visits(passing, self.assembly.network, parts, self.mats)
+        visited = visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
         for turn, start in enumerate(rounds):
             lasting = tempo.after(start, strikes.length) - start
             end = max(end, tempo.seconds(start + lasting))
-            _core.poll(_STRIKE_STEPS * len(way))
-            for number, (share, member) in enumerate(way, turn * len(way)):
+            _core.poll(_STRIKE_STEPS * len(visited))
+            for number, (share, member) in enumerate(visited, turn * len(visited)):
                 instant = tempo.seconds(start + share * lasting)
                 if not self._is_inside(instant):
                     continue
                 if draws.happens(passing.chance, number, member):
-                    count = len(way) * len(rounds)
+                    count = len(visited) * len(rounds)
                     self._strike(self.mats[member], (instant, None), member, number, count)
         return end
 
     def _members(self, target: Target) -> Sequence[int]:
         """The MATs of a target; none if it is not in the network."""
-        made = self.assembly
-        if made is None or (target.part, target.module) not in made.mats:
+        assembly = self.assembly
+        if assembly is None or (target.part, target.module) not in assembly.mats:
             return ()
-        return made.members(target)
+        return assembly.members(target)
 
     def _each(self) -> float:
         """Strike all members at written instants: once, or once per `every`."""

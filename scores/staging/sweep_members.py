@@ -44,8 +44,8 @@ def visits(
         shares = _stretched(_pitches(network, parts, mats))
     else:
         shares = _along(quantity, np.array([network.position_of(mat) for mat in mats]))
-    found = [(1.0 - share if is_falling else share, i) for i, share in enumerate(shares)]
-    return sorted(found)
+    order = [(1.0 - share if is_falling else share, i) for i, share in enumerate(shares)]
+    return sorted(order)
 
 
 def _along(quantity: str, places: _Floats) -> list[float]:
@@ -74,7 +74,7 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
         )
         if kind == "CEL"
     }
-    found = []
+    pitches = []
     for mat in mats:
         stiffness, mass = ties.get(mat, (0.0, 1.0))
         if not stiffness > 0.0:
@@ -82,8 +82,8 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
                 f"{network.name_of(mat)} has no pitch, so a sweep by pitch cannot reach it; choose "
                 "a sweep by place"
             )
-        found.append(_core.ln(stiffness / mass))
-    return found
+        pitches.append(_core.ln(stiffness / mass))
+    return pitches
 
 
 def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Visit]:
@@ -93,7 +93,7 @@ def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Vis
     scale = 1.0 / sqrt(square) if square > 0.0 else 1.0
     x, y = x * scale, y * scale
     reach = width * width / 4.0
-    found: list[Visit] = []
+    visits_found: list[Visit] = []
     is_near = np.zeros(len(places), bool)
     least = np.full(len(places), np.inf)
     share = np.zeros(len(places))
@@ -107,19 +107,19 @@ def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Vis
         away = away_x * away_x + away_y * away_y
         now = away <= reach
         for member in np.flatnonzero(is_near & ~now):
-            found.append((float(share[member]), int(member)))
+            visits_found.append((float(share[member]), int(member)))
         least[~now] = np.inf
         nearer = now & (away < least)
         least[nearer] = away[nearer]
         share[nearer] = (t0 + s * (t1 - t0))[nearer]
         is_near = now
-    found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
-    return sorted(found)
+    visits_found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
+    return sorted(visits_found)
 
 
 def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
     """The path as chords: (share of the way, x, y) of each corner."""
-    found = []
+    corners = []
     legs = len(path) - 1
     for leg, ((r0, a0), (r1, a1)) in enumerate(pairwise(path)):
         steps = max(1, ceil(abs(a1 - a0) / _STEP))
@@ -128,5 +128,5 @@ def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
             part = step / steps
             radius = r0 + part * (r1 - r0)
             left, front = sine_cosine(a0 + part * (a1 - a0))
-            found.append(((leg + part) / legs, 0.0 - radius * left, radius * front))
-    return found
+            corners.append(((leg + part) / legs, 0.0 - radius * left, radius * front))
+    return corners

@@ -43,10 +43,10 @@ class Takes:
         return self._read[name]
 
     def _load(self, take: TakeFile) -> _core.Take | None:
-        made_of = _made_of(take)
-        if (take_read := self.files.get(made_of) or self.before.get(made_of)) is None:
-            return self._new(take, made_of)
-        self.files[made_of] = take_read
+        identity = _identity(take)
+        if (take_read := self.files.get(identity) or self.before.get(identity)) is None:
+            return self._new(take, identity)
+        self.files[identity] = take_read
         return take_read
 
     def sound(self, name: str) -> NDArray[np.float64] | None:
@@ -70,7 +70,7 @@ class Takes:
             self._refuse(take, error.module or "file", str(error))
         return None
 
-    def _new(self, take: TakeFile, made_of: Hashable) -> _core.Take | None:
+    def _new(self, take: TakeFile, identity: Hashable) -> _core.Take | None:
         if take.path is None or take.input is not None:
             message = f"take {quote(take.name)} is an input: it drives an ENX or ENF, and no key"
             self.collector.error("E308", message, take.place)
@@ -80,10 +80,10 @@ class Takes:
             if samples.damage is not None:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
-            made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
+            take_made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
             if samples.damage is None:  # else the damage would be reported again
-                self.files[made_of] = made
-            return made
+                self.files[identity] = take_made
+            return take_made
         except TakeError as error:
             self._refuse(take, error.field, error.message, error.suggestion)
         except _core.EngineError as error:
@@ -111,13 +111,13 @@ def _channel(take: TakeFile, path: Path) -> Samples:
             raise error from None
 
 
-def _made_of(take: TakeFile) -> Hashable:
+def _identity(take: TakeFile) -> Hashable:
     """A key for a take: as long as it is the same, the take is the same."""
     if take.path is None:
         return take.input
     try:
-        at = take.path.stat()
-        file = at.st_mtime_ns, at.st_size, at.st_ino
+        file_stat = take.path.stat()
+        file = file_stat.st_mtime_ns, file_stat.st_size, file_stat.st_ino
     except OSError:
         file = None
     return take.path, file, take.channel, take.rate, take.unit, take.trim, take.smooth

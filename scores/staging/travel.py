@@ -47,10 +47,10 @@ def check_travel(
     singular: set[Place] = set()
     limits = {name: _limits(key) for name, key in piece.keys.items()}
     for gesture, (low, high) in zip(gestures, timeline.ranges(), strict=True):
-        least, most = limits[gesture.key]
+        least, greatest = limits[gesture.key]
         if gesture.stop - gesture.start > _LONGEST:
             continue  # too long for a piece: reported elsewhere
-        is_inside = low >= least - _SLACK and high <= most + _SLACK
+        is_inside = low >= least - _SLACK and high <= greatest + _SLACK
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
         key = piece.keys[gesture.key]
@@ -70,11 +70,11 @@ def check_travel(
             continue
         span = ""
         if gesture.throws:
-            thrown_low, thrown_high, at = _rehearse(piece, key, gesture)
+            thrown_low, thrown_high, thrown_at = _rehearse(piece, key, gesture)
             if thrown_low < low or thrown_high > high:
-                span = f"between {_leg(gesture, at)} the free key swings"
+                span = f"between {_leg(gesture, thrown_at)} the free key swings"
             low, high = min(low, thrown_low), max(high, thrown_high)
-        beyond = max(least - low, high - most)
+        beyond = max(least - low, high - greatest)
         if beyond > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
             farthest[gesture.place] = beyond, *_sentence(key, gesture, low, high, span)
     for place, (_, message, help) in farthest.items():
@@ -83,8 +83,8 @@ def check_travel(
 
 def _limits(key: Key) -> tuple[float, float]:
     """Both ends of a key's travel as the piece sees them; infinite without a travel."""
-    least, most = key.travel or (-math.inf, math.inf)
-    return least * key.reach, most * key.reach
+    least, greatest = key.travel or (-math.inf, math.inf)
+    return least * key.reach, greatest * key.reach
 
 
 def _sentence(
@@ -110,8 +110,8 @@ def _remedy(
 ) -> str:
     if is_throw:
         return "write `smooth` instead of `throw` to keep the key on a path"
-    least, most = limits
-    if gesture.x and min(gesture.x) >= least - _SLACK and max(gesture.x) <= most + _SLACK:
+    least, greatest = limits
+    if gesture.x and min(gesture.x) >= least - _SLACK and max(gesture.x) <= greatest + _SLACK:
         return (
             "write a `hold` at the turning point, or more time, "
             "against the overshoot of the smooth path"
@@ -142,7 +142,7 @@ def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, fl
 
 
 def _least_rate(key: Key) -> float:
-    omega = _own_frequency(key)
+    omega = _natural_frequency(key)
     return _LEAST_RATE if omega is None else _PER_PERIOD * omega / (2.0 * math.pi)
 
 
@@ -166,28 +166,28 @@ def _rehearsed(
     first, last = int(lead * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((first, 1)))
     low, high = (math.inf, 0), (-math.inf, 0)
-    for at in range(first, last, _BLOCK):
-        block = np.zeros((min(_BLOCK, last - at), 1))
+    for first_frame in range(first, last, _BLOCK):
+        block = np.zeros((min(_BLOCK, last - first_frame), 1))
         simulation.process(block)
-        least, most = int(block.argmin()), int(block.argmax())
-        low = min(low, (float(block[least, 0]), at + least - first))
-        if block[most, 0] > high[0]:
-            high = float(block[most, 0]), at + most - first
+        least, highest_index = int(block.argmin()), int(block.argmax())
+        low = min(low, (float(block[least, 0]), first_frame + least - first))
+        if block[highest_index, 0] > high[0]:
+            high = float(block[highest_index, 0]), first_frame + highest_index - first
     far = high if high[0] > -low[0] else low
     return low[0], high[0], far[1] / rate
 
 
-def _leg(gesture: StagedGesture, at: float) -> str:
+def _leg(gesture: StagedGesture, instant: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for i in gesture.throws:
         begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
-        if begin <= at <= end + 1e-3:
+        if begin <= instant <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
     return "its points"
 
 
 def _singular(key: Key, gesture: StagedGesture) -> str | None:
-    omega = _own_frequency(key)
+    omega = _natural_frequency(key)
     if omega is None:
         return None
     for i in gesture.throws:
@@ -204,7 +204,7 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
     return None
 
 
-def _own_frequency(key: Key) -> float | None:
+def _natural_frequency(key: Key) -> float | None:
     """ω of a key that is one underdamped CEL [rad/s], used in a warning only, so its last bit does
     not matter.
     """

@@ -60,7 +60,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     listened = {groups.of(part) for part in _listened(piece, links)}
     moved = {groups.of(part) for part in _moved(piece)}
     is_played = bool(piece.parts or piece.strikes)
-    found = []
+    warnings = []
     for instrument in piece.instruments.values():
         if not any(module.kind in HOLDERS for module in instrument.modules):
             continue
@@ -71,12 +71,12 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
                 f"{name} cannot be heard: no output of it, or of what it is linked to, is routed"
             )
             help = "add a route to the mix, or an output (`out: {SOX: …}`)"
-            found.append(Diagnostic("W321", message, instrument.place, None, help))
+            warnings.append(Diagnostic("W321", message, instrument.place, None, help))
         elif is_played and group in listened and group not in moved:
             message = f"nothing moves {name}: no key that is played and no strike reaches it"
             help = "link it to a key that a player plays, strike it, or give it X0 or V0"
-            found.append(Diagnostic("W322", message, instrument.place, None, help))
-    return list(dict.fromkeys(found))
+            warnings.append(Diagnostic("W322", message, instrument.place, None, help))
+    return list(dict.fromkeys(warnings))
 
 
 def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:

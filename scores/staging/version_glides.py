@@ -50,8 +50,8 @@ class Glide:
     @property
     def factors(self) -> tuple[float, float]:
         """The factors of a link's force at the beginning and the end."""
-        own = self.after[0] if self.own is None else self.own
-        return self.before[0] / own, self.after[0] / own
+        value_alone = self.after[0] if self.own is None else self.own
+        return self.before[0] / value_alone, self.after[0] / value_alone
 
     def at(self, instant: float) -> _Values:
         """The values at an instant."""
@@ -91,7 +91,7 @@ def glides(
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     old, new = (dict(_values(*pair, under_way)) for pair in ((before, after), (after, before)))
     forms = dict(_forms(before, after)), dict(_forms(after, before))
-    found = {}
+    glides_by_where = {}
     for where, values in new.items():
         current = under_way.get(where)
         if where not in old or len(old[where]) != len(values):
@@ -99,20 +99,24 @@ def glides(
         if len(values) == 2 and forms[0].get(where) != forms[1].get(where):
             continue  # another body takes its place
         if current is not None and current.after == values:
-            found[where] = current
+            glides_by_where[where] = current
         elif old[where] != values:
             now = old[where] if current is None else current.at(start)
-            found[where] = Glide(*where, now, values, start, start + seconds)
+            glides_by_where[where] = Glide(*where, now, values, start, start + seconds)
     known = _links(before, after)
     for where, module in _links(after, before).items():
         current = under_way.get(where)
         if where not in known and _joins(module, before):
-            values = _of(module) or (1.0,)
+            values = _module_values(module) or (1.0,)
             now = (0.0,) if current is None else current.at(start)
-            made = Glide(*where, now, values, start, start + seconds)
-            if made.written not in found:  # else the whole link over a range glides already
-                found[where] = current if current is not None and current.after == values else made
-    return tuple(found.values())
+            glide = Glide(*where, now, values, start, start + seconds)
+            if (
+                glide.written not in glides_by_where
+            ):  # else the whole link over a range glides already
+                glides_by_where[where] = (
+                    current if current is not None and current.after == values else glide
+                )
+    return tuple(glides_by_where.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,31 +137,31 @@ def leaving_links(
     """Links that fade out from `start` [s] on if both their ends stay, and `earlier` ones that
     still do.
     """
-    kept = _links(after, before)
+    staying = _links(after, before)
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
-    found = [one for one in earlier if one.glide.stop > start]
-    gone = {where: one for where, one in _links(before, after).items() if where not in kept}
+    leaving = [link for link in earlier if link.glide.stop > start]
+    gone = {where: link for where, link in _links(before, after).items() if where not in staying}
     for where, module in gone.items():
-        own = _of(module) or (1.0,)
-        now = under_way[where].at(start) if where in under_way else own
-        found.append(
-            LeavingLink(module, Glide(*where, now, (0.0,), start, start + _LEAVES, own[0]))
+        values_alone = _module_values(module) or (1.0,)
+        now = under_way[where].at(start) if where in under_way else values_alone
+        leaving.append(
+            LeavingLink(module, Glide(*where, now, (0.0,), start, start + _LEAVES, values_alone[0]))
         )
     return tuple(
-        one
-        for one in found
-        if (one.glide.part, one.glide.module) not in kept
-        and all(_stays(end, before, after) for end in one.module.fields["between"])
+        link
+        for link in leaving
+        if (link.glide.part, link.glide.module) not in staying
+        and all(_stays(end, before, after) for end in link.module.fields["between"])
     )
 
 
 def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
     """A piece with the links that fade out."""
     instruments = dict(piece.instruments)
-    for one in links:
-        name, module = one.glide.part, one.module
-        own = instruments.get(name) or Instrument(name, (), (), None, module.place)
-        instruments[name] = replace(own, modules=(*own.modules, module))
+    for link in links:
+        name, module = link.glide.part, link.module
+        instrument = instruments.get(name) or Instrument(name, (), (), None, module.place)
+        instruments[name] = replace(instrument, modules=(*instrument.modules, module))
     return replace(piece, instruments=instruments) if instruments != piece.instruments else piece
 
 
@@ -193,10 +197,10 @@ def _links(piece: Piece, other: Piece) -> dict[tuple[str, str], Module]:
     A link over a range has an entry for each member.
     """
     return {
-        (part.name, one.name): one
+        (part.name, link.name): link
         for part, module in _changed(piece, other)
         if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
-        for one in single_links(module)
+        for link in single_links(module)
     }
 
 
@@ -235,7 +239,7 @@ def _values(
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
             reach, ca_rate = _setting(part)
-            if ca_rate is None and (values := _of(module)) is not None:
+            if ca_rate is None and (values := _module_values(module)) is not None:
                 scale = 1.0 if reach is None else 1.0 / (reach * reach)
                 yield where, tuple(value * scale for value in values)
 
@@ -258,18 +262,18 @@ def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
 
 
-def _of(module: Module) -> _Values | None:
+def _module_values(module: Module) -> _Values | None:
     if module.kind == "CEL":
         return ties(module.fields)
     if module.kind in BODIES:
-        return _of_body(module.fields)
+        return _body_values(module.fields)
     fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None
 
 
-def _of_body(fields: Mapping[str, Any]) -> _Values | None:
+def _body_values(fields: Mapping[str, Any]) -> _Values | None:
     """K and Z of the links of a STRING or PLATE, up to a factor that depends on its form."""
     t60, mass = fields.get("t60"), float(fields["M"])
     if t60 is not None and not isinstance(t60, float):

@@ -53,7 +53,7 @@ def test_a_register_that_is_no_file_counts_as_none(tmp_path: Path, state: Path) 
     os.mkfifo(state / "written")
     (state / "written.old").symlink_to("/dev/zero")
     write_text(path, "one")
-    written._of_this_process.clear()
+    written._written_here.clear()
     assert not is_ours(path)
 
 
@@ -64,7 +64,7 @@ def test_a_full_register_begins_anew_and_keeps_the_one_before(
     paths = [tmp_path / f"{number}.txt" for number in range(35)]
     for path in paths:
         write_text(path, path.name)
-    written._of_this_process.clear()
+    written._written_here.clear()
     assert [is_ours(path) for path in paths] == [False] * 20 + [True] * 15
     sizes = {path.name: path.stat().st_size for path in state.iterdir()}
     assert sizes == {"written": 65 * 5, "written.old": 65 * 10}

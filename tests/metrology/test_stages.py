@@ -5,7 +5,7 @@ import pytest
 from measured_keys import KEY, PLAIN, QUANTUM, Floats, gesture, knocks, path, rain, wire
 
 from ergon.workshop.metrology.gesture import MeasurementError, of_arrays
-from ergon.workshop.metrology.parameters import INDEX, OWN
+from ergon.workshop.metrology.parameters import INDEX, N_KEY
 from ergon.workshop.metrology.stages import Measured, measure
 
 START = 0.4e-3  # from where a key rests to where the held-out gesture begins [m]
@@ -121,7 +121,7 @@ def test_a_key_without_a_spring_has_none():
     found = measure([gesture(fader, force, 5)])
     errors = deviations(found, fader)
     assert abs(found.fit.row[INDEX["stiffness"]]) < 0.05
-    assert len(found.fit.row) == OWN
+    assert len(found.fit.row) == N_KEY
     assert abs(errors[INDEX["mass"]]) < 4
 
 

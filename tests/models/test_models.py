@@ -481,8 +481,8 @@ def test_every_word_is_tried():
 
 def test_a_parameter_may_have_another_value():
     text = V2["parameters"]
-    sound = rendered(written(parse(text, "v2", given={"kScale": "0.03"})), SECONDS)
+    sound = rendered(written(parse(text, "v2", overrides={"kScale": "0.03"})), SECONDS)
     heard = mims.played(text, "v2", SECONDS, given={"kScale": 0.03})
     assert np.abs(sound - heard).max() < LINEAR
     with pytest.raises(ModelError, match=r"'kscale' is not a parameter.*kScale"):
-        parse(text, "v2", given={"kscale": "1"})
+        parse(text, "v2", overrides={"kscale": "1"})

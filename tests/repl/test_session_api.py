@@ -192,7 +192,7 @@ def test_what_is_refused_is_raised():
         lambda s: s.hush("ada"),
         lambda s: s.rest("ada", fast=True),
         lambda s: s.panic(now=True),
-        lambda s: s.rest("ada", now=True, at="3|1"),
+        lambda s: s.rest("ada", now=True, beat="3|1"),
         lambda s: s.record("on"),
     ],
 )

@@ -12,7 +12,7 @@ from ergon.workshop.metrology.gesture import Gesture
 from ergon.workshop.metrology.judging import Stage
 from ergon.workshop.metrology.ladder import Axis, climb
 from ergon.workshop.metrology.output_error import Fit
-from ergon.workshop.metrology.parameters import INDEX, OF_MODE, OWN, n_modes, of_mode
+from ergon.workshop.metrology.parameters import INDEX, N_KEY, N_MODE, n_modes, of_mode
 from ergon.workshop.metrology.stages import Measured, measure
 
 RESOLUTION, NOISE, FORCE_STEP, TRAVEL = 6e-6, 3e-6, 10e-3, 60e-3  # m, m, N, m
@@ -63,7 +63,7 @@ def random_key(seed: int) -> Key:
     """A key with a random subset of the parts, of 80 to 600 g and 1 to 4 Hz."""
     chance = np.random.default_rng(seed)
     modes, parts = SUBSETS[int(chance.integers(len(SUBSETS)))]
-    row = np.zeros(OWN + OF_MODE * modes)
+    row = np.zeros(N_KEY + N_MODE * modes)
     mass = chance.uniform(0.08, 0.6)
     stiffness = mass * (2 * np.pi * chance.uniform(1.0, 4.0)) ** 2
     row[:3] = mass, stiffness, chance.uniform(0.3, 2.0)

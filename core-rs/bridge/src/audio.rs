@@ -230,10 +230,10 @@ pub(crate) fn play_frames(
     let mut out = AudioOut::new(py, spec, rate, n_channels, rate.max(4096) as usize / 2)?;
     out.play(py, frames)?;
     let seconds = n_frames as f64 / f64::from(rate);
-    let heard = out.finish(py, seconds + 10.0)?;
+    let played = out.finish(py, seconds + 10.0)?;
     let sentence = out.output.info().sentence;
     out.close(py)?;
-    if heard {
+    if played {
         Ok(sentence)
     } else {
         Err(plain_error(format!(
@@ -278,11 +278,11 @@ pub(crate) struct AudioBackend {
 /// Every sound system that ergon knows; starts no server.
 #[pyfunction]
 pub(crate) fn survey_audio(py: Python<'_>) -> Vec<AudioBackend> {
-    let found = py.detach(audio::survey).into_iter();
-    found
-        .map(|(name, found)| {
-            let available = found.is_ok();
-            let (Ok(sentence) | Err(sentence)) = found;
+    let cards = py.detach(audio::survey).into_iter();
+    cards
+        .map(|(name, cards)| {
+            let available = cards.is_ok();
+            let (Ok(sentence) | Err(sentence)) = cards;
             AudioBackend {
                 name,
                 available,

@@ -28,8 +28,8 @@ pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(found: AxisTuple) -> PyResult<(usize, Axis)> {
-    let (number, sign, offset, gain, (low, high), force_max) = found;
+pub(crate) fn axis(axis_tuple: AxisTuple) -> PyResult<(usize, Axis)> {
+    let (number, sign, offset, gain, (low, high), force_max) = axis_tuple;
     let sound = sign.abs() == 1.0
         && [offset, gain, low, high, force_max]
             .iter()
@@ -96,8 +96,8 @@ fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
 #[pyfunction]
 #[allow(clippy::type_complexity)]
 pub(crate) fn serial_ports(py: Python<'_>) -> Vec<SerialPort> {
-    let found = py.detach(ports::serial_ports).into_iter();
-    found
+    let port_list = py.detach(ports::serial_ports).into_iter();
+    port_list
         .map(|port| SerialPort {
             path: port.path,
             usb: port.usb.map(|usb| UsbBoard {
@@ -137,10 +137,13 @@ pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
     let ticks = ticks(seconds, period)?;
-    let found = run_in_thread(py, |stop| {
+    let checkup = run_in_thread(py, |stop| {
         doctor::checkup::<BoxedDevice>(None, period, ticks, stop)
     })?;
-    Ok(Checkup::new(found.map_err(plain_error)?, Stats::default()))
+    Ok(Checkup::new(
+        checkup.map_err(plain_error)?,
+        Stats::default(),
+    ))
 }
 
 /// An open device, for tests and calibration.
@@ -254,13 +257,13 @@ impl Device {
     /// Send zero forces every `period` [s] for `seconds` [s], and time the replies.
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
-        let (found, stats) = self.with(py, |own, stop| -> (Result<_, Gone>, Stats) {
-            let limits = Limits::of(own.spec());
-            let mut guarded = Guarded::new(own, limits, period);
-            let found = doctor::checkup(Some(&mut guarded), period, ticks, stop);
-            (found, guarded.device().stats())
+        let (checkup, stats) = self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
+            let limits = Limits::of(device.spec());
+            let mut guarded = Guarded::new(device, limits, period);
+            let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
+            (checkup, guarded.device().stats())
         })?;
-        Ok(Checkup::new(found.map_err(plain_error)?, stats))
+        Ok(Checkup::new(checkup.map_err(plain_error)?, stats))
     }
 
     /// Close the device; forces are zero.

@@ -78,23 +78,28 @@ pub(crate) fn excite(
         Recorder::start(&path, &header).map_err(crate::recording::from_recording)
     });
     let (mut sink, handle) = recorder.transpose()?.unzip();
-    let found = device.with(py, |own, stop| {
+    let rows = device.with(py, |port, stop| {
         let turned = Axis {
             sign: f64::from(sign),
-            range: own.range(axis),
-            ..Axis::plain(own.spec())
+            range: port.range(axis),
+            ..Axis::plain(port.spec())
         };
-        let mut axes = vec![Axis::plain(own.spec()); own.spec().dof];
+        let mut axes = vec![Axis::plain(port.spec()); port.spec().dof];
         axes[axis] = turned;
-        metrology::excite(Calibrated::new(own, axes), &excitation, sink.as_mut(), stop)
+        metrology::excite(
+            Calibrated::new(port, axes),
+            &excitation,
+            sink.as_mut(),
+            stop,
+        )
     });
     drop(sink);
     let stopped = handle.map(|handle| py.detach(|| handle.stop()));
-    let found = found?;
+    let rows = rows?;
     stopped
         .transpose()
         .map_err(crate::recording::from_recording)?;
-    Ok(Excited(found))
+    Ok(Excited(rows))
 }
 
 /// The record of a key that `excite` pushed: its ticks as columns, and why they ended.
@@ -154,9 +159,9 @@ impl Excited {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        of: fn(&Row) -> T,
+        column_value: fn(&Row) -> T,
     ) -> Bound<'py, PyArray1<T>> {
-        PyArray1::from_iter(py, self.0.rows.iter().map(of))
+        PyArray1::from_iter(py, self.0.rows.iter().map(column_value))
     }
 }
 

@@ -8,9 +8,9 @@ use crate::error::module_error;
 /// Make every fault on every emulated device, in virtual time.
 #[pyfunction]
 pub(crate) fn measure_faults(py: Python<'_>) -> PyResult<Vec<FaultMeasurement>> {
-    let found = py.detach(faults::measure);
-    let found = found.map_err(|error| module_error("measure_faults", error))?;
-    Ok(found.into_iter().map(FaultMeasurement).collect())
+    let measured = py.detach(faults::measure);
+    let measured = measured.map_err(|error| module_error("measure_faults", error))?;
+    Ok(measured.into_iter().map(FaultMeasurement).collect())
 }
 
 /// One fault on one emulated device.

@@ -96,10 +96,10 @@ impl MotionRecorder {
         n_speakers: usize,
         fps: f64,
     ) -> PyResult<Self> {
-        let own = &mut simulation.0;
-        let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
-        own.watch();
-        let recorder = Recorder::new(own, look.0.clone(), setup).map_err(plain_error)?;
+        let inner = &mut simulation.0;
+        let setup = setup(inner, timeline, manifest, &places, keys, n_speakers, fps)?;
+        inner.watch();
+        let recorder = Recorder::new(inner, look.0.clone(), setup).map_err(plain_error)?;
         Ok(Self {
             recorder,
             n_speakers,
@@ -114,8 +114,8 @@ impl MotionRecorder {
 
     /// Record the state of the simulation, which is at frame `next`.
     fn look(&mut self, py: Python<'_>, mut simulation: PyRefMut<'_, Simulation>) {
-        let own = &mut simulation.0;
-        py.detach(|| self.recorder.look(own));
+        let inner = &mut simulation.0;
+        py.detach(|| self.recorder.look(inner));
     }
 
     /// Measure the sound of the loudspeakers since the last look, (n_frames, n_speakers).
@@ -183,9 +183,9 @@ impl Window {
         n_speakers: usize,
         fps: f64,
     ) -> PyResult<Self> {
-        let own = &simulation.0;
-        let setup = setup(own, timeline, manifest, &places, keys, n_speakers, fps)?;
-        let ends = py.detach(|| perform::window(own, look.0.clone(), setup));
+        let inner = &simulation.0;
+        let setup = setup(inner, timeline, manifest, &places, keys, n_speakers, fps)?;
+        let ends = py.detach(|| perform::window(inner, look.0.clone(), setup));
         Ok(Self(Mutex::new(Some(ends.map_err(plain_error)?))))
     }
 }

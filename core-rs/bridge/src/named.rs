@@ -25,14 +25,14 @@ impl Class {
     }
 
     fn get<'py>(&self, py: Python<'py>) -> PyResult<&Bound<'py, PyAny>> {
-        let made = self.made.get_or_try_init(py, || {
+        let new_class = self.made.get_or_try_init(py, || {
             let module = [("module", "ergon._core")].into_py_dict(py)?;
             let make = py.import("collections")?.getattr("namedtuple")?;
             let class = make.call((self.name, self.fields.to_vec()), Some(&module))?;
             class.setattr("__doc__", self.doc.trim())?;
             Ok::<_, PyErr>(class.unbind())
         })?;
-        Ok(made.bind(py))
+        Ok(new_class.bind(py))
     }
 }
 

@@ -216,15 +216,16 @@ impl Network {
     fn elements(&self, py: Python<'_>, parts: Vec<String>) -> PyResult<Elements> {
         load_numpy(py);
         let indices = self.part_indices(&parts)?;
-        let found = computing(py, || self.0.elements(&indices))?;
-        let end = |at: usize| -> Numbers<i64> {
-            let slot = |one: &network::Element| one.ends[at].map_or(-1, |slot| slot as i64);
-            Numbers(found.each.iter().map(slot).collect())
+        let elements = computing(py, || self.0.elements(&indices))?;
+        let end = |end_index: usize| -> Numbers<i64> {
+            let slot =
+                |element: &network::Element| element.ends[end_index].map_or(-1, |slot| slot as i64);
+            Numbers(elements.each.iter().map(slot).collect())
         };
-        let kind = |one: &network::Element| match one.kind {
+        let kind = |element: &network::Element| match element.kind {
             ElementKind::Tie => "CEL",
-            ElementKind::Ref if one.z == 0.0 => "RES",
-            ElementKind::Ref if one.k == 0.0 => "FRO",
+            ElementKind::Ref if element.z == 0.0 => "RES",
+            ElementKind::Ref if element.k == 0.0 => "FRO",
             ElementKind::Ref => "REF",
             ElementKind::But => "BUT",
             ElementKind::Lnl => "LNL",
@@ -233,26 +234,26 @@ impl Network {
             ElementKind::Space => "SPACE",
         };
         Ok(Elements {
-            kinds: found.each.iter().map(kind).collect(),
+            kinds: elements.each.iter().map(kind).collect(),
             a: end(0),
             b: end(1),
-            stiffness: Numbers(found.each.iter().map(|one| one.k).collect()),
-            damping: Numbers(found.each.iter().map(|one| one.z).collect()),
-            n_held: found.n_held,
-            ca_rate: found.ca_rate.map(Rate::hertz),
-            mats: found.mats,
-            masses: Numbers(found.m),
+            stiffness: Numbers(elements.each.iter().map(|element| element.k).collect()),
+            damping: Numbers(elements.each.iter().map(|element| element.z).collect()),
+            n_held: elements.n_held,
+            ca_rate: elements.ca_rate.map(Rate::hertz),
+            mats: elements.mats,
+            masses: Numbers(elements.m),
         })
     }
 
-    /// Velocity of each of `heard` over a force at `forced`, with the parts taken by themselves, (n_heard,
+    /// Velocity of each of `listened` over a force at `forced`, with the parts taken by themselves, (n_heard,
     /// n_frequencies).
     fn admittance(
         &self,
         py: Python<'_>,
         parts: Vec<String>,
         forced: Vec<usize>,
-        heard: Vec<Vec<usize>>,
+        listened: Vec<Vec<usize>>,
         frequencies: Vec<f64>,
     ) -> PyResult<Complexes> {
         load_numpy(py);
@@ -261,9 +262,10 @@ impl Network {
             let why = "an admittance is asked for at frequencies above 0 Hz";
             return Err(module_error(&parts.join(" + "), why));
         }
-        let shape = vec![heard.len(), frequencies.len()];
+        let shape = vec![listened.len(), frequencies.len()];
         let values = computing(py, || {
-            self.0.admittance(&indices, &forced, &heard, &frequencies)
+            self.0
+                .admittance(&indices, &forced, &listened, &frequencies)
         })?;
         Ok(Complexes { values, shape })
     }

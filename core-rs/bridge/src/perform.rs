@@ -159,9 +159,9 @@ impl Performance {
                 error => plain_error(error),
             })
         })
-        .map(|own| Self {
-            control: own.control(),
-            own: Mutex::new(Some(own)),
+        .map(|performance| Self {
+            control: performance.control(),
+            own: Mutex::new(Some(performance)),
         })
     }
 
@@ -172,8 +172,8 @@ impl Performance {
 
     /// Events since the last call.
     fn events(&self) -> PyResult<Vec<PerformanceEvent>> {
-        self.with(|own| {
-            std::iter::from_fn(|| own.event())
+        self.with(|performance| {
+            std::iter::from_fn(|| performance.event())
                 .map(named_event)
                 .collect()
         })
@@ -194,8 +194,8 @@ impl Performance {
             frame: edge.frame,
             begins: edge.silent,
         };
-        self.with(|own| {
-            let edges = own.output().shared().edges(since);
+        self.with(|performance| {
+            let edges = performance.output().shared().edges(since);
             edges.into_iter().map(named).collect()
         })
     }
@@ -225,8 +225,8 @@ impl Performance {
 
     /// The sound input, and what is missing of it.
     fn heard(&self) -> PyResult<SoundInput> {
-        self.with(|own| {
-            let input = own.input();
+        self.with(|performance| {
+            let input = performance.input();
             let shared = input.input.as_ref().map(audio::Input::shared);
             let count = |of: fn(&audio::Shared) -> u64| shared.map_or(0, |shared| of(shared));
             let tap = input.recorded.as_ref().map(audio::TapHandle::status);
@@ -306,7 +306,7 @@ impl Performance {
         self.with(|own| own.part_gain(group, gain))
     }
 
-    /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
@@ -314,7 +314,7 @@ impl Performance {
     fn change(
         &self,
         py: Python<'_>,
-        at: u64,
+        frame: u64,
         simulation: Option<&Simulation>,
         old: Option<&Simulation>,
         mixer: Option<&Mixer>,
@@ -355,7 +355,7 @@ impl Performance {
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
-            self.with(|own| own.change(at, change).map_err(plain_error))?
+            self.with(|own| own.change(frame, change).map_err(plain_error))?
         })
     }
 
@@ -391,11 +391,13 @@ impl Performance {
 
     /// Wait up to `patience` [s] until everything was heard, and close; returns the remaining events.
     fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<PerformanceEvent>> {
-        let Some(own) = self.own().take() else {
+        let Some(performance) = self.own().take() else {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, SECONDS_MAX));
-        let events = py.detach(|| own.close(patience)).map_err(plain_error)?;
+        let events = py
+            .detach(|| performance.close(patience))
+            .map_err(plain_error)?;
         Ok(events.into_iter().map(named_event).collect())
     }
 }
@@ -406,16 +408,17 @@ impl Performance {
     }
 
     pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
-        let mut own = self.own();
-        let own = own.as_mut();
-        own.map(ask)
+        let mut performance = self.own();
+        let performance = performance.as_mut();
+        performance
+            .map(ask)
             .ok_or_else(|| plain_error("the performance is closed"))
     }
 }
 
 fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
-    let step = |(at, k, z)| GuidanceStep {
-        at,
+    let step = |(frame, k, z)| GuidanceStep {
+        at: frame,
         share: GuidanceShare { k, z },
     };
     all.into_iter().map(step).collect()

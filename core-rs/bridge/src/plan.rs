@@ -38,8 +38,9 @@ impl Store {
 
 impl TrialStore for Store {
     fn get(&self, key: &str) -> Option<plan::TrialRecord> {
-        let found: Option<Record> = self.call(|store| store.call_method1("get", (key,))?.extract());
-        found.map(|(numbers, counts, reason)| plan::TrialRecord {
+        let record: Option<Record> =
+            self.call(|store| store.call_method1("get", (key,))?.extract());
+        record.map(|(numbers, counts, reason)| plan::TrialRecord {
             numbers,
             counts,
             reason,
@@ -88,7 +89,7 @@ impl Plan {
             object,
             raised: Mutex::default(),
         });
-        let made = computing(py, || {
+        let planned = computing(py, || {
             let known = Known {
                 like: like.map(|like| &*like.0),
                 store: store.as_ref().map(|store| store as &dyn TrialStore),
@@ -106,7 +107,9 @@ impl Plan {
         {
             return Err(error);
         }
-        made?.map(|plan| Self(Arc::new(plan))).map_err(from_engine)
+        planned?
+            .map(|plan| Self(Arc::new(plan)))
+            .map_err(from_engine)
     }
 
     /// Every module stepped as written, with contacts computed several times a frame.
@@ -167,13 +170,13 @@ impl Plan {
     }
 }
 
-fn choice((modules, times, steps, kept, counted_cost): Pin) -> plan::Choice {
+fn choice((modules, times, steps, modes_kept, counted_cost): Pin) -> plan::Choice {
     plan::Choice {
         modules,
         oversampling: times,
         contact_substeps: steps,
         counted_cost,
-        kept,
+        kept: modes_kept,
     }
 }
 
@@ -251,8 +254,8 @@ impl PlanRow {
             Computed::Oscillators => ("oscillators", None, None),
             Computed::Modes {
                 kind,
-                of,
-                kept,
+                of: n_total,
+                kept: n_computed,
                 left_out,
             } => {
                 let what = match kind {
@@ -260,8 +263,8 @@ impl PlanRow {
                     ModeKind::Complex => "complex modes",
                 };
                 let count = ModeCount {
-                    computed: kept,
-                    total: of,
+                    computed: n_computed,
+                    total: n_total,
                 };
                 (what, Some(count), left_out)
             }

@@ -104,7 +104,7 @@ impl Simulation {
     fn process(&mut self, py: Python<'_>, mut out: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
         let (n_frames, n_out) = (out.shape()[0], self.0.n_out());
         let samples = rows_mut(&mut out, "out", n_out)?;
-        let Self(own, is_stopped) = self;
+        let Self(simulation, is_stopped) = self;
         if std::mem::replace(is_stopped, true) {
             return Err(module_error(
                 "process",
@@ -113,9 +113,9 @@ impl Simulation {
         }
         let done = computing(py, || {
             if n_out == 0 {
-                own.skip(n_frames as u64)
+                simulation.skip(n_frames as u64)
             } else {
-                own.process(samples)
+                simulation.process(samples)
             }
         })?;
         *is_stopped = false;
@@ -198,9 +198,9 @@ impl Simulation {
         if let Some(outputs) = done {
             return Ok(outputs);
         }
-        let (own, old) = (self.0.frame(), old.0.frame());
+        let (frame, old) = (self.0.frame(), old.0.frame());
         let message = format!(
-            "both simulations must be at one frame: this one is at {own}, the other at {old}"
+            "both simulations must be at one frame: this one is at {frame}, the other at {old}"
         );
         Err(module_error("take_over", message))
     }
@@ -258,8 +258,8 @@ impl Simulation {
     fn ergons<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let records = self.0.take_ergons();
         let columns = PyDict::new(py);
-        let column = |name: &str, of: &dyn Fn(&simulation::Record) -> f64| {
-            let values: Vec<f64> = records.iter().map(of).collect();
+        let column = |name: &str, column_value: &dyn Fn(&simulation::Record) -> f64| {
+            let values: Vec<f64> = records.iter().map(column_value).collect();
             columns.set_item(name, values.into_pyarray(py))
         };
         column("time", &|record| record.time)?;
@@ -364,8 +364,8 @@ impl Simulation {
         island: &StorableIsland,
         n_frames: usize,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let own = &mut self.0;
-        let done = computing(py, || own.advance(&island.0, n_frames))?;
+        let inner = &mut self.0;
+        let done = computing(py, || inner.advance(&island.0, n_frames))?;
         Ok(done.map_err(from_fault)?.into_pyarray(py))
     }
 

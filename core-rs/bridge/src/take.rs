@@ -54,8 +54,8 @@ impl Take {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (profile, t) = (self.0.profile(), t.as_slice()?);
         let mut cursor = 0;
-        let mut at = |&t: &f64| profile.at_from(&mut cursor, t).0;
-        let x: Vec<f64> = py.detach(|| t.iter().map(&mut at).collect());
+        let mut position = |&t: &f64| profile.at_from(&mut cursor, t).0;
+        let x: Vec<f64> = py.detach(|| t.iter().map(&mut position).collect());
         Ok(x.into_pyarray(py))
     }
 }

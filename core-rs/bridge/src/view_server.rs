@@ -47,20 +47,20 @@ impl ViewServer {
         py: Python<'_>,
         path: Option<PathBuf>,
         sound: Option<PathBuf>,
-        at: &str,
+        address: &str,
         key: &str,
         leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
         let no_place = || {
             plain_error(format!(
-                "{at} is not an address of this machine; write HOST:PORT"
+                "{address} is not an address of this machine; write HOST:PORT"
             ))
         };
-        let place = py.detach(|| at.to_socket_addrs());
-        let at = place.ok().and_then(|mut all| all.next());
+        let place = py.detach(|| address.to_socket_addrs());
+        let address = place.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
-            at: at.ok_or_else(no_place)?,
+            at: address.ok_or_else(no_place)?,
             key,
             file: path,
             sound,
@@ -84,13 +84,13 @@ impl ViewServer {
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, pages) = window.ends()?;
-        let heard_times = performance.with(|own| own.heard_times())?;
+        let times_heard = performance.with(|own| own.heard_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
                 None => Showing::start(open.server.clone()).map_err(plain_error)?,
             };
-            showing.show(pages, heard_times);
+            showing.show(pages, times_heard);
             open.showing = Some(showing);
             Ok::<_, PyErr>(())
         })??;

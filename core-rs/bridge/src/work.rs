@@ -95,11 +95,11 @@ impl Work {
     }
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
-        let own = slf.get();
+        let work = slf.get();
         let limit = Arc::new(Limit {
-            most: own.most,
+            most: work.most,
             spent: AtomicU64::new(0),
-            is_cancelled: own.is_cancelled.clone(),
+            is_cancelled: work.is_cancelled.clone(),
         });
         LIMITS.with_borrow_mut(|limits| limits.push(limit));
         slf
@@ -108,8 +108,9 @@ impl Work {
     #[pyo3(signature = (*_how))]
     fn __exit__(&self, _how: &Bound<'_, pyo3::types::PyTuple>) {
         LIMITS.with_borrow_mut(|limits| {
-            let own = |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
-            if let Some(innermost) = limits.iter().rposition(own) {
+            let is_same_limit =
+                |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
+            if let Some(innermost) = limits.iter().rposition(is_same_limit) {
                 limits.remove(innermost);
             }
         });
@@ -143,10 +144,10 @@ pub(crate) fn computing<T: Send>(
     poll(0)?; // a computation shorter than CHECK_INTERVAL never checks by itself
     let (raised, spent) = (Arc::new(Mutex::new(None)), Arc::<AtomicU64>::default());
     let limits = LIMITS.with_borrow(Clone::clone);
-    let (to_raise, of_work, to_ask) = (raised.clone(), spent.clone(), limits.clone());
+    let (to_raise, spent_here, to_ask) = (raised.clone(), spent.clone(), limits.clone());
     let done = py.detach(move || {
-        let ask = stop_check(to_ask, of_work.clone(), to_raise);
-        interrupt::until_counted(ask, of_work, compute)
+        let ask = stop_check(to_ask, spent_here.clone(), to_raise);
+        interrupt::until_counted(ask, spent_here, compute)
     });
     count(&limits, spent.load(Ordering::Relaxed));
     let done = done.map_err(|interrupt::Stopped| {

@@ -31,11 +31,11 @@ pub(crate) trait State {
 }
 
 impl Archive<'_> {
-    fn bytes<const N: usize>(&mut self, own: [u8; N]) -> Result<[u8; N], Damaged> {
+    fn bytes<const N: usize>(&mut self, number: [u8; N]) -> Result<[u8; N], Damaged> {
         match self {
             Self::Write(to) => {
-                to.extend_from_slice(&own);
-                Ok(own)
+                to.extend_from_slice(&number);
+                Ok(number)
             }
             Self::Read(from) => {
                 let (first, rest) = from.split_first_chunk().ok_or(Damaged)?;
@@ -44,19 +44,23 @@ impl Archive<'_> {
             }
             Self::Count(size) => {
                 **size += N;
-                Ok(own)
+                Ok(number)
             }
             Self::Note(to) => {
                 if to.capacity() - to.len() < N {
                     return Err(Damaged);
                 }
-                to.extend_from_slice(&own);
-                Ok(own)
+                to.extend_from_slice(&number);
+                Ok(number)
             }
             Self::Same(known) => {
                 let (first, rest) = known.split_first_chunk().ok_or(Damaged)?;
                 *known = rest;
-                if *first == own { Ok(own) } else { Err(Damaged) }
+                if *first == number {
+                    Ok(number)
+                } else {
+                    Err(Damaged)
+                }
             }
         }
     }
@@ -77,23 +81,26 @@ impl Archive<'_> {
     }
 
     /// An option that comes and goes during a simulation.
-    pub(crate) fn maybe<T: State + Default>(&mut self, own: &mut Option<T>) -> Result<(), Damaged> {
-        let mut is_there = own.is_some();
+    pub(crate) fn maybe<T: State + Default>(
+        &mut self,
+        state: &mut Option<T>,
+    ) -> Result<(), Damaged> {
+        let mut is_there = state.is_some();
         is_there.archive(self)?;
         if is_there {
-            own.get_or_insert_default().archive(self)
+            state.get_or_insert_default().archive(self)
         } else {
-            *own = None;
+            *state = None;
             Ok(())
         }
     }
 
     /// An option that is either always or never there, as the plan says.
-    pub(crate) fn fixed<T: State>(&mut self, own: &mut Option<T>) -> Result<(), Damaged> {
-        let mut is_there = own.is_some();
+    pub(crate) fn fixed<T: State>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
+        let mut is_there = state.is_some();
         is_there.archive(self)?;
-        match own {
-            Some(own) if is_there => own.archive(self),
+        match state {
+            Some(state) if is_there => state.archive(self),
             None if !is_there => Ok(()),
             _ => Err(Damaged),
         }
@@ -217,30 +224,30 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Default, PartialEq)]
-    struct Own {
+    struct Sample {
         x: Vec<f64>,
         n: u32,
         is_on: bool,
     }
-    state!(Own { x, n, is_on });
+    state!(Sample { x, n, is_on });
 
-    fn written(own: &mut impl State) -> Vec<u8> {
+    fn written(state: &mut impl State) -> Vec<u8> {
         let mut bytes = Vec::new();
-        own.archive(&mut Archive::Write(&mut bytes)).unwrap();
+        state.archive(&mut Archive::Write(&mut bytes)).unwrap();
         bytes
     }
 
     #[test]
     fn is_read_to_the_last_bit() {
-        let mut own = Own {
+        let mut state = Sample {
             x: vec![0.1, -0.0, f64::NAN],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut own);
-        let mut other = Own {
+        let bytes = written(&mut state);
+        let mut other = Sample {
             x: vec![0.0; 3],
-            ..Own::default()
+            ..Sample::default()
         };
         let mut archive = Archive::Read(&bytes);
         other.archive(&mut archive).unwrap();
@@ -250,51 +257,54 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused() {
-        let mut own = Own {
+        let mut state = Sample {
             x: vec![1.0; 3],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut own);
+        let bytes = written(&mut state);
         for cut in 0..bytes.len() {
-            assert_eq!(own.archive(&mut Archive::Read(&bytes[..cut])), Err(Damaged));
+            assert_eq!(
+                state.archive(&mut Archive::Read(&bytes[..cut])),
+                Err(Damaged)
+            );
         }
         let mut wrong = bytes;
         *wrong.last_mut().unwrap() = 2;
-        assert_eq!(own.archive(&mut Archive::Read(&wrong)), Err(Damaged));
+        assert_eq!(state.archive(&mut Archive::Read(&wrong)), Err(Damaged));
     }
 
     #[test]
     fn a_state_is_compared_and_stays() {
-        let mut own = Own {
+        let mut state = Sample {
             x: vec![0.0, f64::NAN],
             n: 7,
             is_on: true,
         };
-        let bytes = written(&mut own);
+        let bytes = written(&mut state);
         let mut size = 0;
-        own.archive(&mut Archive::Count(&mut size)).unwrap();
+        state.archive(&mut Archive::Count(&mut size)).unwrap();
         assert_eq!(size, bytes.len());
-        let is_same = |own: &mut Own, bytes: &[u8]| {
+        let is_same = |state: &mut Sample, bytes: &[u8]| {
             let mut archive = Archive::Same(bytes);
-            own.archive(&mut archive).is_ok() && archive.is_empty()
+            state.archive(&mut archive).is_ok() && archive.is_empty()
         };
-        assert!(is_same(&mut own, &bytes));
-        assert_eq!(written(&mut own), bytes);
+        assert!(is_same(&mut state, &bytes));
+        assert_eq!(written(&mut state), bytes);
         assert!(
-            !is_same(&mut own, &bytes[1..]) && !is_same(&mut own, &[&bytes[..], &[0]].concat())
+            !is_same(&mut state, &bytes[1..]) && !is_same(&mut state, &[&bytes[..], &[0]].concat())
         );
-        own.x[0] = -0.0; // only the sign bit differs
-        assert!(!is_same(&mut own, &bytes));
+        state.x[0] = -0.0; // only the sign bit differs
+        assert!(!is_same(&mut state, &bytes));
     }
 
     #[test]
     fn a_state_is_noted_where_there_is_room() {
-        let mut own = vec![1.0_f64; 8];
+        let mut state = vec![1.0_f64; 8];
         for (room, is_noted) in [(63, false), (64, true), (200, true)] {
             let mut bytes = Vec::with_capacity(room);
             let before = (bytes.as_ptr(), bytes.capacity());
-            let noted = own.archive(&mut Archive::Note(&mut bytes));
+            let noted = state.archive(&mut Archive::Note(&mut bytes));
             assert_eq!(noted.is_ok(), is_noted || before.1 >= 64);
             assert_eq!((bytes.as_ptr(), bytes.capacity()), before);
         }

@@ -125,12 +125,12 @@ impl Bank {
             rest_threshold(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
         };
         let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
-        let most = script.sections.iter().map(|section| section.outputs.len());
+        let n_outputs = script.sections.iter().map(|section| section.outputs.len());
         Self {
             frame: 0,
             next: vec![0; motions.len()],
             still: motions.iter().map(still).collect(),
-            sums: vec![Sum::ZERO; most.max().unwrap_or(0) * frames_max],
+            sums: vec![Sum::ZERO; n_outputs.max().unwrap_or(0) * frames_max],
             frames_max,
             motions,
             damped: script.rates.clone(),
@@ -143,11 +143,11 @@ impl Bank {
     pub(crate) fn process(&mut self, out: &mut [f64], n_out: usize, n_frames: usize) {
         let script = self.script.clone();
         for section in &script.sections {
-            let heard = section.outputs.len();
+            let n_outputs = section.outputs.len();
             let frames_max = self.frames_max;
-            self.sums[..heard * frames_max].fill(Sum::ZERO);
+            self.sums[..n_outputs * frames_max].fill(Sum::ZERO);
             for group in section.groups.clone() {
-                self.advance(&script, group, heard, n_frames);
+                self.advance(&script, group, n_outputs, n_frames);
             }
             if out.is_empty() {
                 continue;
@@ -162,19 +162,19 @@ impl Bank {
     }
 
     /// Advance one group by `n_frames` frames, with a stop at each blow.
-    fn advance(&mut self, script: &Script, group: usize, heard: usize, n_frames: usize) {
-        let mut at = 0;
-        while at < n_frames {
-            let now = self.frame + at as u64;
+    fn advance(&mut self, script: &Script, group: usize, n_outputs: usize, n_frames: usize) {
+        let mut first = 0;
+        while first < n_frames {
+            let now = self.frame + first as u64;
             let event = script.events[group].get(self.next[group]);
             let until = event.map_or(n_frames, |event| {
                 (event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
-            if until > at {
-                let until = until.min(at + (REST_TEST_EVERY - now % REST_TEST_EVERY) as usize);
-                self.run(script, group, heard, at..until);
-                at = until;
-                if (self.frame + at as u64).is_multiple_of(REST_TEST_EVERY) {
+            if until > first {
+                let until = until.min(first + (REST_TEST_EVERY - now % REST_TEST_EVERY) as usize);
+                self.run(script, group, n_outputs, first..until);
+                first = until;
+                if (self.frame + first as u64).is_multiple_of(REST_TEST_EVERY) {
                     self.rest_if_decayed(script, group);
                 }
                 continue;
@@ -189,15 +189,15 @@ impl Bank {
                 script.add(group, motion, event, &mut added);
                 self.next[group] += 1;
             }
-            self.run(script, group, heard, at..at + 1);
+            self.run(script, group, n_outputs, first..first + 1);
             for (x, added) in self.motions[group].now.0.iter_mut().zip(&added.0) {
                 *x += added;
             }
-            at += 1;
+            first += 1;
         }
     }
 
-    fn run(&mut self, script: &Script, group: usize, heard: usize, frames: Range<usize>) {
+    fn run(&mut self, script: &Script, group: usize, n_outputs: usize, frames: Range<usize>) {
         if self.still[group] {
             return;
         }
@@ -205,7 +205,7 @@ impl Bank {
         let rates = rates
             .filter(|_| self.is_damped)
             .unwrap_or(&script.rates[group]);
-        if heard == 1 {
+        if n_outputs == 1 {
             run(rates, motion, &mut self.sums[frames]);
         } else {
             let n_frames = frames.len();

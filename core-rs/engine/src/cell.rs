@@ -332,9 +332,9 @@ impl Cell {
     /// `part` of the step between them.
     pub(crate) fn interpolation(&self, part: f64, rate: Rate) -> (f64, f64) {
         let step = rate.step();
-        let whole = self.response(step);
-        let left = self.response((1.0 - part) * step) / whole;
-        let done = self.response(part * step) / whole;
+        let full_step = self.response(step);
+        let left = self.response((1.0 - part) * step) / full_step;
+        let done = self.response(part * step) / full_step;
         (left * exp(-2.0 * self.sigma * part * step), done)
     }
 
@@ -354,17 +354,20 @@ impl Cell {
         self.split_at(alpha, rate).of(impulse)
     }
 
-    /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `one_step` is
+    /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `step_response` is
     /// the response after a step.
     pub(crate) fn within_step(
         &self,
         part: f64,
         rate: Rate,
-        one_step: f64,
+        step_response: f64,
     ) -> ((f64, f64), [f64; 2]) {
         let split = self.split_at(part, rate);
         let decay = exp(-2.0 * self.sigma * part * rate.step());
-        let weights = (split.now / one_step * decay, split.past / one_step);
+        let weights = (
+            split.now / step_response * decay,
+            split.past / step_response,
+        );
         (weights, split.of(1.0))
     }
 

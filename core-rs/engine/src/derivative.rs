@@ -13,7 +13,7 @@ const SIDE: usize = 8;
 /// Number of frames that a formula uses, including the newest.
 pub const SPAN: usize = 2 * SIDE + 1;
 /// Number of frames that are computed together: few enough for the nearest cache, and each with a sum of its own.
-const AT_ONCE: usize = 64;
+const BLOCK: usize = 64;
 
 /// A derivative of one output.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ impl Derivatives {
     pub fn of(network: &Network, rate: f64) -> Self {
         let outputs = network.outputs().iter().enumerate();
         let differentiated = outputs.filter(|(_, output)| output.order > 0);
-        let own = differentiated.map(|(index, output)| Differentiator {
+        let differentiators = differentiated.map(|(index, output)| Differentiator {
             output: index,
             is_second: output.order == 2,
             weights: if output.order == 2 {
@@ -49,7 +49,7 @@ impl Derivatives {
             past: [0.0; SPAN - 1],
             is_begun: false,
         });
-        Self(own.collect())
+        Self(differentiators.collect())
     }
 
     /// Whether no output is differentiated.
@@ -59,7 +59,7 @@ impl Derivatives {
 
     /// Replace each output in `frames` that is differentiated by its derivative, (n_frames, n_out).
     pub fn process(&mut self, frames: &mut [f64], n_out: usize) {
-        for block in frames.chunks_mut(AT_ONCE * n_out.max(1)) {
+        for block in frames.chunks_mut(BLOCK * n_out.max(1)) {
             for own in &mut self.0 {
                 own.process(block, n_out.max(1));
             }
@@ -68,25 +68,28 @@ impl Derivatives {
 
     /// Copy the past frames from `old`; `outputs` gives for each old output its index here. Allocates nothing.
     pub fn take_over(&mut self, old: &Self, outputs: &[Option<usize>]) {
-        for own in &mut self.0 {
+        for differentiator in &mut self.0 {
             let is_same = |before: &&Differentiator| {
-                outputs.get(before.output).copied().flatten() == Some(own.output)
+                outputs.get(before.output).copied().flatten() == Some(differentiator.output)
             };
             if let Some(before) = old.0.iter().find(is_same) {
-                (own.past, own.is_begun) = (before.past, before.is_begun);
+                (differentiator.past, differentiator.is_begun) = (before.past, before.is_begun);
             }
         }
     }
 }
 
 impl Differentiator {
-    /// Process at most [`AT_ONCE`] frames, (n_frames, n_out).
+    /// Process at most [`BLOCK`] frames, (n_frames, n_out).
     fn process(&mut self, frames: &mut [f64], n_out: usize) {
         const PAST: usize = SPAN - 1;
         let n = frames.len() / n_out;
-        let mut x = [0.0; PAST + AT_ONCE];
-        let own = frames.iter().skip(self.output).step_by(n_out);
-        x[PAST..].iter_mut().zip(own).for_each(|(x, own)| *x = *own);
+        let mut x = [0.0; PAST + BLOCK];
+        let samples = frames.iter().skip(self.output).step_by(n_out);
+        x[PAST..]
+            .iter_mut()
+            .zip(samples)
+            .for_each(|(x, samples)| *x = *samples);
         if !self.is_begun {
             self.past = [x[PAST]; PAST];
             self.is_begun = true;
@@ -94,11 +97,11 @@ impl Differentiator {
         x[..PAST].copy_from_slice(&self.past);
         self.past.copy_from_slice(&x[n..n + PAST]);
         // Each frame sums its pairs in the same order, whatever the length of the block.
-        let mut rates = [-0.0; AT_ONCE];
+        let mut rates = [-0.0; BLOCK];
         let rates = &mut rates[..n];
         add_pairs(&self.weights, self.is_second, &x, rates);
-        let own = frames.iter_mut().skip(self.output).step_by(n_out);
-        own.zip(rates).for_each(|(x, rate)| *x = *rate);
+        let samples = frames.iter_mut().skip(self.output).step_by(n_out);
+        samples.zip(rates).for_each(|(x, rate)| *x = *rate);
     }
 }
 
@@ -172,13 +175,13 @@ mod tests {
     /// Largest difference from the derivative of a sine `delay` frames before, relative to the derivative's amplitude
     /// [dB].
     fn error(order: u8, f: f64, delay: f64) -> f64 {
-        let mut own = derivatives(order);
+        let mut derivative = derivatives(order);
         let omega = TAU * f;
         let sine = |n: f64| sincos(omega * n / RATE);
         let mut worst = 0.0_f64;
         for n in 0..2000 {
             let mut x = [sine(f64::from(n)).0];
-            own.process(&mut x, 1);
+            derivative.process(&mut x, 1);
             let (sin, cos) = sine(f64::from(n) - delay);
             let wanted = if order == 1 {
                 omega * cos
@@ -226,13 +229,15 @@ mod tests {
         let noise: Vec<f64> = (0..1000)
             .map(|i| sincos(f64::from(i * i % 7919)).0)
             .collect();
-        let mut whole = noise.clone();
-        derivatives(2).process(&mut whole, 1);
+        let mut single_block = noise.clone();
+        derivatives(2).process(&mut single_block, 1);
         for block in [1, 7, 64, 333] {
-            let mut own = derivatives(2);
+            let mut derivative = derivatives(2);
             let mut pieces = noise.clone();
-            pieces.chunks_mut(block).for_each(|x| own.process(x, 1));
-            assert_eq!(pieces, whole);
+            pieces
+                .chunks_mut(block)
+                .for_each(|x| derivative.process(x, 1));
+            assert_eq!(pieces, single_block);
         }
     }
 }

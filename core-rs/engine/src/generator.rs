@@ -147,14 +147,19 @@ pub enum GeneratorError {
     },
 }
 
-fn count(what: &'static str, got: usize, least: usize, most: usize) -> Result<(), GeneratorError> {
-    if (least..=most).contains(&got) {
+fn count(
+    what: &'static str,
+    got: usize,
+    least: usize,
+    greatest: usize,
+) -> Result<(), GeneratorError> {
+    if (least..=greatest).contains(&got) {
         return Ok(());
     }
     Err(GeneratorError::Count {
         what,
         least,
-        most,
+        most: greatest,
         got,
     })
 }

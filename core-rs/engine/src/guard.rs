@@ -226,9 +226,9 @@ impl Guard {
 
     /// Reserve room for `n_imposed` MATs with an imposed path, beside the ports.
     pub(crate) fn reserve(&mut self, n_imposed: usize) {
-        let most = n_imposed + self.ports.len();
+        let count_max = n_imposed + self.ports.len();
         self.imposed
-            .reserve(most.saturating_sub(self.imposed.len()));
+            .reserve(count_max.saturating_sub(self.imposed.len()));
     }
 
     /// The frames computed finer so far; `None`: no frame was.
@@ -242,10 +242,15 @@ impl Guard {
     }
 
     /// Restore unrelated MATs to where the ordinary frame took them.
-    pub(crate) fn keep_unrelated(&mut self, whole: &PreviousState, x: &mut [f64], d: &mut [f64]) {
+    pub(crate) fn keep_unrelated(
+        &mut self,
+        previous: &PreviousState,
+        x: &mut [f64],
+        d: &mut [f64],
+    ) {
         for &mat in &self.unrelated {
-            (x[mat], d[mat]) = (whole.x[mat], whole.d[mat]);
-            self.travel[mat] = 0.5 * (self.d[mat] + whole.d[mat]);
+            (x[mat], d[mat]) = (previous.x[mat], previous.d[mat]);
+            self.travel[mat] = 0.5 * (self.d[mat] + previous.d[mat]);
         }
     }
 

@@ -143,12 +143,12 @@ impl Integrator {
     pub(crate) fn new(
         network: &Network,
         rate: Rate,
-        way: MeshMethod,
+        method: MeshMethod,
         substeps: u32,
     ) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
-        let mesh = Arc::new(Mesh::new(network, rate, way)?);
-        let motion = match way {
+        let mesh = Arc::new(Mesh::new(network, rate, method)?);
+        let motion = match method {
             MeshMethod::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate)?)),
             MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
             MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
@@ -293,16 +293,16 @@ impl Integrator {
     pub(crate) fn work(&self, impulses: &[(usize, f64)]) -> f64 {
         let method = self.motion.stepper();
         let (m, rate) = (&method.mesh().m, method.mesh().scheme.rate);
-        let of = |(at, &(mat, impulse)): (usize, &(usize, f64))| {
+        let work_of = |(index, &(mat, impulse)): (usize, &(usize, f64))| {
             if m[mat] == 0.0 {
                 return 0.0;
             }
-            let before = impulses[..at].iter().filter(|other| other.0 == mat);
-            let given: f64 = before.map(|other| other.1).sum();
+            let before = impulses[..index].iter().filter(|other| other.0 == mat);
+            let earlier: f64 = before.map(|other| other.1).sum();
             let mass = m[mat] / (rate * rate);
-            impulse * (method.velocity(mat) + (given + 0.5 * impulse) / mass)
+            impulse * (method.velocity(mat) + (earlier + 0.5 * impulse) / mass)
         };
-        impulses.iter().enumerate().map(of).sum()
+        impulses.iter().enumerate().map(work_of).sum()
     }
 
     /// The energy that the method conserves [J]: constant to the method's accuracy if there are no losses and no

@@ -217,10 +217,10 @@ mod tests {
 
     fn at(n: usize) -> (Ask, std::rc::Rc<Cell<usize>>) {
         let polls = std::rc::Rc::new(Cell::new(0));
-        let own = polls.clone();
+        let counter = polls.clone();
         let ask = move || {
-            own.set(own.get() + 1);
-            own.get() == n
+            counter.set(counter.get() + 1);
+            counter.get() == n
         };
         (Box::new(ask), polls)
     }
@@ -277,8 +277,8 @@ mod tests {
 
     #[test]
     fn threads_end_with_the_computation_that_they_share() {
-        for at_poll in [1, 2, 40] {
-            let (ask, polls) = at(at_poll);
+        for last_poll in [1, 2, 40] {
+            let (ask, polls) = at(last_poll);
             let others = AtomicBool::new(false);
             let leader = thread::current().id();
             let endless = || {
@@ -292,7 +292,7 @@ mod tests {
                 }
             };
             assert_eq!(until(ask, || on_threads(3, endless)), Err(Stopped));
-            assert_eq!(polls.get(), at_poll);
+            assert_eq!(polls.get(), last_poll);
         }
     }
 

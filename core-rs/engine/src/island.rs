@@ -225,14 +225,14 @@ impl Island {
     /// Tells the position that each key's gesture asks for [m], NaN if none runs, then the deviation of each of the
     /// key's layers [m]. Arguments: key, value, whether it is a layer.
     pub(crate) fn asked(&self, mut tell: impl FnMut(usize, f64, bool)) {
-        for (voice, own) in self.state.hands.voices.iter().zip(&self.script.voices) {
+        for (voice, voice_script) in self.state.hands.voices.iter().zip(&self.script.voices) {
             // A key's own voice stands before its layers.
-            let asked = if own.layer {
-                voice.deviation(own)
+            let asked = if voice_script.layer {
+                voice.deviation(voice_script)
             } else {
                 voice.asked
             };
-            tell(own.key, asked, own.layer);
+            tell(voice_script.key, asked, voice_script.layer);
         }
     }
 
@@ -369,7 +369,7 @@ impl Island {
     /// Parts whose links stiffened: name, number of frames computed finer, and most steps in one of them.
     pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
         let parts = self.network.parts();
-        let own = self.state.watch.guard.iter().filter_map(|guard| {
+        let guard_frames = self.state.watch.guard.iter().filter_map(|guard| {
             let finer_frames = guard.finer_frames()?;
             let part = self.script.scheme.part[finer_frames.mat] as usize;
             Some((&*parts[part].name, finer_frames))
@@ -380,16 +380,20 @@ impl Island {
             .bodies
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
-        own.chain(bodies).map(|(part, finer_frames)| {
-            let FinerFrames { frames, most, .. } = finer_frames.per_frame(self.oversampling);
-            (part, frames, most)
+        guard_frames.chain(bodies).map(|(part, finer_frames)| {
+            let FinerFrames {
+                frames,
+                most: finest,
+                ..
+            } = finer_frames.per_frame(self.oversampling);
+            (part, frames, finest)
         })
     }
 
     /// Reserves room for every target that can occur, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
-        let most = self.script.drives.len() + self.script.voices.len();
-        self.state.matter.targets.reserve(most);
+        let n_targets = self.script.drives.len() + self.script.voices.len();
+        self.state.matter.targets.reserve(n_targets);
         for (voice, own) in self.state.hands.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(own);
         }
@@ -397,13 +401,13 @@ impl Island {
             body.reserve();
         }
         if let Some(ledger) = &mut self.state.watch.ledger {
-            ledger.reserve(most);
+            ledger.reserve(n_targets);
         }
         if let Some(guard) = &mut self.state.watch.guard {
-            guard.reserve(most);
+            guard.reserve(n_targets);
         }
         if let Some(gains) = &mut self.state.watch.gains {
-            gains.reserve(most);
+            gains.reserve(n_targets);
         }
         self.reserve_rest();
     }

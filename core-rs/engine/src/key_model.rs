@@ -241,24 +241,26 @@ impl KeyModel {
         }
         let mut all = vec![0.0; forces.len() * columns.len()];
         let mut motion = Motion::<0>::with_columns(self, rate, steps, &[])?;
-        let mut at = 0;
+        let mut position = 0;
         for (number, group) in columns.chunks(FORCE_COLUMNS).enumerate() {
-            while at < group[0] {
-                motion.tick(forces[at], 0.0);
-                at += 1;
+            while position < group[0] {
+                motion.tick(forces[position], 0.0);
+                position += 1;
             }
             let last = group[group.len() - 1];
-            let of: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
-            let mut wide = motion.widened::<FORCE_COLUMNS>(of);
+            let parameters: Vec<_> = group.iter().map(|&tick| Parameter::Force(tick)).collect();
+            let mut wide = motion.widened::<FORCE_COLUMNS>(parameters);
             let mut greatest = 0.0_f64;
-            for (n, &force) in forces.iter().enumerate().skip(at) {
+            for (n, &force) in forces.iter().enumerate().skip(position) {
                 if n % POLL_EVERY == 0 {
                     interrupt::spend(TICK_STEPS * POLL_EVERY);
                 }
                 let row = &wide.dx[..group.len()];
-                let most = row.iter().fold(0.0_f64, |most, dx| most.max(dx.abs()));
-                greatest = greatest.max(most);
-                if n > last && greatest > 0.0 && most < DIED_AWAY * greatest {
+                let row_max = row
+                    .iter()
+                    .fold(0.0_f64, |row_max, dx| row_max.max(dx.abs()));
+                greatest = greatest.max(row_max);
+                if n > last && greatest > 0.0 && row_max < DIED_AWAY * greatest {
                     break;
                 }
                 let to = n * columns.len() + number * FORCE_COLUMNS;

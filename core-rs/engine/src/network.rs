@@ -280,8 +280,8 @@ impl Network {
 
     /// The run that holds a LIA.
     pub fn run_of(&self, link: usize) -> Option<&Run> {
-        let at = self.runs.partition_point(|run| run.first + run.len <= link);
-        self.runs.get(at)
+        let run_index = self.runs.partition_point(|run| run.first + run.len <= link);
+        self.runs.get(run_index)
     }
 
     /// How many links end on a MAT.

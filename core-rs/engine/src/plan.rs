@@ -234,9 +234,9 @@ impl Plan {
     ///
     /// Those of a network that is unstable without its contacts.
     pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
-        let (budget, most) = (Budget::default(), Budget::STEPS_MAX);
+        let (budget, steps_max) = (Budget::default(), Budget::STEPS_MAX);
         let (contact_substeps, _, certificate) =
-            passes::assemble::hub(&network, timeline, &budget, most, Refusal::Explained)?;
+            passes::assemble::hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
         let mut plan = Self::empty(network, timeline);
         let island_plan = plan.stepped(timeline, contact_substeps);
         plan.rows.push(Row::stepped(&island_plan, certificate));
@@ -273,11 +273,11 @@ impl Plan {
         let mut recorded = [0; 3];
         for unit in &self.units {
             if let Unit::IslandPlan(island_plan) = unit {
-                let own = count(&island_plan.timeline);
+                let event_counts = count(&island_plan.timeline);
                 recorded
                     .iter_mut()
-                    .zip(own)
-                    .for_each(|(all, own)| *all += own);
+                    .zip(event_counts)
+                    .for_each(|(all, event_counts)| *all += event_counts);
             }
         }
         recorded == count(timeline)
@@ -313,27 +313,27 @@ impl Plan {
         make::make(network, timeline, budget, pins, known)
     }
 
-    /// Groups of units: first those that are heard, in at most `most` groups of about equal cost, with further groups
+    /// Groups of units: first those that are heard, in at most `n_groups` groups of about equal cost, with further groups
     /// for the banks of large parts; then those that are only seen. What is only seen does not change the groups of
     /// what is heard, as sums are rounded group by group.
-    pub(crate) fn groups(&self, most: usize) -> Vec<Range<usize>> {
-        let mut groups = self.grouped(0..self.n_heard, most);
-        groups.extend(self.grouped(self.n_heard..self.units.len(), most));
+    pub(crate) fn groups(&self, n_groups: usize) -> Vec<Range<usize>> {
+        let mut groups = self.grouped(0..self.n_heard, n_groups);
+        groups.extend(self.grouped(self.n_heard..self.units.len(), n_groups));
         groups
     }
 
-    fn grouped(&self, units: Range<usize>, most: usize) -> Vec<Range<usize>> {
+    fn grouped(&self, units: Range<usize>, n_groups: usize) -> Vec<Range<usize>> {
         let costs: Vec<f64> = self.units[units.clone()].iter().map(Unit::cost).collect();
-        let fair = costs.iter().sum::<f64>() / most as f64;
+        let fair = costs.iter().sum::<f64>() / n_groups as f64;
         let (mut groups, mut first, mut sum) = (Vec::new(), units.start, 0.0);
-        for (at, cost) in units.clone().zip(&costs) {
+        for (unit, cost) in units.clone().zip(&costs) {
             sum += cost;
             let is_full = self
-                .ends_piece(at, &units)
-                .unwrap_or(sum >= fair && groups.len() + 1 < most);
+                .ends_piece(unit, &units)
+                .unwrap_or(sum >= fair && groups.len() + 1 < n_groups);
             if is_full {
-                groups.push(first..at + 1);
-                (first, sum) = (at + 1, 0.0);
+                groups.push(first..unit + 1);
+                (first, sum) = (unit + 1, 0.0);
             }
         }
         if first < units.end {
@@ -342,17 +342,17 @@ impl Plan {
         groups
     }
 
-    /// Whether a group ends after the bank at index `at`, if the next unit is a bank of the same part; `None`
+    /// Whether a group ends after the bank at index `unit`, if the next unit is a bank of the same part; `None`
     /// otherwise. The answer depends on that part alone, since every output sums its banks.
-    fn ends_piece(&self, at: usize, units: &Range<usize>) -> Option<bool> {
-        let part = |at: usize| match &self.units[at] {
+    fn ends_piece(&self, unit: usize, units: &Range<usize>) -> Option<bool> {
+        let part = |unit: usize| match &self.units[unit] {
             Unit::Bank(bank) => bank.part,
             Unit::IslandPlan(_) => None,
         };
-        let own = part(at)?;
-        let is_own = |other: &usize| part(*other) == Some(own);
-        let before = (units.start..at).rev().take_while(is_own).count();
-        let after = (at + 1..units.end).take_while(is_own).count();
+        let part_here = part(unit)?;
+        let is_own = |other: &usize| part(*other) == Some(part_here);
+        let before = (units.start..unit).rev().take_while(is_own).count();
+        let after = (unit + 1..units.end).take_while(is_own).count();
         let piece = (before + 1 + after).div_ceil(PIECES_MAX).max(PIECE);
         (after > 0).then(|| (before + 1).is_multiple_of(piece))
     }

@@ -392,8 +392,8 @@ impl Scheme {
         }
         let mut all = self.w.clone();
         for proxy in &self.proxies {
-            let most = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
-            all[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * most;
+            let largest_weight = proxy.masses().map(|mat| self.w[mat]).fold(0.0, f64::max);
+            all[proxy.mat] = proxy.share_sum_max() * proxy.share_sum_max() * largest_weight;
         }
         all
     }

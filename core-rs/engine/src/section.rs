@@ -106,10 +106,10 @@ mod tests {
             (1000.0, 48_000.0, 300.0),
             (20_000.0, 44_100.0, 21_000.0),
         ] {
-            let (found, wanted) = (gain(cutoff, rate, f), wanted(f, cutoff, rate));
+            let (measured, wanted) = (gain(cutoff, rate, f), wanted(f, cutoff, rate));
             assert!(
-                (found - wanted).abs() < 1e-9,
-                "{cutoff} {f}: {found} {wanted}"
+                (measured - wanted).abs() < 1e-9,
+                "{cutoff} {f}: {measured} {wanted}"
             );
         }
     }

@@ -143,17 +143,21 @@ impl Simulation {
     /// # Errors
     /// [`Error`] if a part of the network is unstable or a method cannot step it.
     pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
-        let mut own = Self::planned(plan, options)?;
+        let mut simulation = Self::planned(plan, options)?;
         if from > 0 {
-            own.frame = from;
-            for running in own.groups.iter_mut().flat_map(|group| &mut group.units) {
+            simulation.frame = from;
+            for running in simulation
+                .groups
+                .iter_mut()
+                .flat_map(|group| &mut group.units)
+            {
                 match running {
                     RunningUnit::Island(island) => island.seek(from),
                     RunningUnit::Bank(bank) => bank.seek(from),
                 }
             }
         }
-        Ok(own)
+        Ok(simulation)
     }
 
     /// All running units with their plans.
@@ -211,15 +215,15 @@ impl Simulation {
     /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
-        let heard = n_frames.min((self.skipped_outputs.len() / n_out) as u64);
-        let mut left = n_frames - heard;
+        let n_known = n_frames.min((self.skipped_outputs.len() / n_out) as u64);
+        let mut left = n_frames - n_known;
         while left > 0 {
             let n = left.min(self.block_limit() as u64);
             self.advance_groups(&mut [], n as usize)?;
             left -= n;
         }
         let mut skipped_outputs = std::mem::take(&mut self.skipped_outputs);
-        let result = self.process(&mut skipped_outputs[..heard as usize * n_out]);
+        let result = self.process(&mut skipped_outputs[..n_known as usize * n_out]);
         self.skipped_outputs = skipped_outputs;
         result
     }
@@ -252,8 +256,8 @@ impl Simulation {
         for frame in out.chunks_exact_mut(n_out.max(1)) {
             frame.copy_from_slice(&plan.still);
         }
-        let heard = self.groups.iter();
-        for group in heard.filter(|group| group.first < plan.n_heard) {
+        let groups = self.groups.iter();
+        for group in groups.filter(|group| group.first < plan.n_heard) {
             for (out, sound) in out.iter_mut().zip(&group.sum) {
                 *out += sound;
             }
@@ -292,19 +296,19 @@ impl Simulation {
         steps
     }
 
-    fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
+    fn motion(&self, value_of: fn(f64, f64) -> f64, values_of: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
         for (running, unit) in self.units() {
             match (running, unit) {
                 (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
-                    for (local, &value) in of(island).iter().enumerate() {
+                    for (local, &value) in values_of(island).iter().enumerate() {
                         all[whole(&island_plan.to_whole.mats, local)] = value;
                     }
                 }
                 (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
                     for (oscillator, &(mat, rest)) in plan.mats.iter().enumerate() {
                         let (now, before) = bank.motion(oscillator);
-                        all[mat as usize] = own(now + rest, before + rest);
+                        all[mat as usize] = value_of(now + rest, before + rest);
                     }
                 }
                 _ => {}
@@ -325,8 +329,8 @@ impl Simulation {
         all.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
-                let own = &mut all[whole(&island_plan.to_whole.keys, local)];
-                *own = if is_layer { *own + asked } else { asked };
+                let slot = &mut all[whole(&island_plan.to_whole.keys, local)];
+                *slot = if is_layer { *slot + asked } else { asked };
             });
         }
     }
@@ -469,9 +473,9 @@ impl Simulation {
         if self.units().any(is_bank) {
             return None;
         }
-        let mut own = self.islands().map(|(island, _)| island.energy());
-        let first = own.next()??;
-        own.try_fold(first, |sum, energy| Some(sum + energy?))
+        let mut energies = self.islands().map(|(island, _)| island.energy());
+        let first = energies.next()??;
+        energies.try_fold(first, |sum, energy| Some(sum + energy?))
     }
 
     /// Names of the muted parts, with the frame at which each was muted.
@@ -503,10 +507,10 @@ impl Simulation {
     /// number of steps a frame.
     pub fn finer(&self) -> Vec<(String, u64, u32)> {
         let mut all: Vec<(String, u64, u32)> = Vec::new();
-        for (part, frames, most) in self.islands().flat_map(|(island, _)| island.finer()) {
+        for (part, frames, finest) in self.islands().flat_map(|(island, _)| island.finer()) {
             match all.iter_mut().find(|other| other.0 == part) {
-                Some(other) => (other.1, other.2) = (other.1.max(frames), other.2.max(most)),
-                None => all.push((part.to_owned(), frames, most)),
+                Some(other) => (other.1, other.2) = (other.1.max(frames), other.2.max(finest)),
+                None => all.push((part.to_owned(), frames, finest)),
             }
         }
         all
@@ -514,15 +518,17 @@ impl Simulation {
 
     /// Links and meshes that created more energy than a hundredth of what the system held: name, frame, and a sentence.
     pub fn gains(&self) -> Vec<(String, u64, String)> {
-        let of = |island: &Island| {
+        let gains_of = |island: &Island| {
             let rate = self.rate() * island.steps_a_frame();
-            let told = island.gains().map(move |(module, gain)| {
+            let named_gains = island.gains().map(move |(module, gain)| {
                 let sentence = gain.sentence(&module, gain.frame as f64 / rate);
                 (module, island.frame_at(gain.frame), sentence)
             });
-            told.collect::<Vec<_>>()
+            named_gains.collect::<Vec<_>>()
         };
-        self.islands().flat_map(|(island, _)| of(island)).collect()
+        self.islands()
+            .flat_map(|(island, _)| gains_of(island))
+            .collect()
     }
 
     /// The most energy that one link or mesh has created, as a share of the energy that was there.

@@ -270,12 +270,12 @@ impl Timeline {
         let ergons = self.ergons.iter();
         let ergons = ergons.map(|ergon| (ergon.mat, ergon.at, ergon.mass * ergon.speed));
         let on_mat = strikes.chain(ergons).filter(|one| one.0 as usize == mat);
-        let mut found: Vec<_> = on_mat.map(|(_, at, impulse)| (at, impulse)).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found
+        let mut on_this_mat: Vec<_> = on_mat.map(|(_, at, impulse)| (at, impulse)).collect();
+        on_this_mat.sort_by(|a, b| a.0.total_cmp(&b.0));
+        on_this_mat
     }
 
-    /// Strike a MAT by `impulse` [N·s] at the instant `at` [s]; `source`: place in the score.
+    /// Strike a MAT by `impulse` [N·s] at the instant `time` [s]; `source`: place in the score.
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -296,19 +296,19 @@ impl Timeline {
         &mut self,
         network: &Network,
         mat: usize,
-        at: f64,
+        time: f64,
         impulse: f64,
         source: u32,
     ) -> Result<(), StrikeError> {
         finite("impulse", impulse)?;
-        instant(at)?;
+        instant(time)?;
         movable(network, mat)?;
         if self.strikes.len() >= STRIKES_MAX as usize {
             return Err(StrikeError::TooMany);
         }
         if impulse != 0.0 {
             self.strikes.push(Strike {
-                at,
+                at: time,
                 mat: mat as u32,
                 source,
                 impulse,
@@ -361,10 +361,10 @@ impl Timeline {
             }
             let mut chance = chance(member as u64);
             let mut times = chance.poisson_times(rain.rate, rain.start, stop);
-            while let Some(at) = times.next() {
+            while let Some(instant) = times.next() {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
-                if (rain.within.0..rain.within.1).contains(&at) {
-                    self.strike(network, mat, at, impulse, rain.source)?;
+                if (rain.within.0..rain.within.1).contains(&instant) {
+                    self.strike(network, mat, instant, impulse, rain.source)?;
                     n_strikes += 1;
                 }
             }
@@ -372,7 +372,7 @@ impl Timeline {
         Ok(n_strikes)
     }
 
-    /// Let an ergon of a mass [kg] and a speed [m/s] strike a MAT at the instant `at` [s].
+    /// Let an ergon of a mass [kg] and a speed [m/s] strike a MAT at the instant `time` [s].
     ///
     /// # Errors
     /// As [`Timeline::strike`], and if the mass is not above 0.
@@ -380,19 +380,19 @@ impl Timeline {
         &mut self,
         network: &Network,
         mat: usize,
-        at: f64,
+        time: f64,
         mass: f64,
         speed: f64,
         source: u32,
     ) -> Result<(), StrikeError> {
-        instant(at)?;
+        instant(time)?;
         movable(network, mat)?;
         finite("speed", speed)?;
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(StrikeError::Value("mass", " above 0", mass));
         }
         self.ergons.push(Ergon {
-            at,
+            at: time,
             mat: mat as u32,
             source,
             mass,
@@ -424,7 +424,7 @@ impl Timeline {
         })
     }
 
-    /// Impose the position or a force on a MAT by a constant, a take or a hand; `own`: the drive belongs to the part of
+    /// Impose the position or a force on a MAT by a constant, a take or a hand; `is_exclusive`: the drive belongs to the part of
     /// the MAT.
     ///
     /// # Errors
@@ -434,7 +434,7 @@ impl Timeline {
         mat: usize,
         kind: DriveKind,
         source: Source,
-        own: bool,
+        is_exclusive: bool,
     ) -> Result<(), StrikeError> {
         if let Source::Constant(value) = source {
             finite("constant", value)?;
@@ -447,7 +447,7 @@ impl Timeline {
             mat,
             kind,
             source,
-            own,
+            own: is_exclusive,
         });
         Ok(())
     }
@@ -469,11 +469,11 @@ fn finite(what: &'static str, value: f64) -> Result<(), StrikeError> {
     }
 }
 
-fn instant(at: f64) -> Result<(), StrikeError> {
-    if at >= 0.0 && at.is_finite() {
+fn instant(time: f64) -> Result<(), StrikeError> {
+    if time >= 0.0 && time.is_finite() {
         Ok(())
     } else {
-        Err(StrikeError::Before(at))
+        Err(StrikeError::Before(time))
     }
 }
 

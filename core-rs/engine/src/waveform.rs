@@ -8,7 +8,7 @@ use crate::maths::{log10, sqrt};
 /// Both are (n_frames · n_out). 0 where neither changes, ∞ where only the reference is silent or a difference is not a
 /// number.
 pub(crate) fn worst_ratio(sound: &[f64], reference: &[f64], n_out: usize, n_frames: usize) -> f64 {
-    let of = |output: usize| {
+    let ratio = |output: usize| {
         let column = |x: &[f64]| -> Vec<f64> {
             let column = x.iter().skip(output).step_by(n_out);
             column.take(n_frames).copied().collect()
@@ -30,7 +30,7 @@ pub(crate) fn worst_ratio(sound: &[f64], reference: &[f64], n_out: usize, n_fram
             0.0
         }
     };
-    (0..n_out).map(of).fold(0.0, f64::max)
+    (0..n_out).map(ratio).fold(0.0, f64::max)
 }
 
 /// ‖sound − reference‖ / ‖reference − mean‖ [dB] of the worst output, from the first frame to each of `ends`.

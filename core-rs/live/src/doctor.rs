@@ -51,7 +51,7 @@ pub fn checkup<D: Device>(
     ticks: usize,
     stop: &AtomicBool,
 ) -> Result<Checkup, Gone> {
-    let mut found = Checkup::new(ticks);
+    let mut checkup = Checkup::new(ticks);
     let period = Duration::from_secs_f64(period);
     let mut sample = Sample::default();
     if let Some(device) = &mut device {
@@ -69,7 +69,7 @@ pub fn checkup<D: Device>(
             due += period;
             // A reply that took longer than a tick is not lateness of the clock.
             due = due.max(Instant::now());
-            found.lateness.push(nanoseconds(sleep_until(due)));
+            checkup.lateness.push(nanoseconds(sleep_until(due)));
         }
         let Some(device) = &mut device else {
             continue;
@@ -79,13 +79,13 @@ pub fn checkup<D: Device>(
         let sent = Instant::now();
         device.send(&[])?;
         if device.receive(&mut sample, sent + PATIENCE)? {
-            found.round_trips.push(nanoseconds(sent.elapsed()));
+            checkup.round_trips.push(nanoseconds(sent.elapsed()));
         } else {
-            found.unanswered += 1;
+            checkup.unanswered += 1;
         }
     }
-    found.seconds = start.elapsed().as_secs_f64();
-    Ok(found)
+    checkup.seconds = start.elapsed().as_secs_f64();
+    Ok(checkup)
 }
 
 fn nanoseconds(time: Duration) -> u32 {

@@ -274,9 +274,9 @@ impl Measurement {
 /// # Errors
 /// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
-    let of =
+    let measure_fault =
         |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measure(fault, emulator));
-    Fault::ALL.iter().flat_map(of).collect()
+    Fault::ALL.iter().flat_map(measure_fault).collect()
 }
 
 #[cfg(test)]

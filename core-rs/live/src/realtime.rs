@@ -97,12 +97,12 @@ fn prefault() {
 }
 
 /// Sleep until an instant; returns how late the thread woke.
-pub fn sleep_until(at: Instant) -> Duration {
-    if let Some(left) = at.checked_duration_since(Instant::now()) {
+pub fn sleep_until(instant: Instant) -> Duration {
+    if let Some(left) = instant.checked_duration_since(Instant::now()) {
         // Never spin: since Linux 6.12 a spinning real-time thread is stopped for 50 ms in every second.
         std::thread::sleep(left);
     }
-    Instant::now().saturating_duration_since(at)
+    Instant::now().saturating_duration_since(instant)
 }
 
 #[cfg(test)]
@@ -118,8 +118,8 @@ mod tests {
 
     #[test]
     fn sleeps_until_the_instant() {
-        let at = Instant::now() + Duration::from_millis(5);
-        let late = sleep_until(at);
-        assert!(Instant::now() >= at + late);
+        let instant = Instant::now() + Duration::from_millis(5);
+        let late = sleep_until(instant);
+        assert!(Instant::now() >= instant + late);
     }
 }

@@ -79,12 +79,12 @@ impl Memory {
         &self.heat
     }
 
-    fn new(at: Duration) -> Self {
+    fn new(instant: Duration) -> Self {
         Self {
             heat: [0.0; MAX_AXES],
             work: [0.0; MAX_AXES],
             latches: [Latch::default(); MAX_AXES],
-            at,
+            at: instant,
         }
     }
 }

@@ -48,27 +48,27 @@ impl<const N: usize> Inbox<N> {
             self.bytes[self.len..self.len + n].copy_from_slice(&new[..n]);
             self.len += n;
             new = &new[n..];
-            let mut at = 0;
-            while at < self.len {
-                match parse(&self.bytes[at..self.len]) {
+            let mut offset = 0;
+            while offset < self.len {
+                match parse(&self.bytes[offset..self.len]) {
                     Parsed::Packet(packet, len) => {
                         each(packet);
-                        at += len;
+                        offset += len;
                     }
                     Parsed::Garbage(len) => {
                         self.garbage += len as u64;
-                        at += len;
+                        offset += len;
                     }
                     // A packet that fills the buffer and is still incomplete is not a packet.
-                    Parsed::Incomplete if self.len - at == N => {
+                    Parsed::Incomplete if self.len - offset == N => {
                         self.garbage += 1;
-                        at += 1;
+                        offset += 1;
                     }
                     Parsed::Incomplete => break,
                 }
             }
-            self.bytes.copy_within(at..self.len, 0);
-            self.len -= at;
+            self.bytes.copy_within(offset..self.len, 0);
+            self.len -= offset;
         }
     }
 }

@@ -83,9 +83,9 @@ pub struct Reading<'a>(pub &'a [u8]);
 impl<'a> Reading<'a> {
     /// The next `n` bytes.
     pub fn take(&mut self, n: usize) -> Option<&'a [u8]> {
-        let (own, rest) = self.0.split_at_checked(n)?;
+        let (taken, rest) = self.0.split_at_checked(n)?;
         self.0 = rest;
-        Some(own)
+        Some(taken)
     }
 
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {

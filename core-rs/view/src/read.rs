@@ -97,9 +97,9 @@ impl MotionFile {
             }
             _ => return Err(ReadError::Magic),
         }
-        let (mut chunks, mut at) = (Vec::new(), MAGIC.len());
+        let (mut chunks, mut offset) = (Vec::new(), MAGIC.len());
         // As after a cut, nothing after a damaged chunk can be trusted.
-        while let Ok((chunk, n)) = motion::read(&bytes[at..]) {
+        while let Ok((chunk, n)) = motion::read(&bytes[offset..]) {
             let known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
             if known && chunk.version != VERSION {
                 return Err(ReadError::Version(chunk.kind, chunk.version));
@@ -107,14 +107,14 @@ impl MotionFile {
             chunks.push(ChunkRef {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
-                at: at + n - 4 - chunk.payload.len(),
+                at: offset + n - 4 - chunk.payload.len(),
                 len: chunk.payload.len(),
             });
-            at += n;
+            offset += n;
         }
         let is_ended = chunks.last().is_some_and(|last| last.kind == kind::INDEX);
-        let mut own = Self {
-            is_whole: is_ended && at == bytes.len(),
+        let mut file = Self {
+            is_whole: is_ended && offset == bytes.len(),
             bytes,
             chunks,
             manifest: String::new(),
@@ -125,12 +125,12 @@ impl MotionFile {
             parts: Vec::new(),
             oscillations: Vec::new(),
         };
-        own.manifest().ok_or(ReadError::Table("manifest"))?;
-        own.points().ok_or(ReadError::Table("table of points"))?;
-        own.names().ok_or(ReadError::Table("list of names"))?;
-        own.shapes().ok_or(ReadError::Table("table of shapes"))?;
-        own.check()?;
-        Ok(own)
+        file.manifest().ok_or(ReadError::Table("manifest"))?;
+        file.points().ok_or(ReadError::Table("table of points"))?;
+        file.names().ok_or(ReadError::Table("list of names"))?;
+        file.shapes().ok_or(ReadError::Table("table of shapes"))?;
+        file.check()?;
+        Ok(file)
     }
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk: the file was cut, not damaged.
@@ -255,22 +255,22 @@ impl MotionFile {
                 from.u32()? as usize,
             );
             let part = self.parts.get_mut(part)?;
-            let Kind::Modal(own, all, shapes) = &mut part.kind else {
+            let Kind::Modal(first_point, all, shapes) = &mut part.kind else {
                 return None;
             };
-            let at = first.checked_sub(*own)?;
+            let offset = first.checked_sub(*first_point)?;
             let size = m.checked_mul(n)?.checked_mul(2)?.checked_add(16 * m)?;
-            if n != part.count || at + m > *all || from.0.len() != size {
+            if n != part.count || offset + m > *all || from.0.len() != size {
                 return None;
             }
-            for own in &mut self.oscillations[self.n_points + first..][..m] {
-                own.omega = from.f64()?;
+            for first_point in &mut self.oscillations[self.n_points + first..][..m] {
+                first_point.omega = from.f64()?;
             }
-            for own in &mut self.oscillations[self.n_points + first..][..m] {
-                own.sigma = from.f64()?;
+            for first_point in &mut self.oscillations[self.n_points + first..][..m] {
+                first_point.sigma = from.f64()?;
             }
             for row in shapes.chunks_mut((*all).max(1)) {
-                for share in &mut row[at..at + m] {
+                for share in &mut row[offset..offset + m] {
                     *share = from_half(from.u16()?);
                 }
             }
@@ -344,21 +344,23 @@ impl MotionFile {
                     now[number] = (a, b, chunk.seconds);
                 }
             }
-            let at = |number: usize| {
+            let position_of = |number: usize| {
                 let (a, b, since) = now[number];
                 self.oscillations[number].later((a, b), instant - since).0
             };
             for part in &self.parts {
-                let own = &mut row[part.first..part.first + part.count];
+                let values = &mut row[part.first..part.first + part.count];
                 match &part.kind {
                     Kind::Free => {
-                        own.iter_mut()
+                        values
+                            .iter_mut()
                             .zip(part.first..)
-                            .for_each(|(x, number)| *x = at(number));
+                            .for_each(|(x, number)| *x = position_of(number));
                     }
                     Kind::Modal(first, m, shapes) => {
-                        let modes: Vec<f64> = (0..*m).map(|mode| at(n + first + mode)).collect();
-                        for (x, shape) in own.iter_mut().zip(shapes.chunks((*m).max(1))) {
+                        let modes: Vec<f64> =
+                            (0..*m).map(|mode| position_of(n + first + mode)).collect();
+                        for (x, shape) in values.iter_mut().zip(shapes.chunks((*m).max(1))) {
                             *x = shape.iter().zip(&modes).map(|(share, q)| share * q).sum();
                         }
                     }
@@ -376,10 +378,10 @@ impl MotionFile {
                 continue;
             }
             let is_own = |chunk: &&ChunkRef| {
-                let own = Reading(self.payload(chunk)).u16();
-                chunk.kind == kind::FRAMES && own == Some(number as u16)
+                let number_read = Reading(self.payload(chunk)).u16();
+                chunk.kind == kind::FRAMES && number_read == Some(number as u16)
             };
-            let (mut known, mut at): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
+            let (mut known, mut index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
             let mut blocks = self.chunks.iter().filter(is_own);
             for (&instant, row) in instants.iter().zip(out.chunks_mut(n.max(1))) {
                 while known
@@ -393,31 +395,33 @@ impl MotionFile {
                     // Of the past frames, only the last two are needed.
                     let past = known.partition_point(|frame| frame.0 <= instant);
                     known.drain(..past.saturating_sub(2));
-                    at = 0;
+                    index = 0;
                     for (i, x) in frames.rows.chunks(part.count.max(1)).enumerate() {
                         known.push((chunk.seconds + i as f64 * frames.hop, x.to_vec()));
                     }
                 }
-                while at + 1 < known.len() && known[at + 1].0 <= instant {
-                    at += 1;
+                while index + 1 < known.len() && known[index + 1].0 <= instant {
+                    index += 1;
                 }
-                let own = &mut row[part.first..part.first + part.count];
-                let Some((since, x)) = known.get(at).filter(|frame| frame.0 <= instant) else {
+                let number_read = &mut row[part.first..part.first + part.count];
+                let Some((since, x)) = known.get(index).filter(|frame| frame.0 <= instant) else {
                     continue;
                 };
                 let neighbour = |number: Option<usize>, point: usize| {
                     let x = known.get(number?)?.1[point];
                     x.is_finite().then_some(x)
                 };
-                let Some((until, y)) = known.get(at + 1) else {
-                    own.copy_from_slice(x);
+                let Some((until, y)) = known.get(index + 1) else {
+                    number_read.copy_from_slice(x);
                     continue;
                 };
                 let share = (instant - since) / (until - since);
-                for (point, (own, ends)) in own.iter_mut().zip(x.iter().zip(y)).enumerate() {
-                    let before = neighbour(at.checked_sub(1), point);
-                    let after = neighbour(Some(at + 2), point);
-                    *own = between(share, (*ends.0, *ends.1), before, after);
+                for (point, (number_read, ends)) in
+                    number_read.iter_mut().zip(x.iter().zip(y)).enumerate()
+                {
+                    let before = neighbour(index.checked_sub(1), point);
+                    let after = neighbour(Some(index + 2), point);
+                    *number_read = between(share, (*ends.0, *ends.1), before, after);
                 }
             }
         }

@@ -234,7 +234,7 @@ impl Recorder {
     /// The last bytes: the current segment, and the index.
     pub fn finish(&mut self) -> Vec<u8> {
         self.end_segment();
-        let at = self.taken + self.out.len() as u64;
+        let offset = self.taken + self.out.len() as u64;
         let mut index = Bytes::default();
         index.u32(self.index.len() as u32);
         index.u32(self.peaks.len() as u32);
@@ -244,7 +244,7 @@ impl Recorder {
             index.f64(seconds);
             index.u64(byte);
         }
-        index.u64(at);
+        index.u64(offset);
         put(&mut self.out, kind::INDEX, self.last, &index.0);
         self.take()
     }
@@ -288,10 +288,10 @@ impl Recorder {
 
     /// Links that broke since the last look; together with a key state, all that are broken.
     fn write_breaks(&mut self, broken: &[bool], now: f64, is_first: bool) {
-        for (at, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
-            let is_new = self.broken[at].is_none();
-            let since = *self.broken[at].get_or_insert(now);
-            let Some(link) = self.links[at] else {
+        for (index, _) in broken.iter().enumerate().filter(|(_, is)| **is) {
+            let is_new = self.broken[index].is_none();
+            let since = *self.broken[index].get_or_insert(now);
+            let Some(link) = self.links[index] else {
                 continue;
             };
             if is_new || is_first {
@@ -343,8 +343,9 @@ impl Recorder {
     /// Take a live strike that happened at `seconds`. It is reported with the next look; its speed is unknown.
     pub fn add_strike(&mut self, seconds: f64, point: u32, impulse: f64) {
         let mat = self.setup.strike_points.get(&point);
-        if let Some(&at) = mat.and_then(|mat| self.points.get(mat)) {
-            self.live_strikes.push((seconds, at as u32, impulse));
+        if let Some(&point_index) = mat.and_then(|mat| self.points.get(mat)) {
+            self.live_strikes
+                .push((seconds, point_index as u32, impulse));
         }
     }
 
@@ -368,11 +369,11 @@ impl Recorder {
         }
         let all: Vec<(f64, f64)> = (self.setup.keys.iter().enumerate())
             .map(|(key, mat)| {
-                let at = self
+                let axis_index = self
                     .points
                     .get(mat)
                     .map(|&point| (point, &self.look.points[point]));
-                let x = match at {
+                let x = match axis_index {
                     Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
                     Some((number, point)) => glance.tracks[number] + point.rest,
                     None => f64::NAN,
@@ -433,8 +434,13 @@ impl Recorder {
                     rows: rows[some.start * n..some.end * n].to_vec(),
                     count: some.len(),
                 };
-                let at = segment.start + some.start as f64 / self.setup.fps;
-                put(&mut self.out, kind::FRAMES, at, &frames.packed(&amplitudes));
+                let begins = segment.start + some.start as f64 / self.setup.fps;
+                put(
+                    &mut self.out,
+                    kind::FRAMES,
+                    begins,
+                    &frames.packed(&amplitudes),
+                );
             }
         }
         segment

@@ -141,10 +141,10 @@ impl Server {
     pub fn start(options: Options) -> Result<Self, ServeError> {
         let bind = |error| ServeError::Bind(options.at, error);
         let listener = TcpListener::bind(options.at).map_err(bind)?;
-        let at = listener.local_addr().map_err(bind)?;
+        let address = listener.local_addr().map_err(bind)?;
         let shared = Arc::new(Shared {
             options,
-            at,
+            at: address,
             hub: Hub::default(),
             tally: Tally::default(),
             strangers: Arc::default(),
@@ -155,7 +155,7 @@ impl Server {
         let listener = thread::Builder::new()
             .name("view".into())
             .spawn(move || listen(&listener, &listener_shared))
-            .map_err(|error| ServeError::Bind(at, error))?;
+            .map_err(|error| ServeError::Bind(address, error))?;
         Ok(Self {
             shared,
             listener: Some(listener),

@@ -64,12 +64,12 @@ class Bars:
         self._starts = [0.0]
         self._meters = [Meter()]
 
-    def change(self, at: float, meter: Meter) -> None:
-        """Set `meter` from beat `at` on; calls come in order of time. Raises TextError if `at` is
-        not on a bar line.
+    def change(self, begin: float, meter: Meter) -> None:
+        """Set `meter` from beat `begin` on; calls come in order of time. Raises TextError if
+        `begin` is not on a bar line.
         """
-        if at > self._starts[-1] + SAME:
-            bar, beat = self.bar_beat(at)
+        if begin > self._starts[-1] + SAME:
+            bar, beat = self.bar_beat(begin)
             if beat > 1.0 + SAME:
                 raise TextError(f"a meter begins on a bar line, not at {bar}|{beat:g}")
             self._starts.append(self.start(bar))

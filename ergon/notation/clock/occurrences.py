@@ -30,7 +30,7 @@ def parse_times(text: str) -> int:
 
 def starts(
     tempo: TempoMap,
-    at: float,
+    start: float,
     length: Length,
     *,
     every: Length | None = None,
@@ -38,14 +38,15 @@ def starts(
     until: float | None = None,
     room: int = MAX_OCCURRENCES,
 ) -> list[float]:
-    """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat `at`.
+    """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat
+    `start`.
 
     `room` is how many more occurrences the piece may hold. Raises TextError if there would be
     more, or if the time between two occurrences is 0.
     """
     poll()
     if times in (None, 1) and until is None and room > 0:
-        return [at]  # most lines of a part play once
+        return [start]  # most lines of a part play once
     step = length if every is None else every
     if times is None and until is None:
         times = 1
@@ -59,21 +60,22 @@ def starts(
     stop = float("inf") if until is None else until - SAME
     mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds, step.quarters)) > 1
     if step.beats and not mixed:  # a session repeats without end: thousands of occurrences
-        most = min(count, room)
-        if stop < at + step.beats * most:
-            most = max(0, ceil((stop - at) / step.beats))
+        count_max = min(count, room)
+        if stop < start + step.beats * count_max:
+            count_max = max(0, ceil((stop - start) / step.beats))
         elif count > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        return [at + step.beats * index for index in range(most)]
+        return [start + step.beats * index for index in range(count_max)]
     beats: list[float] = []
-    beat = at
+    beat = start
     while len(beats) < count and beat < stop:
         if len(beats) == room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
         if not len(beats) % 1024:
             poll()
         beats.append(beat)
-        # Each start is counted from `at`, so rounding does not accumulate. A step of mixed units is
-        # counted from the start before it, because its size depends on meter and tempo there.
-        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(beats)))
+        # Each start is counted from `start`, so rounding does not accumulate. A step of mixed
+        # units is counted from the start before it, because its size depends on meter and tempo
+        # there.
+        beat = tempo.after(beat, step) if mixed else tempo.after(start, step.times(len(beats)))
     return beats

@@ -19,9 +19,9 @@ class OffsetTempoMap(TempoMap):
 class ShiftedTempoMap(OffsetTempoMap):
     """The beats of a piece at instants `by` seconds later."""
 
-    def __init__(self, of: TempoMap, by: float) -> None:
-        """Share the state of `of`, a complete tempo map."""
-        self.__dict__.update(of.__dict__)
+    def __init__(self, base: TempoMap, by: float) -> None:
+        """Share the state of `base`, a complete tempo map."""
+        self.__dict__.update(base.__dict__)
         self.by = by
 
     def _state(self) -> tuple[object, ...]:
@@ -43,10 +43,11 @@ class ShiftedTempoMap(OffsetTempoMap):
 class StoppedTempoMap(OffsetTempoMap):
     """A piece that is stopped at a beat: earlier beats are over, later ones never come."""
 
-    def __init__(self, of: TempoMap, at: float, now: float) -> None:
-        """Share the state of `of`, a complete tempo map; `now` is an instant of the engine [s]."""
-        self.__dict__.update(of.__dict__)
-        self.at, self.now = at, now
+    def __init__(self, base: TempoMap, start: float, now: float) -> None:
+        """Share the state of `base`, a complete tempo map; `now` is an instant of the engine "
+        "[s]."""
+        self.__dict__.update(base.__dict__)
+        self.at, self.now = start, now
 
     def _state(self) -> tuple[object, ...]:
         return (*super()._state(), self.at, self.now)

@@ -135,14 +135,14 @@ class TempoMap:
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
         for i, entry in enumerate(entries):
             self._take_over(tempos, meters, entry.at)
-            at = self.resolve(entry.at)
-            if at < latest - SAME:
+            start = self.resolve(entry.at)
+            if start < latest - SAME:
                 raise TempoError(
                     "this entry is earlier than the entry above it; write entries in order of time",
                     i,
                     "at",
                 )
-            latest = max(at, latest)
+            latest = max(start, latest)
             self._place(i, entry, latest)
             if entry.bpm is not None:
                 tempos.clear()
@@ -254,9 +254,9 @@ class TempoMap:
         rounded = round(beat, 3)
         return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
 
-    def _place(self, i: int, entry: Entry, at: float) -> None:
-        self.placed.append((at, entry))
-        inside = at < self._ramp_end - SAME
+    def _place(self, i: int, entry: Entry, start: float) -> None:
+        self.placed.append((start, entry))
+        inside = start < self._ramp_end - SAME
         if entry.meter is not None:
             if inside and self._ramp_in_bars:
                 raise TempoError(
@@ -266,7 +266,7 @@ class TempoMap:
                     "meter",
                 )
             try:
-                self.bars.change(at, entry.meter)
+                self.bars.change(start, entry.meter)
             except TextError as error:
                 raise TempoError(error.message, i, "at") from None
         if entry.bpm is None:
@@ -285,27 +285,27 @@ class TempoMap:
                 i,
                 "over" if entry.bpm_end is None else "bpm",
             )
-        if at <= self._latest_bpm + SAME:
+        if start <= self._latest_bpm + SAME:
             raise TempoError("an entry above sets the tempo at this position already", i, "at")
-        self._latest_bpm = at
-        self._append(at, entry.bpm, entry.bpm, MAX_TIME)
+        self._latest_bpm = start
+        self._append(start, entry.bpm, entry.bpm, MAX_TIME)
         if entry.bpm_end is not None and entry.over is not None:
-            span = self._span(at, entry.bpm, entry.bpm_end, entry.over)
+            span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
             if not 0.0 < span <= MAX_TIME:
                 raise TempoError("the length of a ramp must be above 0", i, "over")
-            self._ramp_end, self._ramp_in_bars = at + span, entry.over.bars != 0.0
+            self._ramp_end, self._ramp_in_bars = start + span, entry.over.bars != 0.0
             self._ramp_entry = i
-            self._append(at, entry.bpm, entry.bpm_end, span)
-            self._append(at + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
+            self._append(start, entry.bpm, entry.bpm_end, span)
+            self._append(start + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
-    def _span(self, at: float, b0: float, b1: float, over: Length) -> float:
-        beats = self.after(at, Length(over.bars, over.beats)) - at
+    def _span(self, start: float, b0: float, b1: float, over: Length) -> float:
+        beats = self.after(start, Length(over.bars, over.beats)) - start
         # `over: 8s`: the mean tempo of a ramp is the logarithmic mean of its ends
         return beats + over.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
 
-    def _append(self, at: float, b0: float, b1: float, span: float) -> None:
-        stretch = _Segment(at, self.seconds(at), b0, b1, span)
-        if at <= self._starts[-1] + SAME:  # nothing has passed since the last one began
+    def _append(self, start: float, b0: float, b1: float, span: float) -> None:
+        stretch = _Segment(start, self.seconds(start), b0, b1, span)
+        if start <= self._starts[-1] + SAME:  # nothing has passed since the last one began
             stretch = _Segment(self._starts[-1], self._instants[-1], b0, b1, span)
             del self._stretches[-1], self._starts[-1], self._instants[-1]
         self._stretches.append(stretch)

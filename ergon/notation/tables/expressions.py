@@ -54,7 +54,7 @@ _NOTE_NAMES = ("A", "A#", "B", "C", "C#", "D", "D#", "E", "F", "F#", "G", "G#")
 
 def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     """Each unit with the unit in which its values are kept, and the power of ten between them."""
-    own = (
+    unit_texts = (
         *(q.MASS, q.STIFFNESS, q.DAMPING, q.POSITION, q.SPEED, q.PUSH, q.IMPULSE, q.HARDENING),
         q.LOUDNESS,
         *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY, q.POLES),
@@ -62,7 +62,7 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
     for unit, power in q.CONSTANT.units.items():
         if power == 0:
             yield unit, (unit, 0)
-    for dimension in own:
+    for dimension in unit_texts:
         for unit, power in dimension.units.items():
             yield unit, (dimension.si, power)
     for word, unit in {"bar": "bar", "bars": "bar", "beat": "beat", "beats": "beat"}.items():
@@ -121,26 +121,26 @@ class _Reader:
         if len(self.text) > MAX_LENGTH:
             message = f"an expression has at most {MAX_LENGTH} characters; give a part of it a name"
             raise TextError(message, length=MAX_LENGTH, code="E201")
-        found = self._sum(0)
+        amount = self._sum(0)
         if self.at < len(self.text):
             rest = self.text[self.at :]
             message = f"{quote(rest)} is not allowed here; write + - * / between values"
             raise self._error(message, self.at, len(rest))
-        return found
+        return amount
 
     def _sum(self, depth: int) -> Amount:
-        found = self._product(depth)
+        amount = self._product(depth)
         while sign := self._sign("+-"):
-            at = self.at - 1
-            found = self._checked(self._added(found, self._product(depth), sign, at), at)
-        return found
+            place = self.at - 1
+            amount = self._checked(self._added(amount, self._product(depth), sign, place), place)
+        return amount
 
     def _product(self, depth: int) -> Amount:
-        found = self._single(depth)
+        amount = self._single(depth)
         while sign := self._sign("*/"):
-            at = self.at - 1
-            found = self._checked(self._scaled(found, self._single(depth), sign, at), at)
-        return found
+            place = self.at - 1
+            amount = self._checked(self._scaled(amount, self._single(depth), sign, place), place)
+        return amount
 
     def _single(self, depth: int) -> Amount:
         start = self._space()
@@ -148,27 +148,27 @@ class _Reader:
             message = f"an expression is nested at most {MAX_DEPTH} deep; give a part of it a name"
             raise self._error(message, start, 1)
         if sign := self._sign("+-"):
-            found = self._single(depth + 1)
+            amount = self._single(depth + 1)
             if sign == "+":
-                return found
-            if found.unit == "note":
+                return amount
+            if amount.unit == "note":
                 raise self._error("a note cannot be negated; subtract semitones (7st)", start, 1)
-            return Amount(-found.number, found.unit)
+            return Amount(-amount.number, amount.unit)
         if self._sign("("):
-            found = self._sum(depth + 1)
+            amount = self._sum(depth + 1)
             if not self._sign(")"):
                 raise self._error("this parenthesis is never closed", start, 1)
-            return found
+            return amount
         return self._atom(start, depth)
 
-    def _root(self, of: Amount, at: int, length: int) -> Amount:
-        if of.unit:
-            message = f"cannot take the square root of {_called(of)}; take that of a ratio, "
-            raise self._error(f"{message}sqrt(heavy/100g)", at, length)
-        if of.number < 0:
-            raise self._error("cannot take the square root of a number below 0", at, length)
+    def _root(self, amount: Amount, place: int, length: int) -> Amount:
+        if amount.unit:
+            message = f"cannot take the square root of {_called(amount)}; take that of a ratio, "
+            raise self._error(f"{message}sqrt(heavy/100g)", place, length)
+        if amount.number < 0:
+            raise self._error("cannot take the square root of a number below 0", place, length)
         # IEEE 754 rounds a root correctly: the same bits everywhere.
-        return Amount(Fraction(math.sqrt(float(of.number))), "")
+        return Amount(Fraction(math.sqrt(float(amount.number))), "")
 
     def _atom(self, start: int, depth: int) -> Amount:
         if match := _NUMBER.match(self.text, start):
@@ -214,7 +214,7 @@ class _Reader:
             raise self._error("a value is missing at the end", max(0, start - 1), 1)
         raise self._error(f"{quote(self.text[start])} cannot begin a value", start, 1)
 
-    def _added(self, a: Amount, b: Amount, sign: str, at: int) -> Amount:
+    def _added(self, a: Amount, b: Amount, sign: str, place: int) -> Amount:
         number = b.number if sign == "+" else -b.number
         if a.unit == "note" and b.unit == "st":
             return Amount(a.number + number, "note")
@@ -225,16 +225,16 @@ class _Reader:
         if a.unit == "note" and b.unit == "note":
             if sign == "-":
                 return Amount(a.number - b.number, "st")
-            raise self._error("cannot add two notes; add semitones (7st)", at, 1)
+            raise self._error("cannot add two notes; add semitones (7st)", place, 1)
         a, b = self._as_hertz(a, b), self._as_hertz(b, a)
         if a.unit != b.unit:
             message = f"cannot add {_called(a)} and {_called(b)}"
             if sign == "-":
                 message = f"cannot subtract {_called(b)} from {_called(a)}"
-            raise self._error(message, at, 1)
+            raise self._error(message, place, 1)
         return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
 
-    def _scaled(self, a: Amount, b: Amount, sign: str, at: int) -> Amount:
+    def _scaled(self, a: Amount, b: Amount, sign: str, place: int) -> Amount:
         if a.unit == "note":
             a = Amount(Fraction(_hertz(a)), "Hz")
         if b.unit == "note":
@@ -244,13 +244,13 @@ class _Reader:
                 message = (
                     f"cannot multiply {_called(a)} by {_called(b)}; one must be a plain number"
                 )
-                raise self._error(message, at, 1)
+                raise self._error(message, place, 1)
             return Amount(a.number * b.number, a.unit or b.unit)
         if b.number == 0:
-            raise self._error("this divides by zero", at, 1)
+            raise self._error("this divides by zero", place, 1)
         if b.unit and a.unit != b.unit:
             message = f"cannot divide {_called(a)} by {_called(b)}"
-            raise self._error(message, at, 1)
+            raise self._error(message, place, 1)
         return Amount(a.number / b.number, "" if b.unit else a.unit)
 
     @staticmethod
@@ -258,20 +258,20 @@ class _Reader:
         is_both = own.unit == "note" and other.unit == "Hz"
         return Amount(Fraction(_hertz(own)), "Hz") if is_both else own
 
-    def _checked(self, found: Amount, at: int) -> Amount:
-        number = found.number
+    def _checked(self, amount: Amount, place: int) -> Amount:
+        number = amount.number
         if max(number.numerator.bit_length(), number.denominator.bit_length()) > _MAX_BITS:
-            raise self._error("the numbers of this expression grow too long", at, 1)
-        limit = 400 if found.unit in ("note", "st") else q.MAX_SIZE
+            raise self._error("the numbers of this expression grow too long", place, 1)
+        limit = 400 if amount.unit in ("note", "st") else q.MAX_SIZE
         if abs(number) > limit:
-            raise self._error("the value is too large", at, 1)
-        return found
+            raise self._error("the value is too large", place, 1)
+        return amount
 
     def _sign(self, which: str) -> str:
-        at = self._space()
-        if at < len(self.text) and self.text[at] in which:
-            self.at = at + 1
-            return self.text[at]
+        place = self._space()
+        if place < len(self.text) and self.text[place] in which:
+            self.at = place + 1
+            return self.text[place]
         return ""
 
     def _space(self) -> int:
@@ -330,44 +330,44 @@ class NamedAmounts:
     wrong: list[tuple[Scalar, TextError]]
 
 
-def named_amounts(of: Document) -> NamedAmounts:
+def named_amounts(source: Document) -> NamedAmounts:
     """The values that `let:` of a document names; read once."""
-    if of.lets is None:
-        root, node = of.root, of.let
+    if source.lets is None:
+        root, node = source.root, source.let
         if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
             node = root.entries["let"][1]
-        of.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
-    found: NamedAmounts = of.lets
-    return found
+        source.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
+    named: NamedAmounts = source.lets
+    return named
 
 
 def _read(section: document.Mapping) -> NamedAmounts:
-    found = NamedAmounts({}, [])
+    named = NamedAmounts({}, [])
     for number, (word, (key, node)) in enumerate(section.entries.items()):
         if number >= MAX_NAMES:
             message = f"`let:` has more than {MAX_NAMES:,} names"
-            found.wrong.append((key, TextError(message, length=len(word), code="E105")))
+            named.wrong.append((key, TextError(message, length=len(word), code="E105")))
             break
         if not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
             message = (
                 f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
                 "digits and _, and no unit"
             )
-            found.wrong.append((key, TextError(message, length=len(word), code="E110")))
+            named.wrong.append((key, TextError(message, length=len(word), code="E110")))
             continue
         if not isinstance(node, Scalar):
             message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
-            found.wrong.append((key, TextError(message, length=len(word), code="E104")))
+            named.wrong.append((key, TextError(message, length=len(word), code="E104")))
             continue
         if _BAR_BEAT.fullmatch(node.text):
             message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
-            found.wrong.append((node, TextError(message, length=len(node.text), code="E201")))
+            named.wrong.append((node, TextError(message, length=len(node.text), code="E201")))
             continue
         try:
-            found.names[word] = evaluate(node.text, found.names, section.entries)
+            named.names[word] = evaluate(node.text, named.names, section.entries)
         except TextError as error:
-            found.wrong.append((node, error))
-    return found
+            named.wrong.append((node, error))
+    return named
 
 
 def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
@@ -384,71 +384,71 @@ def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
         if len(pieces) < 2:
             raise
         try:
-            return parse("".join(said for _, said in pieces))
+            return parse("".join(text for _, text in pieces))
         except TextError as error:
-            ends, at = [], 0
-            for written, said in pieces:
-                ends.append((at, at + len(said), written, said))
-                at += len(said)
+            ends, offset = [], 0
+            for written, text in pieces:
+                ends.append((offset, offset + len(text), written, text))
+                offset += len(text)
             start = 0
-            for first, end, written, said in ends:
-                if first <= error.offset < end or end == at:
-                    inside = error.offset - first if written == said else 0
-                    plain_length = len(written) if written != said else error.length
+            for first, end, written, text in ends:
+                if first <= error.offset < end or end == offset:
+                    inside = error.offset - first if written == text else 0
+                    plain_length = len(written) if written != text else error.length
                     error.offset, error.length = start + inside, max(1, plain_length)
                     raise error from plain
                 start += len(written)
             raise
 
 
-def has_name(word: str, of: Document) -> bool:
+def has_name(word: str, document: Document) -> bool:
     """Whether a name of `let:` stands in a word."""
-    names = named_amounts(of).names
+    names = named_amounts(document).names
     return any(part in names for part in _WORD.findall(word))
 
 
-def is_computed(word: str, of: Document) -> bool:
+def is_computed(word: str, document: Document) -> bool:
     """Whether a word of a table is an expression: it holds a name of `let:` or an operator."""
     if _PATH.fullmatch(word):
         return False
-    return has_name(word, of) or _SIGNS_OF_WORDS.search(word) is not None
+    return has_name(word, document) or _SIGNS_OF_WORDS.search(word) is not None
 
 
-def word_value(word: str, of: Document, parse: Callable[[str], _T]) -> _T:
+def word_value(word: str, document: Document, parse: Callable[[str], _T]) -> _T:
     """Read one word of a table, for which an expression may stand. Raises TextError."""
     try:
         return parse(word)
     except TextError as plain:
-        names = named_amounts(of).names
-        if not is_computed(word, of):
+        names = named_amounts(document).names
+        if not is_computed(word, document):
             plain.suggestion = plain.suggestion or nearest(word, names)
             raise
-        said = evaluate(word, names).literal
+        literal = evaluate(word, names).literal
     try:
-        return parse(said)
+        return parse(literal)
     except TextError as error:
-        message = f"{quote(word)} is {said}: {error.message}"
+        message = f"{quote(word)} is {literal}: {error.message}"
         raise TextError(message, length=len(word), code=error.code) from None
 
 
-def position(text: str, of: Document, parse: Callable[[str], _T]) -> _T:
+def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
     """Read a position. Names of `let:` may stand in it for beats and lengths, unless a mark has the
     same name.
 
     Raises TextError.
     """
-    names = named_amounts(of).names
+    names = named_amounts(document).names
     begun = _BEGUN.fullmatch(text)
     try:
-        found = parse(text)
-        if getattr(found, "mark", None) not in names or _is_mark(text, of):
-            return found
+        parsed = parse(text)
+        if getattr(parsed, "mark", None) not in names or _is_mark(text, document):
+            return parsed
     except TextError:
         is_name_meant = names and begun is not None and begun[3].lstrip()[:1].isalpha()
-        if not (has_name(text, of) or is_name_meant or re.search(r"[*(]", text)):
+        if not (has_name(text, document) or is_name_meant or re.search(r"[*(]", text)):
             raise
-    if begun is None or (begun[1] in names and not _is_mark(text, of)):
-        said = evaluate(text, names).literal
+    if begun is None or (begun[1] in names and not _is_mark(text, document)):
+        literal = evaluate(text, names).literal
     else:
         try:
             length = evaluate(begun[3], names)
@@ -456,43 +456,43 @@ def position(text: str, of: Document, parse: Callable[[str], _T]) -> _T:
             error.offset += begun.start(3)
             raise
         sign = "+" if (begun[2] == "+") == (length.number >= 0) else "-"
-        said = f"{begun[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
+        literal = f"{begun[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
     try:
-        return parse(said)
+        return parse(literal)
     except TextError as error:
-        message = f"{quote(text.strip())} is {said}: {error.message}"
+        message = f"{quote(text.strip())} is {literal}: {error.message}"
         raise TextError(message, length=max(1, len(text)), code=error.code) from None
 
 
-def _is_mark(text: str, of: Document) -> bool:
+def _is_mark(text: str, source: Document) -> bool:
     """Whether a position begins with a mark of its own file."""
-    root, begun = of.root, _MARKED.match(text)
+    root, begun = source.root, _MARKED.match(text)
     marks = root.entries.get("marks") if isinstance(root, document.Mapping) else None
     known = marks[1] if marks is not None else None
     return begun is not None and isinstance(known, document.Mapping) and begun[1] in known.entries
 
 
-def note_of(word: str, of: Document) -> str | None:
+def note_of(word: str, document: Document) -> str | None:
     """The note that a word of a table gives, if it is an expression. Raises TextError."""
-    if not is_computed(word, of):
+    if not is_computed(word, document):
         return None
-    amount = evaluate(word, named_amounts(of).names)
+    amount = evaluate(word, named_amounts(document).names)
     return amount.literal if amount.unit == "note" else None
 
 
 def _replaced(text: str, names: Mapping[str, Amount]) -> list[tuple[str, str]]:
     """Pieces of a text: as written, and with names of values replaced. Raises TextError."""
-    pieces, at = [], 0
+    pieces, offset = [], 0
     for match in _OPERAND.finditer(text):
         if any(word in names for word in _WORD.findall(match.group())):
             try:
-                said = evaluate(match.group(), names).literal
+                literal = evaluate(match.group(), names).literal
             except TextError as error:
                 error.offset += match.start()
                 raise
-            pieces += [(text[at : match.start()],) * 2, (match.group(), said)]
-            at = match.end()
-    return [*pieces, (text[at:],) * 2]
+            pieces += [(text[offset : match.start()],) * 2, (match.group(), literal)]
+            offset = match.end()
+    return [*pieces, (text[offset:],) * 2]
 
 
 def percent(literal: str) -> str:

@@ -81,7 +81,7 @@ class Values:
         self.context.error(code, message, self.place_of(name), **more)
 
 
-def _whole_numbers(
+def _integer_keys(
     entries: Mapping[str, tuple[Scalar, Node]], context: Context
 ) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
     """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
@@ -150,9 +150,9 @@ class Record(Shape):
             context = replace(context, owner=self.noun)
         values = Values(self, node, context)
         is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
-        whole = _whole_numbers(entries, context) if is_cut else entries.items()
+        numbered = _integer_keys(entries, context) if is_cut else entries.items()
         lost = lost_indentation(entries, self._is_lost)
-        for word, (key, child) in whole:
+        for word, (key, child) in numbered:
             if lost is not None and word == lost[0]:
                 report_lost(context, *lost, entries[lost[1]][0])
                 return MISSING

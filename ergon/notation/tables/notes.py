@@ -156,11 +156,11 @@ def scale_step(word: str) -> str:
 def read_note(word: str) -> int:
     """The number of a note that is written. Raises TextError."""
     q.frequency(word)  # says what is meant by H3 or c4
-    found = number(word)
-    if found is None or not LOWEST <= found <= HIGHEST:
+    midi_number = number(word)
+    if midi_number is None or not LOWEST <= midi_number <= HIGHEST:
         message = f"{quote(word)} is not a note such as A3 or Bb2"
         raise TextError(message, length=max(1, len(word)), code="E201")
-    return found
+    return midi_number
 
 
 def parse_notes(text: str) -> tuple[str, ...]:
@@ -170,7 +170,7 @@ def parse_notes(text: str) -> tuple[str, ...]:
         raise TextError(f"no note is written; write for instance {_EXAMPLE}", code="E201")
     if ".." in words[0][0] or any(word == "count" for word, _ in words):
         return _range(words)
-    found: list[str] = []
+    notes: list[str] = []
     for word, offset in words:
         root, dot, scale = tuning.spelled(word).partition(".")
         try:
@@ -180,8 +180,8 @@ def parse_notes(text: str) -> tuple[str, ...]:
             raise
         if dot:
             _scale(scale, offset + len(word) - len(scale))
-        found += chord(root, scale) if dot else [root]
-    return _bounded(found)
+        notes += chord(root, scale) if dot else [root]
+    return _bounded(notes)
 
 
 def _read_at(word: str, offset: int) -> int:
@@ -209,20 +209,20 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     count = None
     low = _read_at(low_name, offset)
     high = _read_at(high_name, offset + len(low_name) + 2) if dots else None
-    scale, at = "chromatic", offset
+    scale, scale_offset = "chromatic", offset
     if rest and rest[0][0] != "count":
-        (scale, at), rest = rest[0], rest[1:]
-    steps = _scale(scale, at)
+        (scale, scale_offset), rest = rest[0], rest[1:]
+    steps = _scale(scale, scale_offset)
     if rest and rest[0][0] == "count":
-        value, at = rest[1] if len(rest) > 1 else ("", rest[0][1])
+        value, scale_offset = rest[1] if len(rest) > 1 else ("", rest[0][1])
         if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
             message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
-            raise TextError(message, offset=at, length=max(1, len(value)), code="E202")
+            raise TextError(message, offset=scale_offset, length=max(1, len(value)), code="E202")
         count, rest = int(value), rest[2:]
     if rest:
-        word, at = rest[0]
+        word, scale_offset = rest[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
-        raise TextError(message, offset=at, length=len(word), code="E204")
+        raise TextError(message, offset=scale_offset, length=len(word), code="E204")
     if high is not None and high < low:
         message = f"the range {quote(first)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"
@@ -234,9 +234,11 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     if not tuning.current().has_keys:
         names = _spelled_range(low_name, name(top) if high is None else high_name, scale)[:count]
     else:
-        found = [low + 12 * octave + step for octave in octaves for step in steps]
+        numbers = [low + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
-        names = [low_name, *(name(note, flat=is_flat) for note in found[1:] if note <= top)][:count]
+        names = [low_name, *(name(note, flat=is_flat) for note in numbers[1:] if note <= top)][
+            :count
+        ]
     if count is not None and len(names) < count:
         message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
         message += f", not {count}"
@@ -265,18 +267,18 @@ def _scale(scale: str, offset: int) -> tuple[int, ...]:
     return SCALES[scale]
 
 
-def _bounded(found: list[str]) -> tuple[str, ...]:
-    if len(found) > MAX_NOTES:
-        message = f"{len(found)} notes are written; the maximum is {MAX_NOTES}"
+def _bounded(notes: list[str]) -> tuple[str, ...]:
+    if len(notes) > MAX_NOTES:
+        message = f"{len(notes)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
     seen: dict[float | None, str] = {}
-    for note in found:
+    for note in notes:
         if (before := seen.setdefault(pitch(note), note)) is not note:
             message = f"{quote(note)} is written twice"
             if before != note:
                 message = f"{quote(note)} is the same note as {quote(before)}; remove one of them"
             raise TextError(message, code="E202")
-    return tuple(found)
+    return tuple(notes)
 
 
 @dataclass(frozen=True)
@@ -286,20 +288,20 @@ class Notes(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         items = node.items if isinstance(node, document.Sequence) else [node]
-        found: list[str] = []
+        notes: list[str] = []
         for item in items:
             if not isinstance(item, Scalar) or not items:
                 return wrong_shape(self, item, name, context)
             try:
-                found += parse_notes(item.text)
-                _bounded(found)
+                notes += parse_notes(item.text)
+                _bounded(notes)
             except TextError as error:
                 context.text_error(error, item, name)
                 return MISSING
-        if not found:
+        if not notes:
             context.error("E106", f"{context.of(name)}: no note is written", node.place)
             return MISSING
-        return tuple(found)
+        return tuple(notes)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -24,7 +24,7 @@ _CENTS = re.compile(r"[+-]?(?:\d{1,12}\.\d{0,40}|\.\d{1,40})(?:[eE][+-]?\d{1,3})
 _RATIO = re.compile(r"([+-]?\d{1,400})(?:\s*/\s*([+-]?\d{1,400}))?")
 _LINE_END = re.compile(r"\r\n|\r|\n")  # \x85 is a letter of older code pages
 _LAST_END = re.compile(r"(?:\r\n|\r|\n)\Z")
-_WHOLE = re.compile(r"[+-]?\d{1,9}")
+_INTEGER = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
 
@@ -149,7 +149,7 @@ def parse_key_map(text: str) -> KeyMap:
 
     def whole(what: str, low: int, high: int) -> int:
         number, text_of_number = word(what)
-        if not _WHOLE.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
+        if not _INTEGER.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
             message = f"{quote(text_of_number)} is not {what}, a whole number from {low} to {high}"
             raise ScalaError(message, number, text_of_number)
         return int(text_of_number)
@@ -173,7 +173,7 @@ def parse_key_map(text: str) -> KeyMap:
         cell = line.split()[0] if line else ""
         if cell.lower() == "x":
             degrees.append(None)
-        elif _WHOLE.fullmatch(cell) and abs(int(cell)) <= MAX_DEGREES:
+        elif _INTEGER.fullmatch(cell) and abs(int(cell)) <= MAX_DEGREES:
             degrees.append(int(cell))
         else:
             message = f"{quote(line[:40])} is neither a degree nor x, for a key without a pitch"

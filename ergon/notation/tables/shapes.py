@@ -162,29 +162,29 @@ class Text(Shape):
             context.text_error(error, node, name)
             return MISSING
 
-    def of_word(self, word: str, of: document.Document) -> Any:
+    def of_word(self, word: str, source: document.Document) -> Any:
         """The value of a word of a table. Raises TextError."""
         if self.is_position:
-            return expressions.position(word, of, self.parse)
-        return expressions.word_value(word, of, self.parse)
+            return expressions.position(word, source, self.parse)
+        return expressions.word_value(word, source, self.parse)
 
     def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
         """The value of a node that is not a plain value: an expression, or a mistake to report."""
         try:
-            said = expressions.literal(node)
-            if said is not None and self.units == ("%",):
-                said = expressions.percent(said)
+            literal = expressions.literal(node)
+            if literal is not None and self.units == ("%",):
+                literal = expressions.percent(literal)
         except TextError as error:
             context.text_error(error, node, name)
             return MISSING
         try:
-            if said is None:
+            if literal is None:
                 raise plain
-            return self.parse(said)
+            return self.parse(literal)
         except TextError as error:
-            if said is not None:
+            if literal is not None:
                 error = TextError(
-                    f"{quote(node.text.strip())} is {said}: {error.message}",
+                    f"{quote(node.text.strip())} is {literal}: {error.message}",
                     length=max(1, len(node.text)),
                     code=error.code,
                 )
@@ -215,10 +215,10 @@ class NamedValues(Shape):
         """Read a node; its document keeps the values."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        found = expressions.named_amounts(node.document)
-        for scalar, error in found.wrong:
+        named = expressions.named_amounts(node.document)
+        for scalar, error in named.wrong:
             context.text_error(error, scalar, name)
-        return dict(found.names)
+        return dict(named.names)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -305,10 +305,10 @@ class ListOf(Shape):
             context.error("E106", message, node.place)
             return MISSING
         if isinstance(node, document.Sequence) and node.lines:
-            found = self._by_lines(node, name, context)
+            items_read = self._by_lines(node, name, context)
         else:
-            found = [self.item.read(item, name, context) for item in items]
-        values = tuple([value for value in found if value is not MISSING])
+            items_read = [self.item.read(item, name, context) for item in items]
+        values = tuple([value for value in items_read if value is not MISSING])
         return values if len(values) >= self.least else MISSING  # a broken pair is no pair
 
     def _by_lines(self, node: document.Sequence, name: str, context: Context) -> list[Any]:
@@ -319,10 +319,10 @@ class ListOf(Shape):
         key = id(self.item), name, context.owner, let
         values = [None if line is None else line.values.get(key) for line in node.lines]
         for number in [number for number, value in enumerate(values) if value is None]:
-            told, item, line = context.collector.told, node.items[number], node.lines[number]
+            n_reported, item, line = context.collector.told, node.items[number], node.lines[number]
             item.document.let, item.document.lets = let, node.document.lets
             values[number] = self.item.read(item, name, context)
-            if line is not None and context.collector.told == told:
+            if line is not None and context.collector.told == n_reported:
                 line.values[key] = values[number]
         return values
 
@@ -390,19 +390,19 @@ class Either(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        shape = self._of(node)
+        shape = self._shape_for(node)
         if shape is None:
             return wrong_shape(self, node, name, context)
         return shape.read(node, name, context)
 
-    def _of(self, node: Node) -> Shape | None:
+    def _shape_for(self, node: Node) -> Shape | None:
         if isinstance(node, document.Mapping):
             return self.mapping
         return self.sequence if isinstance(node, document.Sequence) else self.scalar
 
     def chosen(self, node: Node) -> Shape:
         """The shape of texts, of mappings or of lists."""
-        shape = self._of(node)
+        shape = self._shape_for(node)
         return self if shape is None else shape.chosen(node)
 
     def schema(self) -> dict[str, Any]:
@@ -493,9 +493,9 @@ class NamesOf(Shape):
             inner = context.inside(self.noun, word, key.place)
             if line is not None:
                 child.document.let, child.document.lets = let, node.document.lets
-            told = context.collector.told
+            n_reported = context.collector.told
             value = result[word] = self.item.read(child, "", inner)
-            if context.collector.told > told:
+            if context.collector.told > n_reported:
                 continue
             if line is None:
                 entries.keep(word, value)

@@ -241,7 +241,7 @@ _WORDS = re.compile(r"->|[^\s]+(?:\s+(?:[munµμ]?Ns|dB)(?=\s|\.\.|$))?(?:\.\.\S
 
 _WORD = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
 _AMOUNT = rf"({_WORD}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
-_ONE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
+_SINGLE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
 MEANINGS = {
     word: f"strength {number}/{_STEPS} of the instrument's range"
     for number, word in enumerate(DYNAMICS)
@@ -249,14 +249,14 @@ MEANINGS = {
 LEVELS = Text(
     lru_cache(4096)(levels),
     "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf, or a pattern of them: f p mf p",
-    rf"^{_ONE}( +(-> +)?{_ONE})*$",
+    rf"^{_SINGLE}( +(-> +)?{_SINGLE})*$",
     is_value=True,
     meanings=MEANINGS,
 )
 LEVEL = Text(
     lru_cache(4096)(level),
     "an impulse or a strength, such as 2mNs, 1uNs..4uNs, mf or p..f",
-    rf"^{_ONE}$",
+    rf"^{_SINGLE}$",
     is_value=True,
     meanings=MEANINGS,
 )

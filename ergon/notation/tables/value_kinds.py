@@ -66,10 +66,10 @@ def span(dimension: q.Dimension, example: str) -> Text:
         value = read(text)
         return value, value
 
-    one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
+    single = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
     words = f"{with_article(dimension.name)} or a range, such as {example}"
     remembered = _tuned(parse) if dimension is q.FREQUENCY else _cached(parse)
-    return Text(remembered, words, rf"^{one}(\.\.{one})?$", is_value=True)
+    return Text(remembered, words, rf"^{single}(\.\.{single})?$", is_value=True)
 
 
 def integer(low: int, high: int, example: str) -> Text:
@@ -84,11 +84,11 @@ def integer_or(word: str, low: int, high: int, example: str) -> Text:
     number = integer(low, high, example)
 
     def parse(text: str) -> int | str:
-        said = text.strip()
-        if said[:1].isalpha() and said != word:
-            message = f"{quote(said)} is neither a whole number nor {word}"
-            raise TextError(message, length=len(said), suggestion=word, code="E201")
-        return word if said == word else int(number.parse(text))
+        word_text = text.strip()
+        if word_text[:1].isalpha() and word_text != word:
+            message = f"{quote(word_text)} is neither a whole number nor {word}"
+            raise TextError(message, length=len(word_text), suggestion=word, code="E201")
+        return word if word_text == word else int(number.parse(text))
 
     return Text(
         _cached(parse),

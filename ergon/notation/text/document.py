@@ -40,10 +40,10 @@ class Node:
     @property
     def place(self) -> Place:
         """Where the node begins; its length ends with its first line."""
-        own = self.document
-        row, first, last = own.line_of(self.start)
+        document = self.document
+        row, first, last = document.line_of(self.start)
         length = max(1, min(self.end, last) - self.start)
-        return Place(own.file, own.first_row + row + 1, self.start - first + 1, length)
+        return Place(document.file, document.first_row + row + 1, self.start - first + 1, length)
 
 
 @dataclass(eq=False, slots=True)
@@ -322,8 +322,8 @@ class _Composer:
         except yaml.YAMLError as error:
             if not is_too_deep(error):
                 raise
-            at = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
-            index = level_opens(self.document.text, error, at, MAX_DEPTH + 1)
+            place = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
+            index = level_opens(self.document.text, error, place, MAX_DEPTH + 1)
             raise _Refused("E105", TOO_DEEP, index) from None
 
     def composed(self) -> Node | None:

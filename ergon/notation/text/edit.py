@@ -201,13 +201,13 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def flow(said: Tree) -> str:
+def flow(tree: Tree) -> str:
     """A value as one line of YAML in flow style."""
-    if isinstance(said, dict):
-        return "{" + ", ".join(f"{name}: {flow(value)}" for name, value in said.items()) + "}"
-    if isinstance(said, list):
-        return "[" + ", ".join(map(flow, said)) + "]"
-    return "{}" if said is None else quoted(said)
+    if isinstance(tree, dict):
+        return "{" + ", ".join(f"{name}: {flow(value)}" for name, value in tree.items()) + "}"
+    if isinstance(tree, list):
+        return "[" + ", ".join(map(flow, tree)) + "]"
+    return "{}" if tree is None else quoted(tree)
 
 
 class _Edit:
@@ -284,9 +284,9 @@ def _child(node: Node | None, name: str | int) -> Node | None:
 def _comment(row: str) -> str:
     """The comment at the end of a table's line, with the spaces before it."""
     code = row.rstrip()
-    for at, character in enumerate(row):
-        if character == "#" and (at == 0 or row[at - 1].isspace()):
-            code = row[:at].rstrip()
+    for column, character in enumerate(row):
+        if character == "#" and (column == 0 or row[column - 1].isspace()):
+            code = row[:column].rstrip()
             break
     return row[len(code) :]
 
@@ -344,7 +344,7 @@ def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
     return entries
 
 
-def _without(said: Tree, paths: list[Path]) -> Tree:
+def _without(tree: Tree, paths: list[Path]) -> Tree:
     """The tree without the values at `paths`. Raises EditError if they do not have one parent."""
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
@@ -356,4 +356,4 @@ def _without(said: Tree, paths: list[Path]) -> Tree:
             return [item for i, item in enumerate(parent) if i not in names] or None
         return {name: value for name, value in parent.items() if name not in names} or None
 
-    return _with(said, parents.pop(), dropped)
+    return _with(tree, parents.pop(), dropped)

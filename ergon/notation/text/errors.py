@@ -80,7 +80,7 @@ class Collector:
     def clear(self) -> None:
         """Forget all reports."""
         self.told = 0
-        self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
+        self._by_message: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
         self.lacks_names = False  # a file that is used cannot be read: unknown names may be its own
@@ -106,14 +106,14 @@ class Collector:
         # A node is read once for each alias, note and copy. Its message names the owner up to the
         # first colon, so the key leaves that part out.
         key = (code, message.partition(": ")[2] or message, place)
-        if key in self._found:
+        if key in self._by_message:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
-        if len(self._found) < MAX_KEPT:
+        if len(self._by_message) < MAX_KEPT:
             # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
-            self._found[key] = (diagnostic, candidates)
+            self._by_message[key] = (diagnostic, candidates)
 
     def file(self, name: str) -> None:
         """Note that a file was opened: reports follow the order of opening."""
@@ -126,7 +126,7 @@ class Collector:
     def finish(self) -> list[Diagnostic]:
         """Everything found, in file order: at most 20 of each severity, with suggestions."""
         in_order = sorted(
-            self._found.values(),
+            self._by_message.values(),
             key=lambda item: (
                 self._files.get(item[0].place.file, len(self._files)),
                 item[0].place.line,

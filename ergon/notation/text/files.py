@@ -259,8 +259,8 @@ def _advice(path: Path) -> str:
 def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
     known: dict[str, str] = {}
-    own = _library_folder(name)
-    for prefix in (own,) if own else _LIBRARY if _is_yaml(name) else ():
+    library_folder = _library_folder(name)
+    for prefix in (library_folder,) if library_folder else _LIBRARY if _is_yaml(name) else ():
         paths = sorted(installed_path(prefix).glob("*.yaml"))
         known |= {path.stem: f"{prefix}/{path.name}" for path in paths}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):

@@ -109,7 +109,7 @@ def _meaning(text: str) -> list[object]:
 def _spaced(text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
-    at = depth = 0
+    offset = depth = 0
     before: yaml.Token | None = None
     for token in yaml.scan(text, Loader=_LOADER):
         if isinstance(token, yaml.KeyToken):  # no character of its own in the flow
@@ -117,11 +117,11 @@ def _spaced(text: str) -> str:
         if before is not None and depth:
             gap = slice(before.end_mark.index, token.start_mark.index)
             if not text[gap].strip(" "):
-                pieces += (text[at : gap.start], _gap(before, token))
-                at = gap.stop
+                pieces += (text[offset : gap.start], _gap(before, token))
+                offset = gap.stop
         depth += isinstance(token, _OPENERS) - isinstance(token, _CLOSERS)
         before = token
-    return "".join((*pieces, text[at:]))
+    return "".join((*pieces, text[offset:]))
 
 
 def _gap(before: yaml.Token, after: yaml.Token) -> str:
@@ -135,15 +135,15 @@ def _gap(before: yaml.Token, after: yaml.Token) -> str:
 def _aligned(text: str) -> str:
     """Align the columns of tables that are not."""
     pieces: list[str] = []
-    at = 0
+    offset = 0
     for block in _texts(text):
         if not block.columns:
             continue
         first = text.find("\n", block.start) + 1
         lines = text[first : block.end].split("\n")
-        pieces += (text[at:first], "\n".join(_columns(lines, block.columns)))
-        at = block.end
-    return "".join((*pieces, text[at:]))
+        pieces += (text[offset:first], "\n".join(_columns(lines, block.columns)))
+        offset = block.end
+    return "".join((*pieces, text[offset:]))
 
 
 def _columns(lines: list[str], columns: int) -> list[str]:
@@ -181,13 +181,13 @@ def _is_aligned(
     """Whether every column begins at one place already."""
     begins: list[set[int]] = [set(), set(), set()]
     for i, (_, words, _) in zip(numbers, rows, strict=True):
-        at = 0
+        column = 0
         for k, word in enumerate(words):
-            at = lines[i].find(word, at)
-            if at < 0:  # words of a play with more than one space between them
+            column = lines[i].find(word, column)
+            if column < 0:  # words of a play with more than one space between them
                 return False
-            begins[k].add(at)
-            at += len(word)
+            begins[k].add(column)
+            column += len(word)
     return all(len(places) <= 1 for places in begins)
 
 

@@ -44,17 +44,17 @@ class FoundRun(NamedTuple):
 
 def find_runs(text: str) -> list[FoundRun]:
     """The runs of at least 8 values in a text, in order; none is in another."""
-    found = [
+    runs = [
         FoundRun(m.start() + 1, m.end() + 1, m[2] if m[1] is None else m[1], m[1] is None)
         for m in _LINES.finditer(text)
     ]
     if ", {" not in text:
-        return found
+        return runs
     items = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(text)]
-    if not found or not items:
-        return found or items
+    if not runs or not items:
+        return runs or items
     result: list[FoundRun] = []
-    for run in sorted(found + items):
+    for run in sorted(runs + items):
         if not result or run.start >= result[-1].end:
             result.append(run)
     return result
@@ -110,11 +110,11 @@ def compose_by_lines(
     """
     short, runs = _shortened(text)
     collector = Collector()
-    own = compose(short, file, collector, row) if runs else None
-    if own is None or own.root is None or collector.told:
+    composed = compose(short, file, collector, row) if runs else None
+    if composed is None or composed.root is None or collector.told:
         return None
-    own.text = text
-    own.forget_lines()
+    composed.text = text
+    composed.forget_lines()
     lines: dict[str, Line] = {}
     for run in runs:
         first = row + n_lines(text[: run.first])
@@ -130,7 +130,7 @@ def compose_by_lines(
             before[number] = lines[word] = line
         run.lines = cast("list[Line]", before)  # none is missing any more
         lines.update(zip(run.words, run.lines, strict=True))
-    return (own, lines) if _filled(own, runs) else None
+    return (composed, lines) if _filled(composed, runs) else None
 
 
 def _shortened(text: str) -> tuple[str, list[_Run]]:
@@ -156,40 +156,46 @@ def _shortened(text: str) -> tuple[str, list[_Run]]:
 
 def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     collector = Collector()
-    own = compose(text, file, collector, row)
+    composed = compose(text, file, collector, row)
     if collector.told:
         return None
-    if isinstance(own.root, Sequence):
-        return Line(own.root.items[0], own.size - 1) if len(own.root.items) == 1 else None
-    if not isinstance(own.root, document.Mapping):
+    if isinstance(composed.root, Sequence):
+        return (
+            Line(composed.root.items[0], composed.size - 1)
+            if len(composed.root.items) == 1
+            else None
+        )
+    if not isinstance(composed.root, document.Mapping):
         return None
-    return Line(own.root, own.size - is_mapping)
+    return Line(composed.root, composed.size - is_mapping)
 
 
-def _filled(own: Document, runs: list[_Run]) -> bool:
+def _filled(composed: Document, runs: list[_Run]) -> bool:
     """Put the lines in their places, and move all other nodes to their places in the text.
 
     False if a run is not part of a list or mapping after all.
     """
-    assert own.root is not None
-    by_item, nodes = {run.item: run for run in runs}, list(_nodes(own.root))
-    places = {id(node): (_whole(node.start, runs), _whole(node.end, runs)) for node in nodes}
+    assert composed.root is not None
+    by_item, nodes = {run.item: run for run in runs}, list(_nodes(composed.root))
+    places = {
+        id(node): (_full_index(node.start, runs), _full_index(node.end, runs)) for node in nodes
+    }
     n_found = 0
     for node in nodes:
         if isinstance(node, document.Mapping):
             n_found += _fill_entries(node, by_item)
         if not isinstance(node, Sequence):
             continue
-        found = [
+        fills = [
             isinstance(item, Scalar) and item.text == _NAME and by_item.get(item.start)
             for item in node.items
         ]
-        if any(found):
-            n_found += _fill(node, found)
+        if any(fills):
+            n_found += _fill(node, fills)
     for node in nodes:
         node.start, node.end = places[id(node)]
-    own.size += sum(sum(map(_size, run.lines)) for run in runs)
-    own.size -= sum(1 + run.is_mapping for run in runs)
+    composed.size += sum(sum(map(_size, run.lines)) for run in runs)
+    composed.size -= sum(1 + run.is_mapping for run in runs)
     return n_found == len(runs)
 
 
@@ -204,21 +210,21 @@ def _nodes(root: Node) -> Iterator[Node]:
             todo += node.items
 
 
-def _whole(index: int, runs: list[_Run]) -> int:
+def _full_index(index: int, runs: list[_Run]) -> int:
     """Index in the text of an index of the shortened text."""
     above = [run for run in runs if run.short_first <= index]
     return above[-1].whole(index) if above else index
 
 
-def _fill(sequence: Sequence, found: Iterable[_Run | bool | None]) -> int:
-    """Put the items of the runs in `found` in place of the values that replaced them; returns the
+def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
+    """Put the items of the runs in `fills` in place of the values that replaced them; returns the
     number of runs.
     """
     items: list[Node] = []
     known: list[Line | None] = []
     bases: list[int] = []
     n_found = 0
-    for item, run in zip(sequence.items, found, strict=True):
+    for item, run in zip(sequence.items, fills, strict=True):
         if isinstance(run, _Run):
             known += run.lines
             items += map(_node, run.lines)
@@ -238,12 +244,12 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
 
     Returns 0 if a name is written twice.
     """
-    found = [
+    fills = [
         run
         for name, (key, _) in mapping.entries.items()
         if (run := by_item.get(key.start)) is not None and run.name == name
     ]
-    if not found:
+    if not fills:
         return 0
     begun, n_names = mapping.entries, len(mapping.entries)
     mapping.entries = {}
@@ -256,6 +262,6 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
         for line, base in zip(run.lines, run.bases(), strict=True):
             assert isinstance(line.node, document.Mapping)
             mapping.entries |= line.node.entries
-            own = next(iter(line.node.entries))
-            mapping.lines[own], mapping.bases[own] = line, base
-    return len(found) if len(mapping.entries) == n_names else 0
+            first_key = next(iter(line.node.entries))
+            mapping.lines[first_key], mapping.bases[first_key] = line, base
+    return len(fills) if len(mapping.entries) == n_names else 0

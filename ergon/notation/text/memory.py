@@ -10,18 +10,18 @@ from typing import Any, Protocol, TypeVar
 from ergon.notation.text.document import Line
 from ergon.notation.text.errors import Collector
 
-_Made = TypeVar("_Made")
+_Value = TypeVar("_Value")
 
 
 class Recall(Protocol):
     """Gives what was made under a key, or makes it now."""
 
-    def __call__(self, key: Hashable, make: Callable[[], _Made], /) -> _Made:
+    def __call__(self, key: Hashable, make: Callable[[], _Value], /) -> _Value:
         """The value of the key."""
         ...
 
 
-def make_anew(_key: Hashable, make: Callable[[], _Made], /) -> _Made:
+def make_anew(_key: Hashable, make: Callable[[], _Value], /) -> _Value:
     """Make a value without any memory."""
     return make()
 
@@ -87,18 +87,18 @@ class Memory:
             return None
         return known[1] if all(map(is_, known[0], objects)) else None
 
-    def made(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
+    def made(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
         """The value made under a key, or made now; a value whose making made a report is not
         kept.
         """
-        made: _Made
+        built: _Value
         if key in self._now:
-            made = self._now[key]
+            built = self._now[key]
         elif key in self._before:
-            made = self._now[key] = self._before[key]
+            built = self._now[key] = self._before[key]
         else:
             n_reports = self._collector.told
-            made = make()
+            built = make()
             if self._collector.told == n_reports:
-                self._now[key] = made
-        return made
+                self._now[key] = built
+        return built

@@ -45,14 +45,16 @@ def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Sect
     """A section, if it can be read without the others; `memory` then also has it for
     `compose_with_memory`.
     """
-    own = lines(text, name)
-    if own is None:
+    section_lines = lines(text, name)
+    if section_lines is None:
         return None
-    section = _made(text[slice(*own)], file, folder, n_lines(text[: own[0]]), memory)
+    section = _composed(
+        text[slice(*section_lines)], file, folder, n_lines(text[: section_lines[0]]), memory
+    )
     return section if section is not None and section.name.text == name else None
 
 
-def _made(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
+def _composed(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
     key = (file, text) if memory.is_loose else (file, text, row)
     return memory.made(key, partial(_section, text, file, folder, row, memory))
 
@@ -81,7 +83,7 @@ def compose_with_memory(
     Anything unusual is left to `compose`: an alias of another section, a name written twice, a
     mistake.
     """
-    whole = Document(file, text)
+    composed = Document(file, text)
     entries: dict[str, tuple[Scalar, Node]] = {}
     total, begin, row = 1, 0, 0
     for name, first, end in _cut(text):
@@ -90,20 +92,20 @@ def compose_with_memory(
             if not _HEAD.fullmatch(text, 0, first):
                 break
             row = n_lines(text[:first])
-        own = text[first:end]
-        section = _made(own, file, folder, row, memory)
-        row += n_lines(own)
+        section_text = text[first:end]
+        section = _composed(section_text, file, folder, row, memory)
+        row += n_lines(section_text)
         if section is None or section.name.text != name or name in entries:
             break
         entries[name] = section.name, section.value
         total += section.size
     else:
         if entries and total <= MAX_NODES:
-            whole.root = document.Mapping(whole, begin, len(text), entries)
+            composed.root = document.Mapping(composed, begin, len(text), entries)
             named = entries["let"][1] if "let" in entries else None
             for _, value in entries.values():  # a section is a document of its own
                 value.document.let, value.document.lets = named, None
-            return whole
+            return composed
     return compose(text, file, collector)
 
 
@@ -114,13 +116,13 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
     collector = Collector()
     name = file, text.partition(":")[0]
     known = memory.lines.get(name, {})
-    found = None
+    composed = None
     if memory.is_loose:
-        found = compose_by_lines(text, file, folder, row, known)
-    if found is None:
+        composed = compose_by_lines(text, file, folder, row, known)
+    if composed is None:
         section = compose(text, file, collector, row)
     else:
-        section, memory.lines[name] = found
+        section, memory.lines[name] = composed
     section.folder = folder
     if (
         collector.told

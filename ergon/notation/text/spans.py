@@ -142,11 +142,11 @@ class Layout:
 def apply_splices(text: str, splices: Iterable[Splice]) -> str:
     """A text with all replacements made."""
     pieces: list[str] = []
-    at = 0
+    offset = 0
     for splice in sorted(splices, key=lambda splice: splice.start):
-        pieces += (text[at : splice.start], splice.text)
-        at = max(at, splice.end)  # two that are taken away may share a comma or a break
-    return "".join((*pieces, text[at:]))
+        pieces += (text[offset : splice.start], splice.text)
+        offset = max(offset, splice.end)  # two that are taken away may share a comma or a break
+    return "".join((*pieces, text[offset:]))
 
 
 @lru_cache(maxsize=8)  # the next edit begins with the text checked here

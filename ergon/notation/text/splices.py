@@ -32,11 +32,11 @@ class Changes:
 
     def rows(self, span: Span) -> list[tuple[int, int]]:
         """Where the lines of a block begin and end in the text."""
-        found, start = [], self.layout.next_line(self.layout.header_end(span))
+        row_spans, start = [], self.layout.next_line(self.layout.header_end(span))
         while start < span.end:
-            found.append((start, self.layout.line_end(start)))
+            row_spans.append((start, self.layout.line_end(start)))
             start = self.layout.next_line(start)
-        return found
+        return row_spans
 
     # --- setting ---------------------------------------------------------------------------------
 

@@ -55,10 +55,10 @@ def last_items(
             return None
         name, below, _ = entry
         if text[node.start] == "{":
-            own, tail = _head_within(text, name, below), "}" + tail
+            head_text, tail = _head_within(text, name, below), "}" + tail
         else:
-            own = _head(text, name, below)
-        head, node = None if own is None else head + own, below
+            head_text = _head(text, name, below)
+        head, node = None if head_text is None else head + head_text, below
     if head is None or not isinstance(node, document.Sequence):
         return None
     first = len(node.items) - 1 if first is None else max(first, 0)
@@ -96,8 +96,8 @@ def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
             if text[line:begin].strip() or end > stop:
                 return None
             return Window(head + text[line:stop], len(head), line, stop, 0)
-        own = _head(text, name, node)
-        head = None if own is None else head + own
+        head_text = _head(text, name, node)
+        head = None if head_text is None else head + head_text
     return None
 
 

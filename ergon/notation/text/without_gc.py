@@ -10,16 +10,16 @@ from functools import wraps
 from typing import ParamSpec, TypeVar
 
 _Arguments = ParamSpec("_Arguments")
-_Made = TypeVar("_Made")
+_Result = TypeVar("_Result")
 
 
-def without_gc(build: Callable[_Arguments, _Made]) -> Callable[_Arguments, _Made]:
+def without_gc(build: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
     """Make a function run with the cyclic garbage collector off; a collection takes as long as the
     building.
     """
 
     @wraps(build)
-    def built(*args: _Arguments.args, **named: _Arguments.kwargs) -> _Made:
+    def built(*args: _Arguments.args, **named: _Arguments.kwargs) -> _Result:
         collecting = gc.isenabled()
         gc.disable()
         try:

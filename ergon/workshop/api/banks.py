@@ -30,77 +30,77 @@ def is_heard(piece: Piece, part: str) -> bool:
     return instrument is not None and any(one.is_movement for one in instrument.outputs)
 
 
-def bank_of(piece: Piece, ready: PreparedPiece, found: PartModes, most: int) -> Bank:
-    """A part as resonators, `most` at most: one for each mode from each input to each output.
+def bank_of(piece: Piece, ready: PreparedPiece, part_modes: PartModes, rows_max: int) -> Bank:
+    """A part as resonators, `rows_max` at most: one for each mode from each input to each output.
 
     Raises OptionError if there are more, or if no motion of the part is heard.
     """
     from ergon.workshop.models.programs.bank import Bank
 
-    swings = found.poles.imag > 0.0
-    poles = found.poles[swings]
-    instrument = piece.instruments.get(found.part)
+    swings = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[swings]
+    instrument = piece.instruments.get(part_modes.part)
     outputs = [one for one in instrument.outputs if one.is_movement] if instrument else []
     labels = [f"out {one.name}" if one.name else "out" for one in outputs]
-    heard = [one for one in zip(outputs, labels, strict=True) if one[1] in found.points]
-    if not heard:
-        raise OptionError("parts", f"{found.part} has no output of motion; add a {MOVEMENTS}")
-    inputs = _inputs(piece, ready, found)
+    audible = [one for one in zip(outputs, labels, strict=True) if one[1] in part_modes.points]
+    if not audible:
+        raise OptionError("parts", f"{part_modes.part} has no output of motion; add a {MOVEMENTS}")
+    inputs = _inputs(piece, ready, part_modes)
     ca_rate = instrument.ca_rate if instrument else None
     if len(inputs) > _POINTS:
-        why = f"{found.part} is struck at {len(inputs):,} points; a bank can have at most "
+        why = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
         why += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", why)
     ways: list[Way] = []
     for struck, (_, moves, _) in enumerate(inputs):
-        for at, (_, label) in enumerate(heard):
-            gain = (moves * found.points[label])[swings] / swing(poles, ca_rate)
-            ways += _way(struck, at, found, swings, gain)
-    if sum(len(way.rows) for way in ways) > most:
-        why = f"a file holds at most {most:,} resonators; use a lower --upto, or fewer outputs"
-        raise OptionError("upto", f"{found.part} has too many modes: {why}")
+        for output_index, (_, label) in enumerate(audible):
+            gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
+            ways += _path(struck, output_index, part_modes, swings, gain)
+    if sum(len(way.rows) for way in ways) > rows_max:
+        why = f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
+        raise OptionError("upto", f"{part_modes.part} has too many modes: {why}")
     return Bank(
-        found.part,
+        part_modes.part,
         piece.rate,
         ready.n_frames / piece.rate,
         [name for name, _, _ in inputs],
         [strikes for _, _, strikes in inputs],
-        [(label, output.traits.order) for output, label in heard],
-        [output.traits.reference / _LEVEL for output, _ in heard],
+        [(label, output.traits.order) for output, label in audible],
+        [output.traits.reference / _LEVEL for output, _ in audible],
         ways,
     )
 
 
 def _inputs(
-    piece: Piece, ready: PreparedPiece, found: PartModes
+    piece: Piece, ready: PreparedPiece, part_modes: PartModes
 ) -> list[tuple[str, NDArray[np.complex128], list[tuple[float, float]]]]:
     """The inputs of a bank: points that are struck, then those that links and contacts touch.
 
     Each is a name, the motion of each mode at the point, and the strikes on it (time, impulse).
     """
-    network, slots = ready.network, {name: at for at, name in enumerate(found.masses)}
+    network, slots = ready.network, {name: at for at, name in enumerate(part_modes.masses)}
     inputs = []
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
         if slot is not None and (strikes := ready.timeline.strikes_on(mat)):
             each = [(one.at, one.impulse) for one in strikes]
-            inputs.append((found.masses[slot], found.shapes[:, slot], each))
+            inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], each))
     known = {name for name, _, _ in inputs}
     known |= {target.text for one in piece.strikes for target in one.to}  # several points
-    others = {**found.points, **touched(piece, ready.built, found)}
+    others = {**part_modes.points, **touched(piece, ready.built, part_modes)}
     for label, moves in others.items():
         is_output = label.split(" ")[0] == "out"
         if not is_output and label not in known:
             inputs.append((label, moves, []))
     if not inputs:
-        inputs = [(label, moves, []) for label, moves in found.points.items()]
+        inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
     return inputs
 
 
-def _way(
+def _path(
     struck: int,
-    heard: int,
-    found: PartModes,
+    output_index: int,
+    part_modes: PartModes,
     swings: NDArray[np.bool_],
     gain: NDArray[np.complex128],
 ) -> Sequence[Way]:
@@ -109,49 +109,54 @@ def _way(
     from ergon.workshop.models.programs.bank import Way
 
     sizes = np.abs(gain)
-    kept = sizes > _LEAST * sizes.max(initial=0.0)
-    if not kept.any():
+    audible = sizes > _LEAST * sizes.max(initial=0.0)
+    if not audible.any():
         return []
-    poles = found.poles[swings][kept]
-    columns = found.frequencies[swings][kept], 0.0 - poles.real, sizes[kept], np.angle(gain[kept])
+    poles = part_modes.poles[swings][audible]
+    columns = (
+        part_modes.frequencies[swings][audible],
+        0.0 - poles.real,
+        sizes[audible],
+        np.angle(gain[audible]),
+    )
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    return [Way(struck, heard, rows)]
+    return [Way(struck, output_index, rows)]
 
 
 def touched(
-    piece: Piece, built: BuiltNetwork, found: PartModes
+    piece: Piece, built: BuiltNetwork, part_modes: PartModes
 ) -> Mapping[str, NDArray[np.complex128]]:
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(found.masses)}
+    name_of, slots = built.network.name_of, {name: at for at, name in enumerate(part_modes.masses)}
     points = {}
     for owner, module in piece.modules():
-        if owner != found.part or module.kind not in _HITS:
+        if owner != part_modes.part or module.kind not in _HITS:
             continue
         for end in module.fields["between"]:
             names = [name_of(mat) for mat in built.assembly.members(end)]
-            own = [slots[name] for name in names if name in slots]
-            if own:
+            mat_slots = [slots[name] for name in names if name in slots]
+            if mat_slots:
                 label = names[0] if len(names) == 1 else end.text
-                points[label] = found.shapes[:, own].sum(axis=1)
+                points[label] = part_modes.shapes[:, mat_slots].sum(axis=1)
     return points
 
 
-def left_out(found: PartModes) -> list[str]:
+def left_out(part_modes: PartModes) -> list[str]:
     """What a bank of modes leaves out, in sentences."""
     import numpy as np
 
-    swings = found.poles.imag > 0.0
+    swings = part_modes.poles.imag > 0.0
     warnings = []
     if n_out := int(np.count_nonzero(~swings)):
         noun = "mode that does" if n_out == 1 else "modes that do"
         warnings.append(f"{n_out} {noun} not oscillate left out")
-    if found.n_laws:
+    if part_modes.n_laws:
         warnings.append("laws of its links were linearised at rest")
-    if found.n_contacts:
+    if part_modes.n_contacts:
         warnings.append("its contacts counted as open")
-    if not found.is_certified:
+    if not part_modes.is_certified:
         warnings.append("modes may be missing, because the search ended before all were known")
     return warnings
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Form = Literal["modes", "cels", "chain"]
 SOUNDS = (".wav", ".wave", ".flac", ".rf64", ".bwf")
 PLACE = "point"
-_MOST = 500
+_MODES_MAX = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +43,9 @@ def bell(
     from ergon.workshop.bells import resonances, stroke
 
     options, report = options or BellOptions(), report or Report()
-    count = _MOST if options.modes is None else options.modes
-    if not 1 <= count <= _MOST:
-        raise OptionError("modes", f"is {count}; it must be from 1 to {_MOST}")
+    count = _MODES_MAX if options.modes is None else options.modes
+    if not 1 <= count <= _MODES_MAX:
+        raise OptionError("modes", f"is {count}; it must be from 1 to {_MODES_MAX}")
     if isinstance(strokes, (str, Path)):
         strokes = [strokes]
     by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
@@ -66,6 +66,8 @@ def bell(
             message += "use a table without other files"
             raise OptionError("strokes", message)
         return bells.of_table(resonances.read(tables[0]), count)
-    heard = [(place, stroke.stroke(str(file), *stroke.read(file, report))) for place, file in files]
+    read_strokes = [
+        (place, stroke.stroke(str(file), *stroke.read(file, report))) for place, file in files
+    ]
     with report.waiting("looking for modes"):
-        return bells.of_strokes(heard, count)
+        return bells.of_strokes(read_strokes, count)

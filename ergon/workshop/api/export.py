@@ -93,10 +93,10 @@ def faust_programs(
     outputs are those of the parts. Links to other parts are left out. Raises ScoreError,
     OptionError, and ModelError with the places of what cannot be exported.
     """
-    from ergon.workshop.models.programs.faust_bank import MOST as RESONATORS
+    from ergon.workshop.models.programs.faust_bank import BANK_MAX as RESONATORS
     from ergon.workshop.models.programs.faust_bank import program as bank_program
     from ergon.workshop.models.programs.faust_program import program
-    from ergon.workshop.models.programs.network import MOST
+    from ergon.workshop.models.programs.network import NETWORK_MAX
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
@@ -108,21 +108,21 @@ def faust_programs(
             return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)
     banks = [name for name in options.parts if _is_bank(piece, name)]
     if not banks:
-        return _programs(score, loaded, options, program, most=MOST)
+        return _programs(score, loaded, options, program, n_max=NETWORK_MAX)
     others = [name for name in options.parts if name not in banks]
     with scores.staging(lambda: loaded, report):
-        made = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
+        exported = banks_of(piece, loaded.inputs, banks, HIGHEST, bank_program, RESONATORS, report)
     if others:
-        own = replace(options, parts=others)
-        made += _programs(score, loaded, own, program, most=MOST)
-    return tuple(sorted(made, key=lambda one: options.parts.index(one.part)))
+        part_options = replace(options, parts=others)
+        exported += _programs(score, loaded, part_options, program, n_max=NETWORK_MAX)
+    return tuple(sorted(exported, key=lambda one: options.parts.index(one.part)))
 
 
 def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
     """The named parts; without names, those whose motion is heard, or all if there is none."""
     names = selected_parts(piece, parts)
-    heard = [name for name in names if parts or is_heard(piece, name)]
-    return heard or list(names)  # if nothing is heard, the first part is refused later
+    audible = [name for name in names if parts or is_heard(piece, name)]
+    return audible or list(names)  # if nothing is heard, the first part is refused later
 
 
 def _is_bank(piece: Piece, name: str) -> bool:
@@ -136,26 +136,26 @@ def banks_of(
     names: Sequence[str],
     upto: float,
     written: Callable[[Bank], str],
-    most: int,
+    modes_max: int,
     report: Report | None,
 ) -> tuple[ExportedPart, ...]:
-    """A file for each part that has modes up to `upto` [Hz], with `most` resonators at most.
+    """A file for each part that has modes up to `upto` [Hz], with `modes_max` resonators at most.
 
     Raises ScoreError and OptionError.
     """
     from ergon.scores.staging.preparing import prepare
 
     upto = min(upto, 0.499 * piece.rate)
-    made = []
+    exported = []
     with (report or Report()).waiting("computing modes"):
         ready = prepare(piece)
         for name in names:
-            found = modes_of(piece, ready.built, name, {"to": upto}, inputs)
-            if not found.masses:
+            modes = modes_of(piece, ready.built, name, {"to": upto}, inputs)
+            if not modes.masses:
                 continue
-            text = written(bank_of(piece, ready, found, most))
-            made.append(ExportedPart(name, text, tuple(left_out(found)), inputs))
-    return tuple(made)
+            text = written(bank_of(piece, ready, modes, modes_max))
+            exported.append(ExportedPart(name, text, tuple(left_out(modes)), inputs))
+    return tuple(exported)
 
 
 def mi_gen_models(
@@ -166,11 +166,11 @@ def mi_gen_models(
     Inputs are those of a program of Faust; an output hears one point, or the links of one point.
     Raises ScoreError, OptionError, and ModelError with the places of what the format cannot say.
     """
-    from ergon.workshop.models.programs.mi_gen import MOST, model
+    from ergon.workshop.models.programs.mi_gen import NETWORK_MAX, model
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
-    return _programs(score, loaded, options, model, most=MOST)
+    return _programs(score, loaded, options, model, n_max=NETWORK_MAX)
 
 
 def _programs(
@@ -179,7 +179,7 @@ def _programs(
     options: ExportOptions,
     program: Callable[[Stepped, str], str],
     *,
-    most: int,
+    n_max: int,
 ) -> tuple[ExportedPart, ...]:
     from ergon.workshop.models.programs.network import stepped
 
@@ -187,13 +187,13 @@ def _programs(
     title = Path(score).stem if str(score) != scores.STDIN else "score"
     names = selected_parts(piece, options.parts)
     wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
-    made = []
-    for name, own in wholes:
-        parts, struck = _parts(piece, own), _struck(piece, own)
-        network = stepped(parts, struck, piece.rate, most=most)
+    exported = []
+    for name, part_names in wholes:
+        parts, struck = _parts(piece, part_names), _struck(piece, part_names)
+        network = stepped(parts, struck, piece.rate, points_max=n_max)
         warnings = tuple(f"{one} is left out" for one in network.left_out)
-        made.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
-    return tuple(made)
+        exported.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
+    return tuple(exported)
 
 
 def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
@@ -225,58 +225,62 @@ def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
         )
         error.file = piece.duet[0].place.file
         raise error
-    found = []
+    parts = []
     for name in names:
         if name in piece.keys:
             key = piece.keys[name]
-            found.append(Part(name, key.modules, struck=key.struck))
+            parts.append(Part(name, key.modules, struck=key.struck))
         else:
-            one = piece.instruments[name]
-            found.append(Part(name, one.modules, one.outputs, one.ca_rate))
-    return found
+            instrument = piece.instruments[name]
+            parts.append(Part(name, instrument.modules, instrument.outputs, instrument.ca_rate))
+    return parts
 
 
 def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
-    found = [target for strike in piece.strikes for target in strike.to]
+    targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
         ends = module.fields.get("between", ())
         if any(end.part not in names for end in ends) or owner not in names:
-            found += ends
-    return [target for target in found if target.part in names]
+            targets += ends
+    return [target for target in targets if target.part in names]
 
 
 def _table(
-    found: PartModes, at: Mapping[str, NDArray[np.complex128]], ca_rate: float | None
+    part_modes: PartModes,
+    shape_by_label: Mapping[str, NDArray[np.complex128]],
+    ca_rate: float | None,
 ) -> ExportedPart:
     import numpy as np
 
-    swings = found.poles.imag > 0.0
-    poles = found.poles[swings]
+    swings = part_modes.poles.imag > 0.0
+    poles = part_modes.poles[swings]
     columns: dict[str, NDArray[np.float64]] = {
-        "frequency [Hz]": found.frequencies[swings],
-        "T60 [s]": found.t60[swings],
+        "frequency [Hz]": part_modes.frequencies[swings],
+        "T60 [s]": part_modes.t60[swings],
         "decay [1/s]": 0.0 - poles.real,
     }
     per_second = swing(poles, ca_rate)
-    points = {label: moves[swings] for label, moves in at.items()}
-    for struck, heard in _ways(points):
-        gain = points[struck] * points[heard] / per_second
-        columns[f"amplitude {struck} to {heard} [m/Ns]"] = np.abs(gain)
-        columns[f"phase {struck} to {heard} [rad]"] = np.angle(gain)
+    points = {label: moves[swings] for label, moves in shape_by_label.items()}
+    for struck, listener in _ways(points):
+        gain = points[struck] * points[listener] / per_second
+        columns[f"amplitude {struck} to {listener} [m/Ns]"] = np.abs(gain)
+        columns[f"phase {struck} to {listener} [rad]"] = np.angle(gain)
     text = io.StringIO()
-    text.write(f"# modes of {found.part}, made by ergon\n")
+    text.write(f"# modes of {part_modes.part}, made by ergon\n")
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(("mode", *columns))
     values = zip(*(column.tolist() for column in columns.values()), strict=True)
     rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
-    return ExportedPart(found.part, text.getvalue(), tuple(left_out(found)), found.inputs)
+    return ExportedPart(
+        part_modes.part, text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
+    )
 
 
 def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:
     """Pairs of a struck or touched point and a heard one; if one kind is missing, the other
     replaces it.
     """
-    heard = [label for label in points if label.split(" ")[0] == "out"]
-    struck = [label for label in points if label not in heard]
-    return [(a, b) for a in struck or heard for b in heard or struck]
+    output_labels = [label for label in points if label.split(" ")[0] == "out"]
+    struck = [label for label in points if label not in output_labels]
+    return [(a, b) for a in struck or output_labels for b in output_labels or struck]

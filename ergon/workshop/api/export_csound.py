@@ -21,7 +21,7 @@ def csound_orchestras(
     on the nearest sample. Without `parts`, those whose motion is heard are written. Modes are
     those of `mode_tables`. Raises ScoreError and OptionError.
     """
-    from ergon.workshop.models.programs.csound import MOST, orchestra
+    from ergon.workshop.models.programs.csound import BANK_MAX, orchestra
 
     options = options or ExportOptions()
     loaded = scores.read(score, options, report)
@@ -29,4 +29,4 @@ def csound_orchestras(
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
         names = heard_parts(piece, options.parts)
-        return banks_of(piece, loaded.inputs, names, upto, orchestra, MOST, report)
+        return banks_of(piece, loaded.inputs, names, upto, orchestra, BANK_MAX, report)

@@ -79,9 +79,9 @@ def import_model(
         raise
     if options.dialect is None and is_table(text):
         message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
-        told = ModelError(message)
-        told.file = str(path)
-        raise told
+        model_error = ModelError(message)
+        model_error.file = str(path)
+        raise model_error
     if options.dialect is None and is_patch(text):
         refused = ModelError(patch_words(text))
         refused.file = str(path)
@@ -139,28 +139,28 @@ def _pmpd(
     if options.dialect == "pmpd" or options.dialect == "pmpd~":
         wanted = options.dialect
     kind, messages = pmpd_messages(text, wanted)
-    made = network(kind, messages)
-    known = {f"in{port.number}" for port in made.ports if port.what.startswith("in")}
+    pmpd_network = network(kind, messages)
+    known = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
     unfed = _unfed(inputs, sorted(known))
-    return ImportedModel(pmpd_written(made, inputs, name), kind, len(messages), unfed)
+    return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
 
 
 def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]) -> ImportedModel:
     """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
-    given = {}
+    parameters = {}
     for parameter, value in options.values.items():
         try:
-            given[parameter] = float(value)
+            parameters[parameter] = float(value)
         except ValueError:
             raise OptionError("set", f"{value} is not a number", value=parameter) from None
-        if not isfinite(given[parameter]):
+        if not isfinite(parameters[parameter]):
             raise OptionError("set", f"{value} is not a number", value=parameter)
     sheet = sam_sheet(text)
     unfed = _unfed(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
-    return ImportedModel(sam_written(sheet, inputs, given, name), "sam", count, unfed)
+    return ImportedModel(sam_written(sheet, inputs, parameters, name), "sam", count, unfed)
 
 
 def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
@@ -175,8 +175,8 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
             raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
         rate = value
     if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
-        least, most = RATES
-        raise OptionError("set", f"rate is a whole number from {least} to {most:,} [Hz]")
+        least, highest = RATES
+        raise OptionError("set", f"rate is a whole number from {least} to {highest:,} [Hz]")
     network = miphysics_network(text)
     count = len(network.masses) + len(network.links)
     return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
@@ -239,8 +239,8 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
         raise OptionError("input", message, value=name)
     first, second = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
     least = min(float(block.min()) for block in blocks)
-    most = max(float(block.max()) for block in blocks)
-    if not isfinite(least + most):
+    highest = max(float(block.max()) for block in blocks)
+    if not isfinite(least + highest):
         raise OptionError("input", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
-    return Input(file_of_score, first, second, least, most, info.n_frames)
+    return Input(file_of_score, first, second, least, highest, info.n_frames)

@@ -119,8 +119,8 @@ class MovieMaker:
         """The instant of each picture [s]."""
         options = self._options
         duration = float(page.run("ergon.page.story.duration"))
-        told = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
-        marks = dict(page.run(told))
+        script = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
+        marks = dict(page.run(script))
         start, end = _instant("from", options.start, marks), _instant("to", options.end, marks)
         start, end = start or 0.0, duration if end is None else min(end, duration)
         if start >= duration:
@@ -158,8 +158,8 @@ class MovieMaker:
                 if shown.sound is not None:
                     stretch = instants[0], instants[0] + n / options.rate
                     sound = _sound(shown.sound, *stretch)
-                made = VideoFile(file, self._suffix, self._size, options.rate, sound)
-                stack.callback(made.discard)
+                video_file = VideoFile(file, self._suffix, self._size, options.rate, sound)
+                stack.callback(video_file.discard)
             progress = stack.enter_context(report.progress("drawing", n, options.rate))
             for i, t in enumerate(instants):
                 page.run(f"ergon.seek({t!r})")
@@ -167,16 +167,16 @@ class MovieMaker:
                 if self._is_folder:
                     (folder / f"{i:06}.png").write_bytes(picture)
                 else:
-                    made.add(picture)
+                    video_file.add(picture)
                 progress.at(i + 1)
             if not self._is_folder:
-                made.close()
+                video_file.close()
         return Movie(str(self._target), n, n / options.rate, *self._size, sound is not None)
 
 
 def _size(text: str) -> tuple[int, int]:
-    found = _SIZE.fullmatch(text)
-    sides = [int(side) for side in found.groups()] if found else []
+    match = _SIZE.fullmatch(text)
+    sides = [int(side) for side in match.groups()] if match else []
     if not sides or any(s % 2 or not _SIDE_MIN <= s <= _SIDE_MAX for s in sides):
         reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
         raise OptionError("size", reason, value=text)
@@ -187,11 +187,11 @@ def _stops(text: str) -> list[tuple[int, float]]:
     """Views, and when each is reached [s]."""
     stops: list[tuple[int, float]] = []
     for word in text.split():
-        found = _STOP.fullmatch(word)
-        if found is None or (found[2] is None and stops):
+        match = _STOP.fullmatch(word)
+        if match is None or (match[2] is None and stops):
             reason = "write views and when they are reached, such as '1@0s 3@12s'"
             raise OptionError("camera", reason, value=text)
-        stops.append((int(found[1]), float(found[2] or 0.0)))
+        stops.append((int(match[1]), float(match[2] or 0.0)))
     times = [when for _, when in stops]
     if not stops or any(later <= earlier for earlier, later in pairwise(times)):
         raise OptionError(
@@ -204,8 +204,8 @@ def _instant(option: str, text: str | None, marks: dict[str, float]) -> float | 
     """An instant [s] of the piece: as seconds, or the name of a mark. Raises OptionError."""
     if text is None:
         return None
-    if found := _SECONDS.fullmatch(text):
-        return float(found[1])
+    if match := _SECONDS.fullmatch(text):
+        return float(match[1])
     if text in marks:
         return marks[text]
     known = f" or a mark: {', '.join(marks)}" if marks else "; the piece has no marks"
@@ -237,11 +237,11 @@ def _between(path: Path, first: int, last: int) -> Iterator[NDArray[np.float64]]
     """The frames of a file from `first` up to `last`, which is left out."""
     from ergon.exchange import sound
 
-    at = 0
+    first_frame = 0
     for block in sound.read_blocks(path):
-        wanted = block[max(0, first - at) : max(0, last - at)]
-        at += len(block)
+        wanted = block[max(0, first - first_frame) : max(0, last - first_frame)]
+        first_frame += len(block)
         if len(wanted):
             yield wanted
-        if at >= last:
+        if first_frame >= last:
             return

@@ -16,7 +16,9 @@ _SMOOTH = 5  # bins over which valleys between peaks are sought
 _NEAR, _FAR = 0.6, 1.4  # of a band's width: where its edge may lie
 _RISE = 3.98  # of the noise's power (6 dB): a band with less has no peak
 _QUIET = 20.0  # percentile of powers that is noise where peaks stand between
-_OF_MEDIAN = 0.223  # that percentile over the mean, of powers that are distributed exponentially
+_PERCENTILE_OVER_MEAN = (
+    0.223  # that percentile over the mean, of powers that are distributed exponentially
+)
 
 
 class Bands:
@@ -61,8 +63,10 @@ class Bands:
             edges.append((begin + int(np.argmin(smooth[begin:end]))) * step)
         edges.append(high)
         for a, b in pairwise(edges):
-            own = power[int(a / step) : int(b / step)]
+            power_in_band = power[int(a / step) : int(b / step)]
             around = power[max(1, int(0.7 * a / step)) : int(1.4 * b / step)]
-            noise = float(np.percentile(around, _QUIET)) / _OF_MEDIAN
-            if own.size and own.max() > _RISE * noise * (1.0 + log(own.size)):
+            noise = float(np.percentile(around, _QUIET)) / _PERCENTILE_OVER_MEAN
+            if power_in_band.size and power_in_band.max() > _RISE * noise * (
+                1.0 + log(power_in_band.size)
+            ):
                 yield a, b

@@ -17,7 +17,7 @@ RESIDUAL_ENERGY_MAX = 0.25  # of the energy that modes may leave (-6 dB)
 _SAME = 5.0  # standard deviations within which two strokes have one mode
 _LEAST_APART = 0.02  # [Hz]
 _NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
-_ONE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
+_SAME_MODE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
 _FAINT = 1e-7  # of the energy of every stroke: what other modes left
 _PEAK = 0.5  # of full scale: all modes of a table together
 _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
@@ -69,26 +69,30 @@ def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) 
 
     Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
     """
-    found = []
-    for _, one in strokes:
-        own, rest = find_modes(one.sound, one.rate)
-        left = float(np.sum(rest**2) / np.sum(one.sound**2))
-        if not own.f.size or left > RESIDUAL_ENERGY_MAX:
-            what = "none of it" if not own.f.size else f"only {100.0 * (1.0 - left):.0f} % of it"
+    stroke_modes = []
+    for _, recorded in strokes:
+        recorded_modes, rest = find_modes(recorded.sound, recorded.rate)
+        left = float(np.sum(rest**2) / np.sum(recorded.sound**2))
+        if not recorded_modes.f.size or left > RESIDUAL_ENERGY_MAX:
+            what = (
+                "none of it"
+                if not recorded_modes.f.size
+                else f"only {100.0 * (1.0 - left):.0f} % of it"
+            )
             message = (
-                f"{one.name}: it is not a single stroke of something that rings: damped modes "
+                f"{recorded.name}: it is not a single stroke of something that rings: damped modes "
             )
             raise NotAStrokeError(message + f"explain {what}; 75 % is the least")
-        found.append((own, uncertainty(own, rest, one.rate)))
-    f, d = _merged_modes(found)
-    fits = [_fit(one, f, d) for _, one in strokes]
+        stroke_modes.append((recorded_modes, uncertainty(recorded_modes, rest, recorded.rate)))
+    f, d = _merged_modes(stroke_modes)
+    fits = [_fit(recorded, f, d) for _, recorded in strokes]
     shares = np.stack([fit.energy for fit in fits]).max(axis=0)
     loudest = np.argsort(shares)[::-1][:count]
-    kept = np.sort(loudest[shares[loudest] > _FAINT])
-    if kept.size < f.size:
-        f, d = f[kept], d[kept]
-        fits = [_fit(one, f, d) for _, one in strokes]
-    return _bell([place for place, _ in strokes], [one for _, one in strokes], fits)
+    audible = np.sort(loudest[shares[loudest] > _FAINT])
+    if audible.size < f.size:
+        f, d = f[audible], d[audible]
+        fits = [_fit(recorded, f, d) for _, recorded in strokes]
+    return _bell([place for place, _ in strokes], [recorded for _, recorded in strokes], fits)
 
 
 @dataclass(frozen=True)
@@ -105,27 +109,30 @@ class _Fit:
 
 def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
     modes, rest = fit_amplitudes(stroke.sound, stroke.rate, f, d)
-    whole = float(np.sum(stroke.sound**2)) / stroke.rate
-    energy = modes.energy(stroke.sound.size / stroke.rate) / whole
-    explained = 1.0 - float(np.sum(rest**2)) / stroke.rate / whole
+    stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
+    energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
+    explained = 1.0 - float(np.sum(rest**2)) / stroke.rate / stroke_energy
     deviation = uncertainty(modes, rest, stroke.rate)
     first = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
     return _Fit(first, deviation, energy, explained)
 
 
-def _merged_modes(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
+def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
     """f and d of all modes; a mode found in several strokes appears once."""
     rows = [
-        (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), at)
-        for at, (modes, own) in enumerate(found)
-        for f, d, sf, sd in zip(modes.f, modes.d, own.f, own.d, strict=True)
+        (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), stroke_index)
+        for stroke_index, (modes, errors) in enumerate(modes_and_errors)
+        for f, d, sf, sd in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
     ]
     groups: list[list[tuple[float, float, float, float, int]]] = []
     for row in sorted(rows):
         near = [
             group
             for group in groups[-4:]
-            if (row[4] not in {one[4] for one in group} or row[0] - group[0][0] < _ONE * row[1])
+            if (
+                row[4] not in {one[4] for one in group}
+                or row[0] - group[0][0] < _SAME_MODE * row[1]
+            )
             and abs(row[0] - group[0][0])
             <= max(_SAME * float(np.hypot(row[2], group[0][2])), _LEAST_APART, _NEAR * row[1])
         ]
@@ -137,9 +144,9 @@ def _merged_modes(found: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Ar
     d: list[float] = []
     for group in groups:
         table = np.array(group)
-        for own, at in ((f, 0), (d, 1)):
-            weight = 1.0 / table[:, at + 2] ** 2
-            own.append(float(np.sum(table[:, at] * weight) / np.sum(weight)))
+        for errors, stroke_index in ((f, 0), (d, 1)):
+            weight = 1.0 / table[:, stroke_index + 2] ** 2
+            errors.append(float(np.sum(table[:, stroke_index] * weight) / np.sum(weight)))
     order = np.argsort(f)
     return np.array(f)[order], np.array(d)[order]
 
@@ -148,19 +155,21 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
     modes = fits[0].modes
     names = tuple(dict.fromkeys(places))
     table = np.zeros((modes.f.size, len(names)))
-    heard: dict[int, tuple[float, float | None]] = {}
+    impulse_and_length: dict[int, tuple[float, float | None]] = {}
     lengths = []
     for column, name in enumerate(names):
-        own = [i for i, place in enumerate(places) if place == name]
-        amplitudes = np.stack([np.abs(fits[i].modes.c) for i in own])
-        errors = np.stack([fits[i].deviation.level for i in own])
-        told = contact.levels(modes.f, amplitudes, errors)
-        hardest = own[int(np.argmax(told.impulses))]
-        table[:, column] = told.levels * _signs(fits[hardest].modes)
-        shortest = told.lengths[int(np.argmax(told.impulses))]
+        place_rows = [i for i, place in enumerate(places) if place == name]
+        amplitudes = np.stack([np.abs(fits[i].modes.c) for i in place_rows])
+        errors = np.stack([fits[i].deviation.level for i in place_rows])
+        contact_levels = contact.levels(modes.f, amplitudes, errors)
+        hardest = place_rows[int(np.argmax(contact_levels.impulses))]
+        table[:, column] = contact_levels.levels * _signs(fits[hardest].modes)
+        shortest = contact_levels.lengths[int(np.argmax(contact_levels.impulses))]
         lengths += [] if shortest is None else [shortest]
-        for i, impulse, length in zip(own, told.impulses, told.lengths, strict=True):
-            heard[i] = float(impulse), length
+        for i, impulse, length in zip(
+            place_rows, contact_levels.impulses, contact_levels.lengths, strict=True
+        ):
+            impulse_and_length[i] = float(impulse), length
     length = min(lengths, default=contact.LENGTH)
     reference = float(np.abs(table).max())
     table /= reference
@@ -168,9 +177,9 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
     best = [np.min([getattr(fit.deviation, what) for fit in fits], axis=0) for what in "fd"]
     level = np.min([fit.deviation.level for fit in fits], axis=0)
-    told_strokes = tuple(
-        StrokeReport(one.name, place, *heard[i], fits[i].explained)
-        for i, (place, one) in enumerate(zip(places, strokes, strict=True))
+    stroke_contacts = tuple(
+        StrokeReport(recorded.name, place, *impulse_and_length[i], fits[i].explained)
+        for i, (place, recorded) in enumerate(zip(places, strokes, strict=True))
     )
     return Bell(
         modes.f,
@@ -180,7 +189,7 @@ def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]
         listened,
         loudest.energy,
         Uncertainty(best[0], best[1], level),
-        told_strokes,
+        stroke_contacts,
         length,
         reference,
     )
@@ -191,10 +200,10 @@ def _split(table: Array) -> tuple[Array, Array]:
     places.
     """
     loudest = int(np.argmax(np.sum(table**2, axis=0)))
-    own = np.abs(table[:, loudest])
+    loudest_level = np.abs(table[:, loudest])
     least = 1e-3 * np.abs(table).max(axis=1)
-    heard: Array = np.sqrt(np.maximum(np.maximum(own, least), 1e-12))
-    return heard, np.asarray(table / heard[:, None])
+    loudness: Array = np.sqrt(np.maximum(np.maximum(loudest_level, least), 1e-12))
+    return loudness, np.asarray(table / loudness[:, None])
 
 
 def _signs(modes: Modes) -> Array:
@@ -205,8 +214,10 @@ def _signs(modes: Modes) -> Array:
     phase = np.angle(modes.c)
     turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * modes.f[None, :]
     together = np.exp(2j * turns) @ weight
-    at = int(np.argmax(np.abs(together)))
-    signs = np.where(np.cos(turns[at] - 0.5 * np.angle(together[at])) >= 0.0, 1.0, -1.0)
+    loudest_row = int(np.argmax(np.abs(together)))
+    signs = np.where(
+        np.cos(turns[loudest_row] - 0.5 * np.angle(together[loudest_row])) >= 0.0, 1.0, -1.0
+    )
     return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
 
 
@@ -215,11 +226,13 @@ def of_table(rows: Sequence[tuple[float, float, float]], count: int | None = Non
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
-    kept = sorted(rows, key=lambda row: -(row[2] ** 2) * row[1])[: count or len(rows)]
-    f, t60, a = (np.array(column) for column in zip(*sorted(kept), strict=True))
-    heard, levels = _split((a / np.abs(a).max())[:, None])
+    loudest_rows = sorted(rows, key=lambda row: -(row[2] ** 2) * row[1])[: count or len(rows)]
+    f, t60, a = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
+    loudness, levels = _split((a / np.abs(a).max())[:, None])
     energy = a * a * t60
-    whole = sum(row[2] ** 2 * row[1] for row in rows)
-    reference = _PEAK / float(np.sum(np.abs(levels[:, 0] * heard)))
-    told = contact.LENGTH, reference
-    return Bell(f, t60, ("point",), levels, heard, energy / whole, None, (), *told)
+    energy_total = sum(row[2] ** 2 * row[1] for row in rows)
+    reference = _PEAK / float(np.sum(np.abs(levels[:, 0] * loudness)))
+    reference_contact = contact.LENGTH, reference
+    return Bell(
+        f, t60, ("point",), levels, loudness, energy / energy_total, None, (), *reference_contact
+    )

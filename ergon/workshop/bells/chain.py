@@ -56,8 +56,8 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
     stretched = np.vstack([shapes[1:] - shapes[:-1], -shapes[-1:]])
     ways = np.vstack([stretched**2, shapes**2])
     z = _not_negative((ways / (2.0 * sigma)).T, np.ones(n))
-    made = ways.T @ z / 2.0
-    worst = float(np.max(np.abs(made / sigma - 1.0)))
+    rebuilt = ways.T @ z / 2.0
+    worst = float(np.max(np.abs(rebuilt / sigma - 1.0)))
     if not worst < _FAR:
         message = f"no dampers of a chain give these decays: one would be {100 * worst:.0f} % off"
         raise ValueError(message)
@@ -89,10 +89,10 @@ def _not_negative(a: Array, b: Array) -> Array:
     for _ in range(10 * n):
         rise = a.T @ (b - a @ x)
         rise[active] = -np.inf
-        at = int(np.argmax(rise))
-        if rise[at] <= 1e-12:
+        row = int(np.argmax(rise))
+        if rise[row] <= 1e-12:
             break
-        active[at] = True
+        active[row] = True
         while True:
             trial = np.zeros(n)
             trial[active] = np.linalg.lstsq(a[:, active], b, rcond=None)[0]

@@ -20,7 +20,9 @@ _BEYOND = 0.8  # and beyond, where they have zeros of their own
 _KNOWN = 0.03  # levels are no better than this, relatively
 _LEAST = 5  # modes within reach: fewer do not tell a length
 _RANGE = 4.0  # cost above the least: two standard deviations
-_TOLD = 2.0  # a length is told where the longest in that range is so many times the shortest
+_RANGE_RATIO_MIN = (
+    2.0  # a length is told where the longest in that range is so many times the shortest
+)
 
 
 def spectrum(f: Array, length: float) -> Array:
@@ -74,9 +76,9 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     }
     total = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
     likely = np.flatnonzero(total <= total.min() + _RANGE)
-    is_told = _TRIED_LENGTHS[likely[-1]] <= _TOLD * _TRIED_LENGTHS[likely[0]]
-    own = int(np.argmin(total)) if is_told else int(likely[0])
-    chosen = [own if s == hardest else int(np.argmin(costs[s][own])) for s in range(n_strokes)]
+    is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
+    row = int(np.argmin(total)) if is_told else int(likely[0])
+    chosen = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
     is_told &= all(np.count_nonzero(f * _TRIED_LENGTHS[at] < _REACH) >= _LEAST for at in chosen)
     weights = 1.0 / (variance + doubts[chosen])
     common = logs - shapes[chosen]

@@ -44,15 +44,17 @@ def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
 
 def _head(bell: Bell, form: str) -> Iterator[str]:
     yield f"{len(bell.f)} modes, struck at {', '.join(bell.places)}."
-    for one in bell.strokes:
-        length = "" if one.contact is None else f", contact {1e3 * one.contact:.2g} ms"
-        share = f"{100.0 * one.explained:.2f} % of its energy explained"
-        yield f"{one.name} at {one.place}: impulse {one.impulse:.3g}{length}, {share}"
+    for stroke in bell.strokes:
+        length = "" if stroke.contact is None else f", contact {1e3 * stroke.contact:.2g} ms"
+        share = f"{100.0 * stroke.explained:.2f} % of its energy explained"
+        yield f"{stroke.name} at {stroke.place}: impulse {stroke.impulse:.3g}{length}, {share}"
     yield "Masses are chosen, for a recording tells levels only."
     if form == "modes":
         loud = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
-        told = " as in the recording" if bell.strokes else ""
-        yield f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loud} loud{told}."
+        loudness_note = " as in the recording" if bell.strokes else ""
+        yield (
+            f"A hammer at {contact.SPEED:g} m/s makes the loudest mode {loud} loud{loudness_note}."
+        )
     yield "A key gives the hammer a push, and stops before `gap`:"
     yield "  {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}"
 
@@ -62,10 +64,11 @@ def _mass(bell: Bell) -> float:
     return PLACE_MASS * float(np.sum(bell.levels[:, 0] ** 2))
 
 
-def _felt(bell: Bell, at: str, name: str = "felt") -> str:
+def _contact_line(bell: Bell, place: str, name: str = "felt") -> str:
     k = contact.stiffness(bell.contact)
     return (
-        f"      {name}: {{BUT: {{between: [hammer, {at}], K: {k:.4g}, exponent: 1.5, gap: 7mm}}}}"
+        f"      {name}: {{BUT: {{between: [hammer, {place}], K: {k:.4g}, exponent: 1.5, gap: "
+        "7mm}}"
     )
 
 
@@ -79,7 +82,7 @@ def _modes(bell: Bell) -> list[str]:
     rows.append("          places:")
     for name, levels in places.items():
         rows += _list(f"            {name}: ", [_number(level, 6) for level in levels])
-    rows.append(_felt(bell, f"body.{bell.places[0]}"))
+    rows.append(_contact_line(bell, f"body.{bell.places[0]}"))
     return [*rows, f"    out: {{SOV: body.{LISTENED}}}"]
 
 
@@ -87,12 +90,12 @@ def _cels(bell: Bell) -> list[str]:
     weight = np.abs(bell.levels[:, 0] * bell.heard)
     mass = PLACE_MASS * float(np.sum(weight))
     rows, links = [], []
-    for i, (f, t60, own) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
-        grams = _number(1e3 * mass / max(own, 1e-9))
+    for i, (f, t60, modal_weight) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
+        grams = _number(1e3 * mass / max(modal_weight, 1e-9))
         rows.append(
             f"      p{i}: {{CEL: {{M: {grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
         )
-        links.append(_felt(bell, f"p{i}", f"b{i}"))
+        links.append(_contact_line(bell, f"p{i}", f"b{i}"))
     names = _list("    out: {SOV: ", [f"p{i}" for i in range(1, len(bell.f) + 1)])
     return [*rows, *links, *names[:-1], names[-1] + "}"]
 
@@ -100,20 +103,20 @@ def _cels(bell: Bell) -> list[str]:
 def _chain(bell: Bell) -> list[str]:
     weight = np.abs(bell.levels[:, 0] * bell.heard)
     try:
-        made = chain(bell.f, bell.t60, weight, PLACE_MASS)
+        built_chain = chain(bell.f, bell.t60, weight, PLACE_MASS)
     except ValueError as error:
         raise FormError(f"{error}; write the bell as modes") from None
     rows = ["      wall: {SOL: {}}"]
-    last = len(made.masses)
-    for i, (m, z) in enumerate(zip(made.masses, made.grounds, strict=True), 1):
+    last = len(built_chain.masses)
+    for i, (m, z) in enumerate(zip(built_chain.masses, built_chain.grounds, strict=True), 1):
         rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
         if z > 0.0 and i < last:
             rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
-    for i, (k, z) in enumerate(zip(made.springs, made.dampers, strict=True), 1):
+    for i, (k, z) in enumerate(zip(built_chain.springs, built_chain.dampers, strict=True), 1):
         ends = f"[m{i}, m{i + 1}]" if i < last else f"[m{i}, wall]"
-        z += made.grounds[-1] if i == last else 0.0
+        z += built_chain.grounds[-1] if i == last else 0.0
         rows.append(f"      s{i}: {{REF: {{between: {ends}, K: {_number(k)}, Z: {_number(z)}}}}}")
-    return [*rows, _felt(bell, "m1"), "    out: {SOV: m1}"]
+    return [*rows, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
 
 
 def _number(value: float, digits: int = 10) -> str:

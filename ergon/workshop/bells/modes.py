@@ -18,7 +18,7 @@ LOW, HIGH = 50.0, 16_000.0  # [Hz] modes are sought here
 _WIDTHS = (80.0, 400.0)  # [Hz] of bands; wider ones in what is left
 _LONGEST = 1_100  # samples of a band
 _SHORTEST = 40
-_MOST = 16  # modes of a band
+_BAND_MODES_MAX = 16  # modes of a band
 _SKIP = 3.0  # over a band's width: what its edge smears [s]
 _DECAYS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
 _FASTEST = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
@@ -55,8 +55,8 @@ class Modes:
 
     def energy(self, duration: float) -> Array:
         """∫ of the square of each mode over a duration [s]."""
-        whole = np.abs(self.c) ** 2 / (4.0 * self.d)
-        return np.asarray(whole * -np.expm1(-2.0 * self.d * duration))
+        energies = np.abs(self.c) ** 2 / (4.0 * self.d)
+        return np.asarray(energies * -np.expm1(-2.0 * self.d * duration))
 
 
 NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
@@ -64,46 +64,46 @@ NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
     """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
-    found, rest = NONE, sound
+    modes, rest = NONE, sound
     for width in _WIDTHS:
         bands = Bands(rest, rate)
         high = min(HIGH, 0.45 * rate)
-        f, d = list(found.f), list(found.d)
+        f, d = list(modes.f), list(modes.d)
         for low, top in bands.occupied(LOW, high, width):
             _core.poll()
-            own = _in_band(bands, low, top, width)
-            f += list(own[0])
-            d += list(own[1])
+            band_modes = _in_band(bands, low, top, width)
+            f += list(band_modes[0])
+            d += list(band_modes[1])
         if f:
             order = np.argsort(f)
-            found, rest = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
+            modes, rest = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
     for _ in range(_ROUNDS):
-        told = uncertainty(found, rest, rate)
-        worst = _unknown(found, told)
+        errors = uncertainty(modes, rest, rate)
+        worst = _unknown(modes, errors)
         if not worst:
             break
-        found, rest = _without_modes(found, rest, worst, sound, rate)
-    return found, rest
+        modes, rest = _without_modes(modes, rest, worst, sound, rate)
+    return modes, rest
 
 
-def _unknown(modes: Modes, told: Uncertainty) -> list[int]:
+def _unknown(modes: Modes, errors: Uncertainty) -> list[int]:
     """Modes whose decay is not known, the worst first; of neighbours only the worst."""
-    share = told.d / modes.d
+    share = errors.d / modes.d
     chosen: list[int] = []
-    for at in np.argsort(-share):
-        if share[at] < _KNOWN:
+    for mode in np.argsort(-share):
+        if share[mode] < _KNOWN:
             break
-        reach = _reach(modes, at)
-        if all(abs(modes.f[at] - modes.f[one]) > reach + _reach(modes, one) for one in chosen):
-            chosen.append(int(at))
+        reach = _reach(modes, mode)
+        if all(abs(modes.f[mode] - modes.f[one]) > reach + _reach(modes, one) for one in chosen):
+            chosen.append(int(mode))
     return chosen
 
 
-def _reach(modes: Modes, at: int) -> float:
+def _reach(modes: Modes, mode: int) -> float:
     """The distance [Hz] within which a mode has neighbours, which take over its energy when it is
     removed.
     """
-    return float(np.clip(3.0 * modes.d[at], *_AROUND))
+    return float(np.clip(3.0 * modes.d[mode], *_AROUND))
 
 
 def _without_modes(
@@ -113,16 +113,16 @@ def _without_modes(
     energy.
     """
     f, d = modes.f.copy(), modes.d.copy()
-    for one in worst:
+    for mode in worst:
         _core.poll()
-        reach = _reach(modes, one)
-        near = np.flatnonzero(np.abs(modes.f - modes.f[one]) < reach)
-        others = near[near != one]
+        reach = _reach(modes, mode)
+        near = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
+        others = near[near != mode]
         if not others.size:
             continue
-        own = rest + synthesise(modes.some(near), rest.size, rate)
+        residual = rest + synthesise(modes.some(near), rest.size, rate)
         low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
-        signal, slow, centre = Bands(own, rate).take(max(low, 1.0), top)
+        signal, slow, centre = Bands(residual, rate).take(max(low, 1.0), top)
         skip = ceil(_SKIP * slow / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
         z = np.exp((-d[others] + 2j * np.pi * (f[others] - centre)) / slow)
@@ -130,9 +130,9 @@ def _without_modes(
         new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
         is_fit = (np.abs(new_f - f[others]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
         f[others[is_fit]], d[others[is_fit]] = new_f[is_fit], new_d[is_fit]
-    kept = np.delete(np.arange(f.size), worst)
-    kept = kept[np.argsort(f[kept])]
-    return fit_amplitudes(sound, rate, f[kept], d[kept])
+    remaining = np.delete(np.arange(f.size), worst)
+    remaining = remaining[np.argsort(f[remaining])]
+    return fit_amplitudes(sound, rate, f[remaining], d[remaining])
 
 
 def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array,
     signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _LONGEST))]
     if signal.size < _SHORTEST:
         return np.zeros(0), np.zeros(0)
-    z, _ = exponentials(signal, min(_MOST, signal.size // 5))
+    z, _ = exponentials(signal, min(_BAND_MODES_MAX, signal.size // 5))
     f = centre + np.angle(z) * rate / (2.0 * np.pi)
     d = -np.log(np.abs(z)) * rate
     is_ours = (f >= low) & (f < top) & (d > _DECAYS[0]) & (d < _DECAYS[1] * width)
@@ -165,8 +165,8 @@ def fit_amplitudes(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes
     along = _exponential_products(s, sound[:n])
     right = np.concatenate([along.real, -along.imag])
     size = np.sqrt(gram.diagonal())
-    found = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
-    modes = Modes(f, d, found[: f.size] + 1j * found[f.size :])
+    solution = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+    modes = Modes(f, d, solution[: f.size] + 1j * solution[f.size :])
     return modes, sound - synthesise(modes, sound.size, rate)
 
 

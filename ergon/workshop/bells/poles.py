@@ -20,12 +20,12 @@ _FIRST_STEP = 0.02  # most change of a logarithm of a pole in the first step
 _SHORTEST = 0.3  # |z| of exponentials that are over within three samples
 
 
-def exponentials(signal: Complex, most: int) -> tuple[Complex, Complex]:
-    """Poles z and amplitudes c of Σ c·z^k in a signal (n,), at most `most`.
+def exponentials(signal: Complex, count_max: int) -> tuple[Complex, Complex]:
+    """Poles z and amplitudes c of Σ c·z^k in a signal (n,), at most `count_max`.
 
     Each is far above the residual noise.
     """
-    z: Complex = _esprit(signal, most)
+    z: Complex = _esprit(signal, count_max)
     z = z[(np.abs(z) < 1.0) & (np.abs(z) > _SHORTEST)]
     while z.size:  # the worst goes first, before the others are polished
         c, rest = _amplitudes(signal, z)
@@ -44,12 +44,12 @@ def exponentials(signal: Complex, most: int) -> tuple[Complex, Complex]:
     return z, np.zeros(0, complex)
 
 
-def _esprit(signal: Complex, most: int) -> Complex:
+def _esprit(signal: Complex, count_max: int) -> Complex:
     n = signal.size
     rows = n // 2
     hankel = np.lib.stride_tricks.sliding_window_view(signal, n - rows + 1)[:rows]
     _, vectors = np.linalg.eigh(hankel @ hankel.conj().T)
-    vectors = vectors[:, ::-1][:, :most]
+    vectors = vectors[:, ::-1][:, :count_max]
     # The violation of shift invariance by each order; the highest order that is nearly as good as
     # the best is chosen.
     left = np.array([_shift_error(vectors[:, : order + 1]) for order in range(vectors.shape[1])])
@@ -91,26 +91,26 @@ def _scores(z: Complex, c: Complex, rest: Complex) -> Array:
     """Power of each amplitude over that of its noise."""
     basis = _powers(z, rest.size)
     variance = np.vdot(rest, rest).real / max(1, rest.size - 2 * z.size)
-    own = np.linalg.pinv(basis.conj().T @ basis).diagonal().real * variance
-    return np.asarray(np.abs(c) ** 2 / np.maximum(own, 1e-300))
+    variances = np.linalg.pinv(basis.conj().T @ basis).diagonal().real * variance
+    return np.asarray(np.abs(c) ** 2 / np.maximum(variances, 1e-300))
 
 
 def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
     """Gauss-Newton on the logarithms of the poles alone, with the amplitudes projected out."""
-    at = np.arange(signal.size)[:, None]
+    samples = np.arange(signal.size)[:, None]
     s, last = np.log(z), np.inf
     best = s
     c, rest = _amplitudes(signal, z)
     for step in range(_POLISH):
-        basis = np.exp(at * s)
+        basis = np.exp(samples * s)
         q, _ = np.linalg.qr(basis)
-        own = _complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-        left = _complex(signal - basis @ own)
+        amplitudes = _complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
+        left = _complex(signal - basis @ amplitudes)
         cost = float(np.vdot(left, left).real)
         if not cost < last * (1.0 - _CLOSE):
             break
-        last, best, c, rest = cost, s, own, left
-        tangents = at * basis * own
+        last, best, c, rest = cost, s, amplitudes, left
+        tangents = samples * basis * amplitudes
         tangents = tangents - q @ (q.conj().T @ tangents)
         change = np.linalg.lstsq(tangents, left, rcond=None)[0]
         if step == 0:

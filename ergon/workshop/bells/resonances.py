@@ -10,7 +10,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 from ergon.common.sound_files import foreign_file
 
-_MOST = 100_000  # characters of a line, and lines
+_LINES_MAX = 100_000  # characters of a line, and lines
 _BYTES_MAX = 1 << 24  # of a file
 
 
@@ -36,19 +36,19 @@ def read(path: Path) -> list[tuple[float, float, float]]:
         message = f"{path}: it is neither a WAV or FLAC file nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
     rows = []
-    for number, line in enumerate(lines[:_MOST], 1):
-        words = line[:_MOST].replace(",", " ").split()
+    for number, line in enumerate(lines[:_LINES_MAX], 1):
+        words = line[:_LINES_MAX].replace(",", " ").split()
         if not words or words[0][0] in ";#":
             continue
         rows.append(_row(f"{path}:{number}", words))
     if not rows:
         raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
     is_db = any(a < 0.0 for _, a, _ in rows)
-    found = [(f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in rows]
-    kept = [row for row in found if row[2] > 0.0]
-    if not kept:
+    resonances = [(f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in rows]
+    audible = [row for row in resonances if row[2] > 0.0]
+    if not audible:
         raise TableError(f"{path}: all amplitudes are 0, so that nothing sounds")
-    return kept
+    return audible
 
 
 def _row(where: str, words: list[str]) -> tuple[float, float, float]:

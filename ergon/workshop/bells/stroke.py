@@ -82,18 +82,18 @@ def stroke(name: str, sound: Array, rate: float) -> Stroke:
         raise NotAStrokeError(f"{name}: it is silent; record a stroke")
     sound = sound - sound.mean()
     begin = _onset(sound, rate)
-    heard = sound[begin : begin + round(LONGEST * rate)]
-    if heard.size < _SHORTEST * rate:
-        message = f"{name}: only {1e3 * heard.size / rate:.0f} ms follow its stroke; record "
+    audible = sound[begin : begin + round(LONGEST * rate)]
+    if audible.size < _SHORTEST * rate:
+        message = f"{name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
         raise NotAStrokeError(message + "until it has died away, 100 ms at least")
-    _refuse_clipped(name, heard)
-    _refuse_steady(name, heard)
-    _refuse_second(name, heard, rate)
-    loudest = int(np.argmax(np.abs(heard[: round(_LATEST * rate)]))) + round(0.001 * rate)
+    _refuse_clipped(name, audible)
+    _refuse_steady(name, audible)
+    _refuse_second(name, audible, rate)
+    loudest = int(np.argmax(np.abs(audible[: round(_LATEST * rate)]))) + round(0.001 * rate)
     skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
     # The middle of a soft push is shortly before the loudest sample, not where the push begins.
     # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
-    return Stroke(name, heard[skip:], rate, min(skip / rate, _AFTER))
+    return Stroke(name, audible[skip:], rate, min(skip / rate, _AFTER))
 
 
 def _onset(sound: Array, rate: float) -> int:
@@ -105,8 +105,8 @@ def _onset(sound: Array, rate: float) -> int:
 
 def _refuse_clipped(name: str, sound: Array) -> None:
     for side in (sound, -sound):
-        at_peak = side > (1.0 - _FLAT) * side.max()
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], at_peak.astype(int), [0]])))
+        is_peak = side > (1.0 - _FLAT) * side.max()
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
         runs = edges[1::2] - edges[::2]
         if int(np.sum(runs >= _CLIPPED_RUN)) >= _CLIPPED_RUNS:
             times = int(np.sum(runs >= _CLIPPED_RUN))
@@ -135,12 +135,12 @@ def _refuse_second(name: str, sound: Array, rate: float) -> None:
     power = np.add.reduceat(spectra, edges[:-1], axis=1)
     noise = np.percentile(power, 5, axis=0)
     first = 2 * _GAP + _BEFORE
-    for at in range(first, n_frames):
-        before = power[at - _GAP - _BEFORE : at - _GAP].max(axis=0)
-        is_sounding = (power[at] > _SOUNDING * noise) & (power[at] > 1e-6 * power.max())
-        is_raised = is_sounding & (power[at] > _RISE * before)
-        weight = power[at] > 1e-4 * power[at].max()
+    for frame in range(first, n_frames):
+        before = power[frame - _GAP - _BEFORE : frame - _GAP].max(axis=0)
+        is_sounding = (power[frame] > _SOUNDING * noise) & (power[frame] > 1e-6 * power.max())
+        is_raised = is_sounding & (power[frame] > _RISE * before)
+        weight = power[frame] > 1e-4 * power[frame].max()
         if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
-            seconds = at * _HOP / rate
+            seconds = frame * _HOP / rate
             message = f"{name}: something strikes again {seconds:.2f} s after the first stroke; "
             raise NotAStrokeError(message + "cut the recording before it")

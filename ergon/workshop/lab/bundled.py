@@ -47,12 +47,12 @@ def _chart(folder: Path, name: str) -> str:
     piece = load(path).piece
     assert piece is not None, f"{name} has mistakes"
     wanted = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
-    found = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
+    measured_chart = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
     title, where = piece.title, machine()
     stem = folder / name
-    write_text(targets(stem)[0], chart_table.csv(found, title, where), force=True)
-    save(lambda: draw_chart.draw(found, title, where), stem, force=True, png=False)
-    print(f"{name}\n{chart_table.lines(found)}", flush=True)
+    write_text(targets(stem)[0], chart_table.csv(measured_chart, title, where), force=True)
+    save(lambda: draw_chart.draw(measured_chart, title, where), stem, force=True, png=False)
+    print(f"{name}\n{chart_table.lines(measured_chart)}", flush=True)
     return (
         f"## {title}\n\n![Error over cost of {title}]({name}.svg)\n\n"
         f"In numbers: [{name}.csv]({name}.csv).\n"
@@ -60,13 +60,13 @@ def _chart(folder: Path, name: str) -> str:
 
 
 def _maps(folder: Path, method: str) -> str:
-    found = survey_all(map_catalogue.built_in(method), lambda done: None)
+    surveys = survey_all(map_catalogue.built_in(method), lambda done: None)
     title = f"where {method} is stable, and where right"
     name = "stability" if method == "ca" else f"stability-{method}"
     stem = folder / name
-    write_text(targets(stem)[0], map_table.csv(found, title), force=True)
-    save(lambda: draw_maps.draw(found, title), stem, force=True, png=False)
-    print(map_table.lines(found), flush=True)
+    write_text(targets(stem)[0], map_table.csv(surveys, title), force=True)
+    save(lambda: draw_maps.draw(surveys, title), stem, force=True, png=False)
+    print(map_table.lines(surveys), flush=True)
     return (
         f"![Maps: where {method} is stable, and where right]({name}.svg)\n\n"
         f"In numbers: [{name}.csv]({name}.csv).\n"

@@ -33,7 +33,7 @@ _PLAIN = "ca"
 # copies start alike, so the very weak springs that join them exert no force.
 _LEAST = 4
 _WEAK = 1e-9  # of the scene's own stiffness
-_OF_MESHES = ("ca2p", "bm4", "ieq")
+_MESH_METHODS = ("ca2p", "bm4", "ieq")
 
 
 def limit(method: str) -> float:
@@ -48,7 +48,7 @@ def damped(method: str) -> float:
 
 def _copies(masses: int, method: str) -> int:
     """The number of copies of a linear scene of so few masses that a method needs."""
-    return _LEAST // masses if method in _OF_MESHES else 1
+    return _LEAST // masses if method in _MESH_METHODS else 1
 
 
 # --- one mass on a spring and a damper ----------------------------------------------------------
@@ -66,8 +66,8 @@ def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
         masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
         for i, mass in enumerate(masses):
             network.ref(f"r{i}", mass, ground, K=k, Z=z)
-        for i, (one, next_) in enumerate(pairwise(masses)):
-            network.ref(f"j{i}", one, next_, K=_WEAK * k)
+        for i, (first, next_) in enumerate(pairwise(masses)):
+            network.ref(f"j{i}", first, next_, K=_WEAK * k)
         network.listen("m", positions=[(masses[0], 1, 1.0)])
 
     return Bare(build, RATE)
@@ -133,7 +133,7 @@ def coupled(kappa: float, method: str = _PLAIN) -> Bare:
 
 
 def _pair(
-    one: Cell,
+    first: Cell,
     two: Cell,
     join: Callable[[_core.Network, int, int], int],
     copies: int = 1,
@@ -147,7 +147,7 @@ def _pair(
         for _ in range(copies):
             a, b = (
                 network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
-                for name, cell in (("a", one), ("b", two))
+                for name, cell in (("a", first), ("b", two))
             )
             join(network, a, b)
             pairs.append((a, b))
@@ -198,10 +198,10 @@ def coupled_load(kappa: float, times: float, method: str) -> float:
     return _pair_load(LEFT, RIGHT, kappa, times, method)
 
 
-def _pair_load(one: Cell, two: Cell, kappa: float, times: float, method: str) -> float:
-    rate, k = RATE * times, _stiffness(kappa, one, two)
-    p, q = (cell.load(rate, damped(method)) + k / (cell.M * rate**2) for cell in (one, two))
-    joint = k / (sqrt(one.M * two.M) * rate**2)
+def _pair_load(first: Cell, two: Cell, kappa: float, times: float, method: str) -> float:
+    rate, k = RATE * times, _stiffness(kappa, first, two)
+    p, q = (cell.load(rate, damped(method)) + k / (cell.M * rate**2) for cell in (first, two))
+    joint = k / (sqrt(first.M * two.M) * rate**2)
     return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method)
 
 

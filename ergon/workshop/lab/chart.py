@@ -187,8 +187,8 @@ def measure(
         played = _play_settings(bench, wanted, has_energy=has_energy)
     else:
         played = _play_with(players, bench, wanted, has_energy=has_energy)
-    heard = {one.point.setting: one.sound for one in played if one.sound is not None}
-    sounds = dict(heard)
+    sounds_by_setting = {one.point.setting: one.sound for one in played if one.sound is not None}
+    sounds = dict(sounds_by_setting)
     has_plans = any(setting.method is None for setting in wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
@@ -201,7 +201,9 @@ def measure(
             raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
         points = [
-            judge.point(point, heard[point.setting]) if point.setting in heard else point
+            judge.point(point, sounds_by_setting[point.setting])
+            if point.setting in sounds_by_setting
+            else point
             for point in points
         ]
         floor = judge.floor(metric)
@@ -221,25 +223,25 @@ def _play_settings(bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
     costs = _costs(bench)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
-    found = {setting: Played(point, None) for setting, point in bench.failed.items()}
+    played_by_setting = {setting: Played(point, None) for setting, point in bench.failed.items()}
     for setting, run in bench.ready.items():
         point = Point(setting, "ok", run.chosen, costs[setting])
         if has_energy:
             point = _with_energy(bench, point)
-        found[setting] = Played(point, bench.sounds[setting])
-    return [found[setting] for setting in wanted]
+        played_by_setting[setting] = Played(point, bench.sounds[setting])
+    return [played_by_setting[setting] for setting in wanted]
 
 
 def _play_with(
     players: Players, bench: _Bench, wanted: Sequence[Setting], *, has_energy: bool
 ) -> list[Played]:
     """All settings, in order, played by `players`."""
-    found = {}
-    for one in players.played(wanted, bench.n_frames, has_energy=has_energy):
-        found[one.point.setting] = one
-        bench.done += (ROUNDS + 1) * bench.n_frames * one.point.setting.oversampling
+    played_by_setting = {}
+    for played in players.played(wanted, bench.n_frames, has_energy=has_energy):
+        played_by_setting[played.point.setting] = played
+        bench.done += (ROUNDS + 1) * bench.n_frames * played.point.setting.oversampling
         bench.progress(bench.done)
-    return [found[setting] for setting in wanted]
+    return [played_by_setting[setting] for setting in wanted]
 
 
 def played_beside(
@@ -275,16 +277,16 @@ def yardstick() -> float:
 
 def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     """Groups of methods whose sounds are the same, wherever both were computed."""
-    of: dict[str, dict[Setting, Floats]] = {}
+    by_method: dict[str, dict[Setting, Floats]] = {}
     for setting, sound in sounds.items():
         if setting.method is not None:
-            of.setdefault(setting.method, {})[replace(setting, method=None)] = sound
+            by_method.setdefault(setting.method, {})[replace(setting, method=None)] = sound
     groups: list[list[str]] = []
-    for method, own in of.items():
+    for method, settings in by_method.items():
         for group in groups:
-            theirs = of[group[0]]
-            both = own.keys() & theirs.keys()
-            if both and all(np.array_equal(own[one], theirs[one]) for one in both):
+            theirs = by_method[group[0]]
+            both = settings.keys() & theirs.keys()
+            if both and all(np.array_equal(settings[one], theirs[one]) for one in both):
                 group.append(method)
                 break
         else:
@@ -300,8 +302,8 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
             run.rewind()
             bench.play(setting, run)
             spent[setting].append(run.spent)
-    heard = bench.n_frames / bench.scene.rate
-    return {setting: median(one) / heard for setting, one in spent.items()}
+    duration = bench.n_frames / bench.scene.rate
+    return {setting: median(one) / duration for setting, one in spent.items()}
 
 
 def _with_energy(bench: _Bench, point: Point) -> Point:
@@ -322,8 +324,8 @@ def _with_energy(bench: _Bench, point: Point) -> Point:
         run.frames(bench.n_frames)
         return replace(point, energy_db=run.made_db())
     t = [float(edge) / bench.scene.rate for edge in edges[1:]]
-    found = drift(t, ledgers)
-    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=found.per_second)
+    energy_drift = drift(t, ledgers)
+    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second)
 
 
 class Judge:
@@ -340,15 +342,15 @@ class Judge:
     def point(self, point: Point, y: Floats) -> Point:
         """The point with all its errors."""
         x = self.reference.sound
-        found = spectral(y, x)
+        spectral_result = spectral(y, x)
         partials = self._compared(y)
         t60 = [abs(p.t60_ratio - 1.0) for p in partials if not isnan(p.t60_ratio)]
         return replace(
             point,
             waveform_db=waveform_db(y, x),
             early_db=early_db(y, x, self.rate),
-            spectral_db=found.difference,
-            convergence=found.convergence,
+            spectral_db=spectral_result.difference,
+            convergence=spectral_result.convergence,
             bands_db=bands_db(y, x, self.rate),
             cents=max((abs(p.cents) for p in partials), default=None),
             t60=100.0 * max(t60) if t60 else None,
@@ -366,8 +368,8 @@ class Judge:
     def _compared(self, y: Floats) -> list[Partial]:
         span = slice(self._first, None), self._channel
         x, y = self.reference.sound[span], y[span]
-        found = (compare(y, x, f, self.rate) for f in self._partials)
-        return [partial for partial in found if partial is not None]
+        compared = (compare(y, x, f, self.rate) for f in self._partials)
+        return [partial for partial in compared if partial is not None]
 
 
 def _marked(
@@ -399,19 +401,21 @@ def _front(
     all.
     """
     echoes = {method for group in alike for method in group[1:]}
-    told = [
-        (point.cost, error if floor is None else max(error, floor), at, point.setting)
-        for at, point in enumerate(points)
+    candidates = [
+        (point.cost, error if floor is None else max(error, floor), point_index, point.setting)
+        for point_index, point in enumerate(points)
         if point.setting.method not in (None, *echoes)
         and point.cost is not None
         and (error := point.error(metric)) is not None
     ]
-    for cost, error, at, setting in sorted(told, key=lambda one: one[:3]):
+    for cost, error, point_index, setting in sorted(candidates, key=lambda one: one[:3]):
         rivals = (
-            one for one in told if one[0] <= cost * _SCATTER and (one[1], one[2]) != (error, at)
+            one
+            for one in candidates
+            if one[0] <= cost * _SCATTER and (one[1], one[2]) != (error, point_index)
         )
         if not any(
-            other < error or (other == error and (its < cost / _SCATTER or place < at))
+            other < error or (other == error and (its < cost / _SCATTER or place < point_index))
             for its, other, place, _ in rivals
         ):
             yield setting

@@ -46,14 +46,14 @@ def fields(point: Point) -> dict[str, table.Value]:
 
 def reference(chart: Chart) -> dict[str, table.Value]:
     """The reference, its order and its own error."""
-    found = chart.reference
-    if found is None:
+    reference_chart = chart.reference
+    if reference_chart is None:
         return {}
     return {
-        "setting": str(found.setting),
-        "changed_by_last_doubling_db": found.changes[-1],
-        "order_seen": found.order,
-        "own_error_db": found.floor_db,
+        "setting": str(reference_chart.setting),
+        "changed_by_last_doubling_db": reference_chart.changes[-1],
+        "order_seen": reference_chart.order,
+        "own_error_db": reference_chart.floor_db,
         "floor_of_metric": chart.floor,
     }
 

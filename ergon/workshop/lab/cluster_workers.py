@@ -66,15 +66,15 @@ class Workers:
         """
         content = self.content
         assert content is not None
-        own, here = version(), median(yardstick() for _ in range(ROUNDS))
-        found = self.cluster.computed(
+        engine_version, here = version(), median(yardstick() for _ in range(ROUNDS))
+        results = self.cluster.computed(
             # The most expensive first, so that none of them is left alone at the end.
             sorted(wanted, key=lambda setting: -setting.oversampling),
             lambda pool, setting: pool.submit(
-                play, own, content, asdict(setting), n_frames, has_energy
+                play, engine_version, content, asdict(setting), n_frames, has_energy
             ),
         )
-        for setting, sound in found:
+        for setting, sound in results:
             point = Point(setting, **sound["point"])
             samples = np.frombuffer(sound["samples"], dtype="<f8").astype(np.float64)
             if point.status != "ok":
@@ -105,9 +105,9 @@ class Surveyors:
 
     def columns(self, wanted: Sequence[tuple[str, float]]) -> Iterator[tuple[str, list[Spot]]]:
         """Each column with its spots. Raises ClusterError."""
-        own = version()
+        engine_version = version()
         for (name, _), spots in self.cluster.computed(
-            wanted, lambda pool, one: pool.submit(survey, own, self.which, *one)
+            wanted, lambda pool, one: pool.submit(survey, engine_version, self.which, *one)
         ):
             yield name, [Spot(**spot) for spot in spots]
 
@@ -128,21 +128,21 @@ def play(
     check_version(asked)
     with lock, unpack(content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
-        found, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
-        own = {one.name: getattr(found.point, one.name) for one in fields(found.point)}
-        del own["setting"]
-        own["reason"] = with_local_paths(own["reason"], path, content)
-    sound = np.zeros((0, 1)) if found.sound is None else found.sound
+        result, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
+        point_fields = {one.name: getattr(result.point, one.name) for one in fields(result.point)}
+        del point_fields["setting"]
+        point_fields["reason"] = with_local_paths(point_fields["reason"], path, content)
+    sound = np.zeros((0, 1)) if result.sound is None else result.sound
     samples = sound.astype("<f8", copy=False).tobytes()
-    return _Sound(point=own, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
+    return _Sound(point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
 
 
 def survey(asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
     """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
     check_version(asked)
     with lock:
-        found = _map(which, name)
-        return [asdict(compute_spot(found, x, y)) for y in found.ys]
+        surveyed_map = _map(which, name)
+        return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 
 
 def _map(which: _Which, name: str) -> Map:

@@ -36,19 +36,21 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     ax.set_ylabel(METRICS[chart.metric])
     if chart.metric not in _IN_DB:
         ax.set_yscale("log")
-    told = [p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None]
-    _front(ax, chart, told)
+    measured_points = [
+        p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None
+    ]
+    _front(ax, chart, measured_points)
     names: dict[str, str] = {method: method for method in METHODS}
     for group in chart.alike:
         names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
     for method in METHODS:
         if names[method]:
-            row = [p for p in told if p.setting.method == method]
+            row = [p for p in measured_points if p.setting.method == method]
             _method(ax, chart, row, method, names[method])
-    for point in told:
+    for point in measured_points:
         if point.setting.method is None:
             _planner(ax, chart, point)
-    _limits(ax, chart, told)
+    _limits(ax, chart, measured_points)
     _failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
         # Below the axes it lies on no data.
@@ -79,26 +81,28 @@ def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str)
             x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
             ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
         for point in row:
-            at = _cost(point), _height(chart, point)
-            _word(ax, f"×{point.setting.oversampling}", at, colour)
+            position = _cost(point), _height(chart, point)
+            _word(ax, f"×{point.setting.oversampling}", position, colour)
 
 
 def _planner(ax: Axes, chart: Chart, point: Point) -> None:
     """A full star is the planner's choice by ear, an empty one its choice for an error."""
-    at, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
+    position, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
     inside, label = "black", "the planner's choice"
     if budget is not None:
         inside, label = "white", f"the planner's choice for {budget:g} dB"
         if chart.metric == "waveform":
             ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
                        label=f"{budget:g} dB, as asked for")  # fmt: skip
-    ax.plot(*at, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4)
-    _word(ax, point.reason, at, "black", below=True)
+    ax.plot(
+        *position, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4
+    )
+    _word(ax, point.reason, position, "black", below=True)
 
 
-def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
+def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     """No fixed setting is both cheaper and better than the points on this line; stars may be."""
-    row = sorted((_cost(p), _height(chart, p)) for p in told if p.on_front)
+    row = sorted((_cost(p), _height(chart, p)) for p in measured_points if p.on_front)
     if row:
         x, y = zip(*row, strict=True)
         label = "best fixed setting for its cost"
@@ -106,9 +110,9 @@ def _front(ax: Axes, chart: Chart, told: list[Point]) -> None:
                 solid_capstyle="round", zorder=1)  # fmt: skip
 
 
-def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
+def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     floor = chart.floor
-    heights = [_height(chart, p) for p in told] or [0.0]
+    heights = [_height(chart, p) for p in measured_points] or [0.0]
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
@@ -130,10 +134,10 @@ def _limits(ax: Axes, chart: Chart, told: list[Point]) -> None:
         bottom = min(bottom, floor / 3.0)
         ax.set_ylim(bottom=bottom)
     ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
-    said = f"the reference ({chart.reference.setting}) is itself no surer than this"
+    sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     # At the lower edge, where no point is: the floor is the lowest height of a point.
-    ax.annotate(said, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
+    ax.annotate(sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
                 textcoords="offset points", fontsize=8, va="bottom", bbox=paper)  # fmt: skip
 
 
@@ -169,10 +173,10 @@ def _what_failed(failed: list[Point]) -> str:
 
 
 def _word(
-    ax: Axes, word: str, at: tuple[float, float], colour: str, *, below: bool = False
+    ax: Axes, word: str, position: tuple[float, float], colour: str, *, below: bool = False
 ) -> None:
     """A word beside a point: above it, or below it where other words are above."""
     shift = (8, -12) if below else (5, 4)
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
-    ax.annotate(word, at, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
+    ax.annotate(word, position, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
                 bbox=paper if below else None, zorder=6)  # fmt: skip

@@ -41,40 +41,40 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
     figure = Figure(figsize=(_PANEL * columns, 3.4 * rows + legend), layout="constrained")
     figure.suptitle(title, fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax, (one, spots) in zip(grid, surveyed.values(), strict=False):
-        _panel(ax, one, spots)
+    for ax, (surveyed_map, spots) in zip(grid, surveyed.values(), strict=False):
+        _panel(ax, surveyed_map, spots)
     for ax in grid[len(surveyed) :]:
         ax.set_axis_off()
-    has_written = any(one.as_written is not None for one, _ in surveyed.values())
+    has_written = any(surveyed_map.as_written is not None for surveyed_map, _ in surveyed.values())
     _legend(figure, grid[len(surveyed)] if len(grid) > len(surveyed) else None, has_written)
     return figure
 
 
-def _panel(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
-    ax.set_title(one.title, fontsize=9)
-    ax.set_xlabel(one.x_label)
-    ax.set_ylabel(one.y_label)
-    ax.set_xscale("log" if one.log_x else "linear")
-    ax.set_yscale("log" if one.log_y else "linear")
-    for axis, values in ((ax.xaxis, one.xs), (ax.yaxis, one.ys)):
+def _panel(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
+    ax.set_title(surveyed_map.title, fontsize=9)
+    ax.set_xlabel(surveyed_map.x_label)
+    ax.set_ylabel(surveyed_map.y_label)
+    ax.set_xscale("log" if surveyed_map.log_x else "linear")
+    ax.set_yscale("log" if surveyed_map.log_y else "linear")
+    for axis, values in ((ax.xaxis, surveyed_map.xs), (ax.yaxis, surveyed_map.ys)):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
         if len(values) <= 5:
             axis.set_ticks(values)
-    _colours(ax, one, spots)
+    _colours(ax, surveyed_map, spots)
     _marks(ax, spots)
-    _borders(ax, one, spots)
-    if one.as_written is not None:
-        ax.plot(*one.as_written, **_AS_WRITTEN, zorder=3)
+    _borders(ax, surveyed_map, spots)
+    if surveyed_map.as_written is not None:
+        ax.plot(*surveyed_map.as_written, **_AS_WRITTEN, zorder=3)
 
 
-def _colours(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
+def _colours(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
     """Draw a rectangle for each run of spots in a row with the same outcome."""
     from matplotlib.patches import Rectangle
 
-    x, y = _edges(one.xs, one.log_x), _edges(one.ys, one.log_y)
-    n = len(one.xs)
-    for row in range(len(one.ys)):
+    x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
+    n = len(surveyed_map.xs)
+    for row in range(len(surveyed_map.ys)):
         happened = groupby(enumerate(s.stable for s in spots[row * n : (row + 1) * n]), _second)
         for stable, run in happened:
             columns = [column for column, _ in run]
@@ -97,17 +97,23 @@ def _marks(ax: Axes, spots: Sequence[Spot]) -> None:
         ax.plot(x, y, marker, color="#1f3b57", markersize=size, markeredgewidth=0.7, zorder=2)
 
 
-def _borders(ax: Axes, one: Map, spots: Sequence[Spot]) -> None:
+def _borders(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
     """Draw the border of the formula as a solid line, and that of the certificate as a dashed line
     between spots.
     """
-    if one.load is not None:
-        x, y = (_fine(v, log) for v, log in ((one.xs, one.log_x), (one.ys, one.log_y)))
-        load = np.array([[np.log(max(one.load(a, b), 1e-300)) for a in x] for b in y])
+    if surveyed_map.load is not None:
+        x, y = (
+            _fine(v, log)
+            for v, log in (
+                (surveyed_map.xs, surveyed_map.log_x),
+                (surveyed_map.ys, surveyed_map.log_y),
+            )
+        )
+        load = np.array([[np.log(max(surveyed_map.load(a, b), 1e-300)) for a in x] for b in y])
         if load.min() < 0.0 < load.max():
             ax.contour(x, y, load, levels=[0.0], colors="black", linewidths=1.4)
-    allowed = np.array([s.certified is not False for s in spots]).reshape(len(one.ys), -1)
-    x, y = _edges(one.xs, one.log_x), _edges(one.ys, one.log_y)
+    allowed = np.array([s.certified is not False for s in spots]).reshape(len(surveyed_map.ys), -1)
+    x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
     for row, column in np.argwhere(allowed[:, 1:] != allowed[:, :-1]):
         _parting(ax, [x[column + 1]] * 2, y[row : row + 2])
     for row, column in np.argwhere(allowed[1:] != allowed[:-1]):
@@ -120,12 +126,12 @@ def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats)
 
 def _edges(values: Sequence[float], is_log: bool) -> Floats:
     """The boundaries of cells centred on some values."""
-    at = np.log(values) if is_log else np.array(values)
-    if len(at) == 1:
-        edges = np.array([at[0] - 0.5, at[0] + 0.5])
+    positions = np.log(values) if is_log else np.array(values)
+    if len(positions) == 1:
+        edges = np.array([positions[0] - 0.5, positions[0] + 0.5])
     else:
-        middle = 0.5 * (at[1:] + at[:-1])
-        first, last = 2 * at[0] - middle[0], 2 * at[-1] - middle[-1]
+        middle = 0.5 * (positions[1:] + positions[:-1])
+        first, last = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
         edges = np.concatenate([[first], middle, [last]])
     return np.exp(edges) if is_log else edges
 

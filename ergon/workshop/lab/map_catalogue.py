@@ -28,7 +28,7 @@ def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
     return tuple(float(x) for x in np.geomspace(low, high, count))
 
 
-def _found(scene: Scene) -> Callable[[int], Truth]:
+def _truth_of(scene: Scene) -> Callable[[int], Truth]:
     return lambda n_frames: converged(scene, n_frames)
 
 
@@ -41,15 +41,17 @@ def maps(
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
     if piece is not None:
-        found = of_score(piece, seconds, method)
-        found = {name: replace(one, metric=metric) for name, one in found.items()}
+        score_maps = of_score(piece, seconds, method)
+        score_maps = {name: replace(one, metric=metric) for name, one in score_maps.items()}
     elif metric == "energy":
-        found = {"rattle": _rattle(method)}
+        score_maps = {"rattle": _rattle(method)}
     else:
-        found = built_in(method)
+        score_maps = built_in(method)
     if accurate is not None:
-        found = {name: replace(one, right=((inf, accurate),)) for name, one in found.items()}
-    return found
+        score_maps = {
+            name: replace(one, right=((inf, accurate),)) for name, one in score_maps.items()
+        }
+    return score_maps
 
 
 def built_in(method: str) -> dict[str, Map]:
@@ -57,8 +59,8 @@ def built_in(method: str) -> dict[str, Map]:
     if method == SLOW:
         maps = tuple(_cut(name, *one) for name, one in _CUTS.items())
     else:
-        of = (_cell, _contact, _strike, _rate, _coupling)
-        maps = tuple(make(method) for make in of)
+        makers = (_cell, _contact, _strike, _rate, _coupling)
+        maps = tuple(make(method) for make in makers)
     return {one.name: one for one in maps}
 
 
@@ -142,7 +144,7 @@ def _strike(method: str) -> Map:
 def _rate(method: str) -> Map:
     def case(rate: float, masses: float) -> MapPoint:
         scene = canonical.string(round(masses), rate)
-        return Stepped(scene, Setting(method), _found(scene))
+        return Stepped(scene, Setting(method), _truth_of(scene))
 
     def load(rate: float, masses: float) -> float:
         return canonical.string_load(masses, rate, method)

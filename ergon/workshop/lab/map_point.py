@@ -84,10 +84,10 @@ class Stepped:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
-        made = production_db(run.energy()) if ledger else run.made_db()
-        energy = made if self.made is None else share_db(self.made(frames))
-        if made > RUNAWAY_DB:
-            times = f"{10 ** (made / 10):.3g} times the energy given"
+        produced = production_db(run.energy()) if ledger else run.made_db()
+        energy = produced if self.made is None else share_db(self.made(frames))
+        if produced > RUNAWAY_DB:
+            times = f"{10 ** (produced / 10):.3g} times the energy given"
             return Outcome(False, frames, f"the scheme made {times}", energy)
         return Outcome(True, frames, energy_db=energy)
 

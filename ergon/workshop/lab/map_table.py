@@ -27,10 +27,10 @@ def csv(surveyed: Surveyed, method: str) -> str:
     return table.text(facts, names, rows)
 
 
-def _bar(one: Map) -> str:
-    *steps, (_, last) = one.right
+def _bar(surveyed_map: Map) -> str:
+    *steps, (_, last) = surveyed_map.right
     upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
-    what = "energy_db" if one.metric == "energy" else "error_db"
+    what = "energy_db" if surveyed_map.metric == "energy" else "error_db"
     return f"{what} of at most {''.join(upto)}{last:g} dB"
 
 
@@ -48,11 +48,14 @@ def lines(surveyed: Surveyed) -> str:
     failed.
     """
     rows = []
-    for name, (one, spots) in surveyed.items():
+    for name, (surveyed_map, spots) in surveyed.items():
         stable = sum(1 for spot in spots if spot.stable)
         right = sum(1 for spot in spots if spot.accurate)
         missed, strict = disagreements(spots)
-        words = f"{name}: {one.title}. Of {len(spots)} spots {stable} are stable, {right} accurate"
+        words = (
+            f"{name}: {surveyed_map.title}. Of {len(spots)} spots {stable} are stable, {right} "
+            "accurate"
+        )
         if missed:
             words += f"; {missed} ran away though certified"
         if strict:

@@ -85,12 +85,12 @@ class Surveyors(Protocol):
         """The spots of columns, each the name of a map and an x, in any order."""
 
 
-def survey(found: Map, progress: Progress) -> list[Spot]:
+def survey(surveyed_map: Map, progress: Progress) -> list[Spot]:
     """Every spot of a map, row by row; `progress` hears how many are done."""
     spots = []
-    for y in found.ys:
-        for x in found.xs:
-            spots.append(compute_spot(found, x, y))
+    for y in surveyed_map.ys:
+        for x in surveyed_map.xs:
+            spots.append(compute_spot(surveyed_map, x, y))
             progress(len(spots))
     return spots
 
@@ -101,13 +101,13 @@ def survey_all(
     """Survey several maps with a common progress, by `surveyors` if they are given."""
     if surveyors is not None:
         return _surveyed_by(surveyors, maps, progress)
-    found: dict[str, tuple[Map, list[Spot]]] = {}
+    surveys: dict[str, tuple[Map, list[Spot]]] = {}
     before = 0
-    for name, one in maps.items():
-        spots = survey(one, partial(_shifted, progress, before))
-        found[name] = one, spots
+    for name, surveyed_map in maps.items():
+        spots = survey(surveyed_map, partial(_shifted, progress, before))
+        surveys[name] = surveyed_map, spots
         before += len(spots)
-    return found
+    return surveys
 
 
 def _surveyed_by(
@@ -116,14 +116,14 @@ def _surveyed_by(
     """Survey maps column by column: the spots of a column share their truth, so one process
     computes a column.
     """
-    wanted = [(name, x) for name, one in maps.items() for x in one.xs]
+    wanted = [(name, x) for name, surveyed_map in maps.items() for x in surveyed_map.xs]
     spots: dict[tuple[str, float, float], Spot] = {}
     for name, column in surveyors.columns(wanted):
         spots |= {(name, spot.x, spot.y): spot for spot in column}
         progress(len(spots))
     return {
-        name: (one, [spots[name, x, y] for y in one.ys for x in one.xs])
-        for name, one in maps.items()
+        name: (surveyed_map, [spots[name, x, y] for y in surveyed_map.ys for x in surveyed_map.xs])
+        for name, surveyed_map in maps.items()
     }
 
 
@@ -131,22 +131,22 @@ def _shifted(progress: Progress, shift: int, done: int) -> None:
     progress(shift + done)
 
 
-def compute_spot(found: Map, x: float, y: float) -> Spot:
+def compute_spot(surveyed_map: Map, x: float, y: float) -> Spot:
     """Predict, run, and compare one spot."""
-    spot, case, frames = predicted_and_run(found, x, y)
-    return spot if case is None or frames is None else _judged(found, spot, case, frames)
+    spot, case, frames = predicted_and_run(surveyed_map, x, y)
+    return spot if case is None or frames is None else _judged(surveyed_map, spot, case, frames)
 
 
 def predicted_and_run(
-    found: Map, x: float, y: float
+    surveyed_map: Map, x: float, y: float
 ) -> tuple[Spot, MapPoint | None, Floats | None]:
     """Predict and run one spot; its case and frames are returned if it ran and was stable."""
-    load = None if found.load is None else found.load(x, y)
+    load = None if surveyed_map.load is None else surveyed_map.load(x, y)
     theory = None if load is None else load < 1.0
     try:
-        case = found.case(x, y)
-        said = case.refused()
-        n_frames = max(2, round(found.seconds * case.scene.rate))
+        case = surveyed_map.case(x, y)
+        refusal = case.refused()
+        n_frames = max(2, round(surveyed_map.seconds * case.scene.rate))
         ran = case.run(n_frames)
     except (StageError, _core.EngineError) as error:
         reason = str(error).splitlines()[0]
@@ -155,27 +155,27 @@ def predicted_and_run(
         x,
         y,
         theory,
-        not said,
+        not refusal,
         ran.stable,
         load=load,
         energy_db=ran.energy_db,
-        reason=ran.reason or said,
+        reason=ran.reason or refusal,
     )
     return spot, case, ran.frames if ran.stable else None
 
 
-def _judged(found: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
-    right_db = found.right_db(spot.y)
-    if found.metric == "energy":
-        made = spot.energy_db
-        return replace(spot, accurate=None if made is None else made <= right_db)
+def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
+    right_db = surveyed_map.right_db(spot.y)
+    if surveyed_map.metric == "energy":
+        produced = spot.energy_db
+        return replace(spot, accurate=None if produced is None else produced <= right_db)
     truth = case.truth(len(frames))
     if truth.frames is None:
         reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=reason)
     hear = case.scene.hear
     y, x = hear(frames), hear(truth.frames)
-    error = early_db(y, x, case.scene.rate, found.judged)
+    error = early_db(y, x, case.scene.rate, surveyed_map.judged)
     sure = truth.change_db < max(error, right_db) + _SURE_DB
     accurate = error <= right_db if sure else None
     if not x.any():

@@ -22,7 +22,7 @@ EARLY = 0.1  # [s] of sound before small errors of pitch dominate a difference o
 _ONSET = 1e-3  # of the peak: -60 dB
 _ROUNDED = 1e-13  # of the whole sound: a difference so small is rounding
 WINDOWS = (512, 2048, 8192)  # frames: strokes, notes, partials
-_HEARD_DB = -60.0  # below a frame's strongest bin nothing is compared
+_COMPARED_DB = -60.0  # below a frame's strongest bin nothing is compared
 _SILENT_DB = -120.0  # frames so far below the loudest one are silence
 _WORST_DB = 100.0  # a bin that is missing altogether differs by this
 
@@ -70,11 +70,11 @@ def spectral(y: Floats, x: Floats) -> Spectral:
     `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;
     `convergence` is ‖|Y| - |X|‖/‖|X|‖. Zero for silence.
     """
-    found = [_at(y, x, size) for size in WINDOWS]
-    return Spectral(*(float(np.mean(column)) for column in zip(*found, strict=True)))
+    by_window = [_by_frames(y, x, size) for size in WINDOWS]
+    return Spectral(*(float(np.mean(column)) for column in zip(*by_window, strict=True)))
 
 
-def _at(y: Floats, x: Floats, size: int) -> tuple[float, float]:
+def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `size` frames."""
     total, n_bins, error, energy = 0.0, 0, 0.0, 0.0
     for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
@@ -83,11 +83,11 @@ def _at(y: Floats, x: Floats, size: int) -> tuple[float, float]:
         energy += float(np.sum(wanted**2))
         peak = wanted.max(axis=1, keepdims=True)
         loud = peak > 10.0 ** (_SILENT_DB / 20.0) * peak.max()
-        heard = loud & (wanted > 10.0 ** (_HEARD_DB / 20.0) * peak)
+        audible = loud & (wanted > 10.0 ** (_COMPARED_DB / 20.0) * peak)
         floor = 10.0 ** (-_WORST_DB / 20.0)
-        ratio = np.maximum(got[heard] / wanted[heard], floor)
+        ratio = np.maximum(got[audible] / wanted[audible], floor)
         total += float(np.sum(np.abs(20.0 * np.log10(ratio))))
-        n_bins += int(np.count_nonzero(heard))
+        n_bins += int(np.count_nonzero(audible))
     if n_bins == 0:
         return 0.0, 0.0 if error == 0.0 else inf
     return total / n_bins, float(np.sqrt(error / energy))
@@ -120,8 +120,8 @@ def bands_db(y: Floats, x: Floats, rate: float) -> float:
     rattle.
     """
     ours, theirs = (third_octaves(sound, rate)[1] for sound in (y, x))
-    heard = theirs > theirs.max() + _HEARD_DB
-    return float(np.mean(np.minimum(np.abs(ours - theirs)[heard], _WORST_DB)))
+    audible = theirs > theirs.max() + _COMPARED_DB
+    return float(np.mean(np.minimum(np.abs(ours - theirs)[audible], _WORST_DB)))
 
 
 def _centres(highest: float) -> Iterator[float]:

@@ -36,5 +36,5 @@ CUTS = ("soft", "quick")  # its maps
 
 def order_of(method: str | None) -> int:
     """The order of a method's error, as an upper bound."""
-    found = [order for name, order in ORDERS.items() if name == method]
-    return (found[0] if found else None) or _PLAIN
+    orders = [order for name, order in ORDERS.items() if name == method]
+    return (orders[0] if orders else None) or _PLAIN

@@ -38,11 +38,11 @@ def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
     Both are shifted to zero frequency and smoothed. With ρ their ratio, the slopes of arg ρ and
     ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
     """
-    at, Y, X = _baseband(y, x, f, rate)
+    start, Y, X = _baseband(y, x, f, rate)
     span = _ringing(np.abs(X))
     if span is None or not np.all(np.isfinite(Y[span])) or not np.all(np.abs(Y[span]) > 0.0):
         return None
-    t, ratio, weight = at[span] / rate, Y[span] / X[span], np.abs(X[span]) ** 2
+    t, ratio, weight = start[span] / rate, Y[span] / X[span], np.abs(X[span]) ** 2
     drift = _slope(t, np.unwrap(np.angle(ratio)), weight) / (2.0 * pi)
     # The reference of the comparison is the true frequency of the partial, not the `f` of the
     # search.
@@ -68,18 +68,18 @@ def strongest(x: Floats, rate: float, count: int = 5) -> list[float]:
     # The rise towards a stronger peak's neighbour is not a peak.
     nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
     tops: list[int] = []
-    for at in np.argsort(magnitude[low:high])[::-1] + low:
-        if len(tops) == count or magnitude[at] < _DOWN * magnitude[low:high].max():
+    for index in np.argsort(magnitude[low:high])[::-1] + low:
+        if len(tops) == count or magnitude[index] < _DOWN * magnitude[low:high].max():
             break
-        if magnitude[at] > 0.0 and magnitude[at] == nearby[at].max():
-            tops.append(int(at))
-    return [_between(magnitude, at) * rate / size for at in tops]
+        if magnitude[index] > 0.0 and magnitude[index] == nearby[index].max():
+            tops.append(int(index))
+    return [_between(magnitude, index) * rate / size for index in tops]
 
 
-def _between(magnitude: Floats, at: int) -> float:
-    a, b, c = np.log(np.maximum(magnitude[at - 1 : at + 2], 1e-300))
+def _between(magnitude: Floats, index: int) -> float:
+    a, b, c = np.log(np.maximum(magnitude[index - 1 : index + 2], 1e-300))
     curve = a - 2.0 * b + c
-    return at + 0.5 * float((a - c) / curve) if curve < 0.0 and isfinite(curve) else float(at)
+    return index + 0.5 * float((a - c) / curve) if curve < 0.0 and isfinite(curve) else float(index)
 
 
 def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Complexes, Complexes]:
@@ -90,10 +90,10 @@ def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Comp
     shift = np.exp(-2j * pi * f / rate * np.arange(len(x)))
 
     def smooth(signal: Floats) -> Complexes:
-        found: Complexes = sliding_window_view(signal * shift, size)[::hop] @ (
+        smoothed: Complexes = sliding_window_view(signal * shift, size)[::hop] @ (
             window / window.sum()
         )
-        return found
+        return smoothed
 
     ours, theirs = smooth(y), smooth(x)
     return size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs

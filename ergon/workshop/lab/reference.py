@@ -79,12 +79,12 @@ def steps(upto: int) -> tuple[int, ...]:
 
 def best(sounds: Mapping[Setting, Floats]) -> str | None:
     """The method whose last doubling changed least, of those in double precision."""
-    found = {}
+    errors = {}
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
         row = ladder(sounds, method)
         if len(row) > 1:
-            found[method] = waveform_db(row[-2][1], row[-1][1])
-    return min(found, key=lambda method: found[method], default=None)
+            errors[method] = waveform_db(row[-2][1], row[-1][1])
+    return min(errors, key=lambda method: errors[method], default=None)
 
 
 def ladder(sounds: Mapping[Setting, Floats], method: str) -> list[tuple[int, Floats]]:
@@ -165,18 +165,18 @@ def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
 
 def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
     """Methods that converge to another sound than the reference: one of the two must be wrong."""
-    said = []
+    sentences = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
         if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
             continue
         other = _top(sounds, method)
         apart = waveform_db(other.sound, chosen.sound)
         if apart > max(other.floor_db, chosen.floor_db) + _DOUBT_DB:
-            said.append(
+            sentences.append(
                 f"{other.setting} and {chosen.setting} differ by {apart:.0f} dB, though their own "
                 f"errors seem to be {other.floor_db:.0f} and {chosen.floor_db:.0f} dB"
             )
-    return said
+    return sentences
 
 
 def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:

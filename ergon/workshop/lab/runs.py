@@ -62,11 +62,13 @@ class Oversampled(NetworkAndTimeline):
     @classmethod
     def of(cls, scene: Scene, times: int) -> Oversampled:
         """A scene at `times` its rate. Raises EngineError or StageError."""
-        made = scene.at(scene.rate * times)
-        positions = made.network.undifferentiated()
+        scene_at_rate = scene.at(scene.rate * times)
+        positions = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
-        heard, derived = (made.network, positions) if times == 1 else (positions, made.network)
-        return cls(heard, made.timeline, times, derived, scene.rate)
+        output_network, derived = (
+            (scene_at_rate.network, positions) if times == 1 else (positions, scene_at_rate.network)
+        )
+        return cls(output_network, scene_at_rate.timeline, times, derived, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
         """The derivatives still to compute from every `times`-th frame, from frame 0 on."""
@@ -76,10 +78,10 @@ class Oversampled(NetworkAndTimeline):
 class Run:
     """A running scene; `spent` is the processor time of its thread so far [s]."""
 
-    def __init__(self, simulation: Any, whole: Oversampled, chosen: str = "") -> None:
+    def __init__(self, simulation: Any, oversampled: Oversampled, chosen: str = "") -> None:
         """Start at frame 0."""
-        self._simulation, self._whole = simulation, whole
-        self._derivatives = whole.derivatives()
+        self._simulation, self._oversampled = simulation, oversampled
+        self._derivatives = oversampled.derivatives()
         self._start = simulation.snapshot()
         self.chosen = chosen
         self.n_out = int(simulation.n_out)
@@ -88,22 +90,22 @@ class Run:
     def rewind(self) -> None:
         """Go back to frame 0, and reset the clock."""
         self._simulation.restore(self._start)
-        self._derivatives = self._whole.derivatives()
+        self._derivatives = self._oversampled.derivatives()
         self.spent = 0.0
 
     def frames(self, n_frames: int) -> Floats:
         """The next outputs (n_frames, n_out). Raises DivergedError."""
-        heard = np.empty((n_frames, self.n_out))
-        stride = self._whole.times
+        output_frames = np.empty((n_frames, self.n_out))
+        stride = self._oversampled.times
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
-        for at in range(0, n_frames, _BLOCK):
-            part = block[: min(_BLOCK, n_frames - at) * stride]
+        for first in range(0, n_frames, _BLOCK):
+            part = block[: min(_BLOCK, n_frames - first) * stride]
             begin = time.thread_time()
             self._simulation.process(part)
             self.spent += time.thread_time() - begin
-            heard[at : at + _BLOCK] = part[::stride]
-        self._derivatives.process(heard)
-        return heard
+            output_frames[first : first + _BLOCK] = part[::stride]
+        self._derivatives.process(output_frames)
+        return output_frames
 
     def made_db(self) -> float:
         """The energy that one link or mesh has made over the energy that was there [dB]."""
@@ -124,16 +126,18 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
-    whole = Oversampled.of(scene, setting.oversampling)
+    oversampled = Oversampled.of(scene, setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
-            whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
+            oversampled.network, oversampled.timeline, ledger=ledger, unchecked=unchecked
         )
-        return Run(simulation, whole)
+        return Run(simulation, oversampled)
     plan = _planned(scene, setting, unchecked=unchecked)
-    simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
+    simulation = _core.Simulation(
+        oversampled.network, oversampled.timeline, plan=plan, ledger=ledger
+    )
     chosen = "" if setting.method else describe(plan)
-    return Run(simulation, whole, chosen)
+    return Run(simulation, oversampled, chosen)
 
 
 _SURELY = 64  # times finer, nothing that a map shows is refused
@@ -146,9 +150,13 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Sequence[_core.IslandChoice] | None = None) -> _core.Plan:
-        whole = Oversampled.of(scene, setting.oversampling * finer)
+        oversampled = Oversampled.of(scene, setting.oversampling * finer)
         return _core.Plan(
-            whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins
+            oversampled.network,
+            oversampled.timeline,
+            method=method,
+            error_db=setting.budget_db,
+            pins=pins,
         )
 
     try:

@@ -77,8 +77,8 @@ class Undifferentiated:
 
     def at(self, rate: float) -> NetworkAndTimeline:
         """The scene at a rate, with positions alone."""
-        made = self.scene.at(rate)
-        return NetworkAndTimeline(made.network.undifferentiated(), made.timeline)
+        scene_at_rate = self.scene.at(rate)
+        return NetworkAndTimeline(scene_at_rate.network.undifferentiated(), scene_at_rate.timeline)
 
     def hear(self, frames: Floats) -> Floats:
         """As the scene hears them."""

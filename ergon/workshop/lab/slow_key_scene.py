@@ -19,7 +19,7 @@ from ergon.workshop.lab.truth import EXACT_DB, Truth
 
 RATE = 44_100.0
 _MASSES, _MASS, _PITCH, _T60 = 40, 4e-3, 220.0, 2.0  # of the string; [kg], [Hz], [s]
-_PULLED, _HEARD = 7, 30
+_PULLED, _LISTENED = 7, 30
 _STRUCK = 47 / RATE  # [s]; no frame of a pull for most R
 _BUDGET_DB = -100.0  # so that no mode is left out
 _HIDDEN = 4.0  # a power of two: a factor that changes no bit
@@ -70,7 +70,7 @@ class SlowKeyScene:
         string = network.string("s", masses=_MASSES, M=_MASS * RATE**2, f=_PITCH, t60=_T60)
         network.part("cut", ca_rate=RATE)
         joint = network.ref("c", row[-1], string + _PULLED, K=self.K / self.hidden)
-        network.listen("string", positions=[(string + _HEARD, 1, 1.0)])
+        network.listen("string", positions=[(string + _LISTENED, 1, 1.0)])
         timeline = _core.Timeline(network, RATE)
         timeline.strike(row[0], _STRUCK, impulse=0.05)
         if self.hidden != 1.0:
@@ -85,10 +85,10 @@ class SlowKeyScene:
 @cache
 def whole(key: Key, K: float, n_frames: int) -> Truth:
     """The reference: the same scene with all springs at every frame."""
-    made = SlowKeyScene(key, K, None).at(RATE)
+    scene_at_rate = SlowKeyScene(key, K, None).at(RATE)
     frames = np.zeros((n_frames, 1))
     try:
-        _core.Simulation(made.network, made.timeline).process(frames)
+        _core.Simulation(scene_at_rate.network, scene_at_rate.timeline).process(frames)
     except _core.UnstableError:
         return Truth(None, np.inf)
     return Truth(frames, EXACT_DB)
@@ -113,18 +113,20 @@ class SlowKeyPoint:
         scene = self.scene
         while scene.hidden <= _HIDDEN_MAX:
             try:
-                made, plan = _planned(scene)
+                scene_at_rate, plan = _planned(scene)
             except _core.UnstableError as error:
                 reason = str(error)
                 scene = replace(scene, hidden=scene.hidden * _HIDDEN)
             else:
-                return self._ran(made, plan, n_frames)
+                return self._ran(scene_at_rate, plan, n_frames)
         return Outcome(None, reason=reason)
 
-    def _ran(self, made: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
+    def _ran(self, scene_at_rate: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         frames = np.zeros((n_frames, 1))
         try:
-            _core.Simulation(made.network, made.timeline, plan=plan).process(frames)
+            _core.Simulation(scene_at_rate.network, scene_at_rate.timeline, plan=plan).process(
+                frames
+            )
         except _core.DivergedError as error:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
@@ -146,11 +148,11 @@ def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
     """The plan of the scene, with its key slow. Raises UnstableError if the plan does not allow
     that.
     """
-    made = scene.at(RATE)
-    plan = _core.Plan(made.network, made.timeline, error_db=_BUDGET_DB)
+    scene_at_rate = scene.at(RATE)
+    plan = _core.Plan(scene_at_rate.network, scene_at_rate.timeline, error_db=_BUDGET_DB)
     for _, why in plan.stay():
         raise _core.UnstableError(why)
-    return made, plan
+    return scene_at_rate, plan
 
 
 @cache

@@ -41,8 +41,8 @@ def has_contacts(piece: Piece) -> bool:
 
 
 def _stiffer(module: Module, factor: float) -> Module:
-    given: Mapping[str, Any] = module.fields
-    fields = dict(given)
+    module_fields: Mapping[str, Any] = module.fields
+    fields = dict(module_fields)
     for name in ("K", "sigma0", "hardening", "stretching"):
         if fields.get(name):
             fields[name] = fields[name] * factor

@@ -43,7 +43,7 @@ def completions(text: str, index: int, file: Document, known: Catalogue) -> list
 
 def _completions(text: str, index: int, file: Document, known: Catalogue) -> list[Completion]:
     number = _number_before(text, index)
-    found: dict[str, Completion] = {}
+    by_word: dict[str, Completion] = {}
     in_text = cursors.cursor_at(file, index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
         return list(_value_completions(in_text.shape, known, number))
@@ -54,8 +54,8 @@ def _completions(text: str, index: int, file: Document, known: Catalogue) -> lis
             else _value_completions(cursor.shape, known, number)
         )
         for word in words:
-            found.setdefault(word.word, word)
-    return list(found.values())
+            by_word.setdefault(word.word, word)
+    return list(by_word.values())
 
 
 def _key_completions(cursor: Cursor) -> Iterator[Completion]:
@@ -152,13 +152,17 @@ def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -
             return None
     elif meaning := _meaning(index, cursor, file.text):
         return meaning
-    found = definition(index, file, known)
+    definition_place = definition(index, file, known)
     heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
-    if found is None or heights is not None:
+    if definition_place is None or heights is not None:
         return heights
-    line = file.line(found.place.line).strip() if found.place.file == file.file else ""
-    source = f"\n```yaml\n{line}\n```" if line else f" of {found.place.file}"
-    return f"{found.noun} **{found.name}**{source}"
+    line = (
+        file.line(definition_place.place.line).strip()
+        if definition_place.place.file == file.file
+        else ""
+    )
+    source = f"\n```yaml\n{line}\n```" if line else f" of {definition_place.place.file}"
+    return f"{definition_place.noun} **{definition_place.name}**{source}"
 
 
 def _meaning(index: int, cursor: Cursor, text: str) -> str | None:

@@ -43,8 +43,8 @@ class Catalogue:
         searched = sections or tuple(self.sections)
         while word:
             for section in searched:
-                if (found := self.sections.get(section, {}).get(word)) is not None:
-                    return found
+                if (entry := self.sections.get(section, {}).get(word)) is not None:
+                    return entry
             word = word.rpartition(".")[0]
         return None
 
@@ -71,10 +71,12 @@ def catalogue(loaded: Loaded) -> Catalogue:
         for name, entry in names.tables[section].items():
             values, _ = uses.resolved(section, entry)
             modules = None if values is None else values.given.get("modules")
-            for module, one in (modules or {}).items():
-                if isinstance(one, Values):
+            for module, fields_read in (modules or {}).items():
+                if isinstance(fields_read, Values):
                     full = f"{name}.{module}"
-                    sections[MODULES][full] = Definition(full, one.kind or "module", one.place)
+                    sections[MODULES][full] = Definition(
+                        full, fields_read.kind or "module", fields_read.place
+                    )
     return Catalogue(sections, names.tuning, names.tunings)
 
 

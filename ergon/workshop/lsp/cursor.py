@@ -65,17 +65,17 @@ def cursor_at(file: Document, index: int) -> Cursor | None:
             field = shape.by_name.get(key.text) if isinstance(shape, Record) else None
             if key.start <= index <= key.end:
                 beside = written - {key.text}
-                own = table if isinstance(shape, Record) else None
-                return Cursor(key, True, inner, own, field, path, beside)
+                record = table if isinstance(shape, Record) else None
+                return Cursor(key, True, inner, record, field, path, beside)
             path = (*path, key.text)
             node, shape = child, inner
         elif isinstance(node, document.Sequence):
-            found = _last_before(
+            last_key = _last_before(
                 ((item.start, (i, item)) for i, item in enumerate(node.items)), index
             )
-            if found is None:
+            if last_key is None:
                 return None
-            number, node = found
+            number, node = last_key
             shape = None if shape is None else shape.inner(number)
         elif isinstance(node, Scalar) and node.start <= index <= node.end:
             return Cursor(node, False, shape, table, field, path, written)
@@ -94,15 +94,15 @@ def cursors_at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cu
     before = before.removesuffix(word_before(before, len(before)))
     rest = WORD.sub("", after, count=1)
     closing = "" if rest.strip() else _closing_brackets(before)
-    found = []
+    cursors = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
         line = before + placeholder + (closing or rest)
         changed = text[:begin] + line + ("" if end < 0 else text[end:])
         read = document.compose(changed, file.file, Collector())
         cursor = cursor_at(read, begin + len(before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
-            found.append((cursor, read))
-    return found
+            cursors.append((cursor, read))
+    return cursors
 
 
 def _last_before(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:

@@ -26,7 +26,7 @@ BODY_MAX = 64 << 20  # bytes: as large as a score may be
 _LINE_MAX, _LINES_MAX = 4096, 32  # bytes and lines of a header
 _WORDS_MAX = 300  # characters of what is wrong with a message
 _DEPTH_MAX = 64  # of a message: messages of the protocol have about ten
-_WHOLE = 1 << 53
+_INTEGER_MAX = 1 << 53
 _LENGTH = re.compile(rb"Content-Length: *([0-9]{1,20}) *\r?\n", re.IGNORECASE)
 _HALF = re.compile(rb"\\u[dD][89a-fA-F]")  # half of a character, which UTF-8 cannot say
 _LIFE = (t.INITIALIZE, t.INITIALIZED, t.SHUTDOWN, t.EXIT, t.CANCEL_REQUEST, t.SET_TRACE)
@@ -97,8 +97,8 @@ class GuardedInput:
             line = self._source.readline(_LINE_MAX)
             if not line and not number:
                 return None
-            if found := _LENGTH.fullmatch(line):
-                length = int(found[1])
+            if match := _LENGTH.fullmatch(line):
+                length = int(match[1])
             elif not line.strip():
                 break
             elif b":" not in line or not line.endswith(b"\n"):
@@ -163,7 +163,7 @@ class GuardedInput:
         if self._is_begun and method == t.INITIALIZE:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "initialize comes once")
         try:
-            made: Any = self._converter.structure(message, kind)
+            structured: Any = self._converter.structure(message, kind)
         except Exception as error:  # cattrs and the validators raise errors of many types
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
             reason = f"the fields of {method} are not those of the protocol: {why}"
@@ -171,7 +171,7 @@ class GuardedInput:
         self.exits_early = method == t.EXIT and not self._is_over
         self._is_begun = True
         self._is_over |= method == t.SHUTDOWN
-        document = getattr(made.params, "text_document", None)
+        document = getattr(structured.params, "text_document", None)
         if document is not None:
             self._check_open(method, unquote(document.uri))
 
@@ -195,7 +195,7 @@ class GuardedInput:
 def _is_id(id: object) -> bool:
     if isinstance(id, str):
         return len(id) <= _LINE_MAX
-    return type(id) is int and abs(id) < _WHOLE
+    return type(id) is int and abs(id) < _INTEGER_MAX
 
 
 def _depths(value: object) -> Iterator[int]:

@@ -87,29 +87,29 @@ class Server(LanguageServer):
             await self._read(uri, saved)
 
     async def _read(self, uri: str, saved: bool) -> None:
-        kept = self._open.setdefault(uri, _OpenDocument())
-        kept.version += 1
-        version = kept.version
+        open_document = self._open.setdefault(uri, _OpenDocument())
+        open_document.version += 1
+        version = open_document.version
         await asyncio.sleep(0 if saved else TYPING_PAUSE)
-        if kept.version != version:
+        if open_document.version != version:
             return
         if not self.is_score(uri):
-            self._publish(uri, kept, [])
+            self._publish(uri, open_document, [])
             return
         loaded = self._load(uri)
-        self._publish(uri, kept, loaded.diagnostics)
+        self._publish(uri, open_document, loaded.diagnostics)
         if loaded.names is not None:
-            kept.catalogue = catalogue(loaded)
+            open_document.catalogue = catalogue(loaded)
         if saved and loaded.piece is not None:
             _, more = await asyncio.to_thread(try_stage, loaded, None)
-            if kept.version == version:
-                self._publish(uri, kept, [*loaded.diagnostics, *more])
+            if open_document.version == version:
+                self._publish(uri, open_document, [*loaded.diagnostics, *more])
 
     def forget_document(self, uri: str) -> None:
         """Forget a document, and clear its diagnostics."""
-        kept = self._open.pop(uri, _OpenDocument())
-        kept.version += 1
-        self._publish(uri, kept, [])
+        open_document = self._open.pop(uri, _OpenDocument())
+        open_document.version += 1
+        self._publish(uri, open_document, [])
 
     def is_score(self, uri: str) -> bool:
         """Whether a document is a score; an editor sends every YAML file that is open."""
@@ -124,28 +124,38 @@ class Server(LanguageServer):
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
 
-    def _publish(self, uri: str, kept: _OpenDocument, found: Sequence[Diagnostic]) -> None:
+    def _publish(
+        self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
+    ) -> None:
         """Publish each diagnostic in the document that it is about, and clear the earlier ones."""
         by_uri: dict[str, list[t.Diagnostic]] = {
             uri: [],
-            **{old: [] for old in kept.diagnostic_uris},
+            **{old: [] for old in open_document.diagnostic_uris},
         }
-        for one in found:
-            own = _uri(one.place.file, uri)
-            by_uri.setdefault(own, []).append(self._diagnostic(own, one))
-        kept.diagnostic_uris = {own for own, diagnostics in by_uri.items() if diagnostics}
-        for own, diagnostics in by_uri.items():
-            self.text_document_publish_diagnostics(t.PublishDiagnosticsParams(own, diagnostics))
+        for diagnostic in reported:
+            diagnostic_uri = _uri(diagnostic.place.file, uri)
+            by_uri.setdefault(diagnostic_uri, []).append(
+                self._diagnostic(diagnostic_uri, diagnostic)
+            )
+        open_document.diagnostic_uris = {
+            diagnostic_uri for diagnostic_uri, diagnostics in by_uri.items() if diagnostics
+        }
+        for diagnostic_uri, diagnostics in by_uri.items():
+            self.text_document_publish_diagnostics(
+                t.PublishDiagnosticsParams(diagnostic_uri, diagnostics)
+            )
 
-    def _diagnostic(self, uri: str, one: Diagnostic) -> t.Diagnostic:
-        message = one.message + (f"; did you mean '{one.suggestion}'?" if one.suggestion else "")
+    def _diagnostic(self, uri: str, diagnostic: Diagnostic) -> t.Diagnostic:
+        message = diagnostic.message + (
+            f"; did you mean '{diagnostic.suggestion}'?" if diagnostic.suggestion else ""
+        )
         return t.Diagnostic(
-            self.range(uri, one.place),
-            message + (f"\n{one.help}" if one.help else ""),
-            severity=_SEVERITIES[one.severity],
-            code=one.code,
+            self.range(uri, diagnostic.place),
+            message + (f"\n{diagnostic.help}" if diagnostic.help else ""),
+            severity=_SEVERITIES[diagnostic.severity],
+            code=diagnostic.code,
             source="ergon",
-            data=one.suggestion,
+            data=diagnostic.suggestion,
         )
 
     # --- places -----------------------------------------------------------------------------------
@@ -159,9 +169,9 @@ class Server(LanguageServer):
 
     def _document(self, uri: str) -> TextDocument:
         """An open document, or a file that one of them uses."""
-        found: TextDocument | None = self.workspace.text_documents.get(unquote(uri))
-        if found is not None:
-            return found
+        open_text: TextDocument | None = self.workspace.text_documents.get(unquote(uri))
+        if open_text is not None:
+            return open_text
         try:
             source = read_bounded(_path(uri), MAX_BYTES).decode("utf-8", "replace")
         except OSError:
@@ -194,10 +204,10 @@ def serve() -> int:
 
 def server() -> Server:
     """A server with the handlers of all requests."""
-    made = Server()
+    new_server = Server()
     for method, answer in _HANDLERS.items():
-        made.feature(method, *_OPTIONS.get(method, ()))(answer)
-    return made
+        new_server.feature(method, *_OPTIONS.get(method, ()))(answer)
+    return new_server
 
 
 # --- handlers, one for each request ---------------------------------------------------------------
@@ -222,10 +232,10 @@ def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
     text, index, file, known = ls.locate(params.text_document.uri, params.position)
     is_score = ls.is_score(params.text_document.uri)
-    found = answers.completions(text.source, index, file, known) if is_score else []
+    completions = answers.completions(text.source, index, file, known) if is_score else []
     begin = index - len(cursor.word_before(text.source, index))
     here = t.Range(_client_position(text, begin), _client_position(text, index))
-    return t.CompletionList(is_incomplete=True, items=list(_items(found, here)))
+    return t.CompletionList(is_incomplete=True, items=list(_items(completions, here)))
 
 
 def _client_position(text: TextDocument, index: int) -> t.Position:
@@ -238,33 +248,37 @@ def _client_position(text: TextDocument, index: int) -> t.Position:
     return t.Position(len(lines) - 1, text.position_codec.client_num_units(lines[-1]))
 
 
-def _items(found: Iterable[answers.Completion], here: t.Range) -> Iterable[t.CompletionItem]:
-    for number, one in enumerate(found):
+def _items(completions: Iterable[answers.Completion], here: t.Range) -> Iterable[t.CompletionItem]:
+    for number, completion in enumerate(completions):
         yield t.CompletionItem(
-            one.word,
-            kind=_KINDS[one.kind],
-            detail=one.detail,
+            completion.word,
+            kind=_KINDS[completion.kind],
+            detail=completion.detail,
             sort_text=f"{number:05d}",
-            filter_text=one.word,
-            text_edit=t.TextEdit(here, one.word + one.suffix),
+            filter_text=completion.word,
+            text_edit=t.TextEdit(here, completion.word + completion.suffix),
         )
 
 
 def _hover(ls: Server, params: t.HoverParams) -> t.Hover | None:
     uri = params.text_document.uri
     _, index, file, known = ls.locate(uri, params.position)
-    found = answers.explanation(index, file, known) if ls.is_score(uri) else None
-    return None if found is None else t.Hover(t.MarkupContent(t.MarkupKind.Markdown, found))
+    explanation = answers.explanation(index, file, known) if ls.is_score(uri) else None
+    return (
+        None
+        if explanation is None
+        else t.Hover(t.MarkupContent(t.MarkupKind.Markdown, explanation))
+    )
 
 
 def _definition(ls: Server, params: t.DefinitionParams) -> t.Location | None:
     uri = params.text_document.uri
     _, index, file, known = ls.locate(uri, params.position)
-    found = answers.definition(index, file, known)
-    if found is None:
+    place_defined = answers.definition(index, file, known)
+    if place_defined is None:
         return None
-    own = _uri(found.place.file, uri)
-    return t.Location(own, ls.range(own, found.place))
+    target_uri = _uri(place_defined.place.file, uri)
+    return t.Location(target_uri, ls.range(target_uri, place_defined.place))
 
 
 def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
@@ -272,13 +286,13 @@ def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
     uri = params.text_document.uri
     return [
         t.CodeAction(
-            f"Write '{one.data}'",
+            f"Write '{diagnostic.data}'",
             kind=t.CodeActionKind.QuickFix,
-            diagnostics=[one],
-            edit=t.WorkspaceEdit({uri: [t.TextEdit(one.range, one.data)]}),
+            diagnostics=[diagnostic],
+            edit=t.WorkspaceEdit({uri: [t.TextEdit(diagnostic.range, diagnostic.data)]}),
         )
-        for one in params.context.diagnostics
-        if one.source == "ergon" and isinstance(one.data, str)
+        for diagnostic in params.context.diagnostics
+        if diagnostic.source == "ergon" and isinstance(diagnostic.data, str)
     ]
 
 
@@ -287,12 +301,12 @@ def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbo
     uri = params.text_document.uri
     root = ls.locate(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
     entries = root.entries.items() if isinstance(root, document.Mapping) else ()
-    found = []
+    symbols = []
     for name, (key, child) in entries:
         inner = child.entries.items() if isinstance(child, document.Mapping) else ()
         children = [_symbol(ls, uri, word, node.place) for word, (node, _) in inner]
-        found.append(_symbol(ls, uri, name, key.place, children))
-    return found
+        symbols.append(_symbol(ls, uri, name, key.place, children))
+    return symbols
 
 
 def _symbol(
@@ -313,8 +327,8 @@ def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] 
         return None
     if result == text.source:
         return None
-    whole = t.Range(t.Position(0, 0), t.Position(len(text.lines), 0))
-    return [t.TextEdit(whole, result)]
+    full_range = t.Range(t.Position(0, 0), t.Position(len(text.lines), 0))
+    return [t.TextEdit(full_range, result)]
 
 
 def _path(uri: str) -> Path:

@@ -11,7 +11,7 @@ import numpy as np
 from ergon.common.decay import LN_1000
 
 from .gesture import MeasurementError
-from .parameters import INDEX, OF_MODE, OWN, START, n_modes, of_mode, total_mass
+from .parameters import INDEX, N_KEY, N_MODE, START, n_modes, of_mode, total_mass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 # The name of a parameter in a file, and in the model.
-_OWN = (
+_KEY_FIELDS = (
     ("K", "stiffness"),
     ("Z", "damping"),
     ("weight", "weight"),
@@ -39,7 +39,7 @@ def t60(frequency: float, ratio: float) -> float:
     return float(LN_1000 / (2 * np.pi * frequency * ratio)) if ratio else float("inf")
 
 
-def _of_fit(fit: Fit) -> tuple[list[str], Floats, Floats]:
+def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     """The figures of a file in SI units, and their covariance, from that of the fit.
 
     Names, values (n,), covariance (n, n); a figure of a mode has a name such as `mode1.f`. `M`
@@ -55,12 +55,12 @@ def _of_fit(fit: Fit) -> tuple[list[str], Floats, Floats]:
         values.append(float(value))
         slopes.append(np.array([by.get(index, 0.0) for index in columns]))
 
-    add("M", total_mass(row), dict.fromkeys((0, *range(OWN, len(row), OF_MODE)), 1.0))
+    add("M", total_mass(row), dict.fromkeys((0, *range(N_KEY, len(row), N_MODE)), 1.0))
     k, w = INDEX["stiffness"], INDEX["weight"]
     has_spring = row[k] > 3 * fit.deviation(k)
     if has_spring:
         add("rest", -row[w] / row[k], {k: row[w] / row[k] ** 2, w: -1 / row[k]})
-    for name, parameter in _OWN:
+    for name, parameter in _KEY_FIELDS:
         index = INDEX[parameter]
         if index in columns and not (has_spring and index == w):
             add(name, row[index], {index: 1.0})
@@ -81,7 +81,7 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     correlations is of a figure with those before it.
     """
     fit = measured.fit
-    names, values, covariance = _of_fit(fit)
+    names, values, covariance = _fit_figures(fit)
     deviations = np.sqrt(np.diag(covariance))
     known = dict(zip(names, zip(values, deviations, strict=True), strict=True))
     lines = ["ergon: 1"]
@@ -92,12 +92,12 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     if n_modes(fit.row):
         lines.append("modes:")
     for mode in range(1, n_modes(fit.row) + 1):
-        own = [
-            (value * OF_MODES[name][1], deviation * OF_MODES[name][1])
-            for name in OF_MODES
+        mode_figures = [
+            (value * MODE_FIELDS[name][1], deviation * MODE_FIELDS[name][1])
+            for name in MODE_FIELDS
             for value, deviation in [known[f"mode{mode}.{name}"]]
         ]
-        (m, dm), (f, df), (decay, dt) = own
+        (m, dm), (f, df), (decay, dt) = mode_figures
         lines.append(
             f"  - {{M: {m:.6g}g, f: {f:.6g}Hz, t60: {decay:.6g}s}} # ± {dm:.3g} {df:.3g} {dt:.3g}"
         )
@@ -129,7 +129,7 @@ UNITS = {
     "delay": ("ms", 1e3),
     "noise": ("mm", 1e3),
 }
-OF_MODES = {"M": ("g", 1e3), "f": ("Hz", 1.0), "t60": ("s", 1.0)}
+MODE_FIELDS = {"M": ("g", 1e3), "f": ("Hz", 1.0), "t60": ("s", 1.0)}
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?)"
 _FIGURE = re.compile(rf"(\w+): {_NUMBER}([A-Za-z/]+)(?: # ± {_NUMBER})?$")
 _MODE = re.compile(
@@ -166,18 +166,18 @@ class Calibration:
     @property
     def row(self) -> Floats:
         """The parameters of the model, as `_core.key_path` takes them; the key starts at rest."""
-        own = self.figures
-        row = np.zeros(OWN)
-        row[0] = own["M"] - sum(mass for mass, _, _ in self.modes)
-        row[1:3] = own["K"], own["Z"]
-        row[INDEX["weight"]] = own.get("weight", -own.get("rest", 0.0) * own["K"])
-        row[START] = own.get("rest", 0.0)
-        for name, parameter in _OWN[3:]:
-            row[INDEX[parameter]] = own.get(name, 0.0)
+        figures = self.figures
+        row = np.zeros(N_KEY)
+        row[0] = figures["M"] - sum(mass for mass, _, _ in self.modes)
+        row[1:3] = figures["K"], figures["Z"]
+        row[INDEX["weight"]] = figures.get("weight", -figures.get("rest", 0.0) * figures["K"])
+        row[START] = figures.get("rest", 0.0)
+        for name, parameter in _KEY_FIELDS[3:]:
+            row[INDEX[parameter]] = figures.get(name, 0.0)
         return np.concatenate([row, *map(np.array, self.modes)]) if self.modes else row
 
 
-def read(said: str) -> Calibration:
+def read(source: str) -> Calibration:
     """The calibration in a file's text. Raises MeasurementError if `text` did not write it."""
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
@@ -185,23 +185,23 @@ def read(said: str) -> Calibration:
     before: list[str] = []
     modes: list[tuple[float, float, float]] = []
     date = section = ""
-    for line in said.splitlines():
+    for line in source.splitlines():
         if not line.startswith(" "):
             section = line
-        if found := _MODE.match(line):
-            modes.append(_mode(found, f"mode{len(modes) + 1}", figures, deviations))
-        elif section == "correlations:" and (found := _CORRELATED.match(line)):
-            each = map(float, found[2].split())
+        if match := _MODE.match(line):
+            modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
+        elif section == "correlations:" and (match := _CORRELATED.match(line)):
+            each = map(float, match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
-                (found[1], name): max(-1.0, min(x, 1.0))
+                (match[1], name): max(-1.0, min(x, 1.0))
                 for name, x in zip(before, each, strict=False)
             }
-            before.append(found[1])
+            before.append(match[1])
         elif line.startswith("date: "):
             date = line.removeprefix("date: ").strip()
-        elif (found := _FIGURE.match(line)) and found[1] in UNITS:
-            name, value, unit, deviation = found.groups()
+        elif (match := _FIGURE.match(line)) and match[1] in UNITS:
+            name, value, unit, deviation = match.groups()
             usual, per_unit = UNITS[name]
             if unit != usual:
                 raise MeasurementError(f"{name} must be in {usual}, as ergon metrology writes it")
@@ -223,19 +223,19 @@ def read(said: str) -> Calibration:
 
 
 def _mode(
-    found: re.Match[str], name: str, figures: dict[str, float], deviations: dict[str, float]
+    match: re.Match[str], name: str, figures: dict[str, float], deviations: dict[str, float]
 ) -> tuple[float, float, float]:
     """A mode from a line: mass, frequency, damping ratio; its figures are also added under its
     name.
     """
-    *said, told = found.groups()
-    mass, frequency, decay = (float("inf") if x is None else float(x) for x in said)
+    *number_texts, deviations_text = match.groups()
+    mass, frequency, decay = (float("inf") if x is None else float(x) for x in number_texts)
     if not (mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
         raise MeasurementError(f"{name} must have a mass, a frequency and a decay above 0")
-    wobbles = (told or "").split()
-    for i, (own, (_, per_unit)) in enumerate(OF_MODES.items()):
-        figures[f"{name}.{own}"] = (mass, frequency, decay)[i] / per_unit
-        if len(wobbles) == len(OF_MODES) and re.fullmatch(_NUMBER, wobbles[i]):
-            deviations[f"{name}.{own}"] = float(wobbles[i]) / per_unit
+    wobbles = (deviations_text or "").split()
+    for i, (figure_name, (_, per_unit)) in enumerate(MODE_FIELDS.items()):
+        figures[f"{name}.{figure_name}"] = (mass, frequency, decay)[i] / per_unit
+        if len(wobbles) == len(MODE_FIELDS) and re.fullmatch(_NUMBER, wobbles[i]):
+            deviations[f"{name}.{figure_name}"] = float(wobbles[i]) / per_unit
     ratio = LN_1000 / (2 * np.pi * frequency * decay) if np.isfinite(decay) else 0.0
     return mass / 1e3, frequency, float(ratio)

@@ -10,7 +10,7 @@ import numpy as np
 from ergon import _core
 
 from . import excitation, output_error
-from .calibration_file import OF_MODES, UNITS
+from .calibration_file import MODE_FIELDS, UNITS
 from .gesture import MeasurementError
 from .parameters import INDEX, START
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _RATE = 44100 / 44  # ticks a second of the standard gesture
-_SECONDS, _REACH, _MOST = 4.0, 5e-3, 20.0  # of the standard gesture: s, m, N
+_SECONDS, _REACH, _FORCE_MAX = 4.0, 5e-3, 20.0  # of the standard gesture: s, m, N
 _GRAVITY = 9.80665
 _ALIKE = 0.2  # of the logarithm of a pitch: modes that are one
 _CERTAIN = 1e-5  # of a correlation matrix: less is what a file has rounded
@@ -56,20 +56,20 @@ def replay(row: Floats, gesture: Gesture) -> Replay:
     begun = output_error.follow(row, gesture)
     (gesture,) = begun.recovered([gesture.with_unknown_speed()])
     model = output_error.path(row, gesture, begun.starts[0])
-    at = np.flatnonzero(gesture.counts)
-    return Replay(gesture, model, at / gesture.rate, gesture.position[at] - model[at])
+    ticks = np.flatnonzero(gesture.counts)
+    return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
 
 
-def replay_difference(one: Floats, other: Floats) -> float:
+def replay_difference(first: Floats, other: Floats) -> float:
     """Rms of the difference [m] of two keys under a standard gesture of knocks.
 
     Raises MeasurementError.
     """
-    guided = one.copy()
-    guided[INDEX["stiffness"]] = max(one[1], 1e-3)
-    force = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _MOST)
+    guided = first.copy()
+    guided[INDEX["stiffness"]] = max(first[1], 1e-3)
+    force = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _FORCE_MAX)
     paths = []
-    for row in (one, other):
+    for row in (first, other):
         held = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
         held[START] = held[INDEX["weight"]] = 0.0
@@ -101,30 +101,30 @@ class Difference:
         return (self.other - self.one) / self.deviation
 
 
-def differences(one: Calibration, other: Calibration) -> list[Difference]:
+def differences(calibration: Calibration, other: Calibration) -> list[Difference]:
     """All figures of two calibrations. Modes of nearly the same frequency count as the same
     mode.
     """
     pairs = [(name, name) for name in UNITS if name != "noise"]
-    for a, b in _alike(one, other):
-        pairs += [(f"mode{a}.{what}", f"mode{b}.{what}") for what in OF_MODES]
-    found = []
+    for a, b in _alike(calibration, other):
+        pairs += [(f"mode{a}.{what}", f"mode{b}.{what}") for what in MODE_FIELDS]
+    rows = []
     for first, second in pairs:
-        x, y = one.figures.get(first), other.figures.get(second)
+        x, y = calibration.figures.get(first), other.figures.get(second)
         if x is None and y is None:
             continue
         sigma = None
-        if first in one.deviations and second in other.deviations:
-            sigma = float(np.hypot(one.deviations[first], other.deviations[second]))
-        found.append(Difference((first, second), x, y, sigma))
-    return found
+        if first in calibration.deviations and second in other.deviations:
+            sigma = float(np.hypot(calibration.deviations[first], other.deviations[second]))
+        rows.append(Difference((first, second), x, y, sigma))
+    return rows
 
 
-def _alike(one: Calibration, other: Calibration) -> list[tuple[int, int]]:
+def _alike(calibration: Calibration, other: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
     apart = sorted(
         (abs(np.log(f / g)), a, b)
-        for a, (_, f, _) in enumerate(one.modes, 1)
+        for a, (_, f, _) in enumerate(calibration.modes, 1)
         for b, (_, g, _) in enumerate(other.modes, 1)
     )
     pairs: list[tuple[int, int]] = []
@@ -132,22 +132,22 @@ def _alike(one: Calibration, other: Calibration) -> list[tuple[int, int]]:
         if distance < _ALIKE and not any(a == x or b == y for x, y in pairs):
             pairs.append((a, b))
     first, second = {a for a, _ in pairs}, {b for _, b in pairs}
-    pairs += [(a, 0) for a in range(1, len(one.modes) + 1) if a not in first]
+    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first]
     pairs += [(0, b) for b in range(1, len(other.modes) + 1) if b not in second]
     return sorted(pairs)
 
 
-def chi_squared(one: Calibration, other: Calibration) -> tuple[float, int]:
+def chi_squared(calibration: Calibration, other: Calibration) -> tuple[float, int]:
     """Δᵀ(C₁ + C₂)⁻¹Δ of the figures whose deviations both files give, and their number.
 
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    both = [d for d in differences(one, other) if d.deviations is not None]
+    both = [d for d in differences(calibration, other) if d.deviations is not None]
     if not both:
         return 0.0, 0
     first, second = ([d.names[i] for d in both] for i in (0, 1))
-    covariance = one.covariance(first) + other.covariance(second)
+    covariance = calibration.covariance(first) + other.covariance(second)
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     along = vectors.T @ np.array([d.deviations for d in both])
@@ -178,26 +178,26 @@ def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gai
     gain = mass / heavier
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
-    found = {"mass": _gain(gain, plain, loaded, *grows)}
+    by_name = {"mass": _gain(gain, plain, loaded, *grows)}
     for name in ("M", "K", "Z"):
-        own = plain.figures[name]
+        plain_value = plain.figures[name]
         first = dict(grows[0])
-        first[name] = first.get(name, 0.0) + (1.0 / own if own else 0.0)
-        found[name] = _gain(gain * own, plain, loaded, first, grows[1])
+        first[name] = first.get(name, 0.0) + (1.0 / plain_value if plain_value else 0.0)
+        by_name[name] = _gain(gain * plain_value, plain, loaded, first, grows[1])
     rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rests[0] is None or rests[1] is None:
-        return found
+        return by_name
     sinks, k = rests[1] - rests[0], plain.figures["K"]
     wobble = 5 * sum(c.deviations.get("rest", 0.0) for c in (plain, loaded))
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sinks) <= max(wobble, 1e-9):
-        return found
+        return by_name
     pushes = mass * _GRAVITY / (abs(sinks) * k)
     fell = {"K": -1.0 / k, "rest": 1.0 / sinks}, {"rest": -1.0 / sinks}
     read = {name: -x for name, x in fell[0].items()} | grows[0], {"rest": 1.0 / sinks} | grows[1]
-    found["position"] = _gain(gain / pushes, plain, loaded, *read)
-    found["force"] = _gain(pushes, plain, loaded, *fell)
-    return found
+    by_name["position"] = _gain(gain / pushes, plain, loaded, *read)
+    by_name["force"] = _gain(pushes, plain, loaded, *fell)
+    return by_name
 
 
 def _gain(
@@ -209,9 +209,9 @@ def _gain(
 ) -> Gain:
     """A figure from the derivatives of its logarithm with respect to figures of two files."""
     variance = 0.0
-    for one, slopes in ((plain, first), (loaded, second)):
-        if not all(name in one.deviations for name in slopes):
+    for calibration, slopes in ((plain, first), (loaded, second)):
+        if not all(name in calibration.deviations for name in slopes):
             return Gain(value, None)
-        own = np.array(list(slopes.values()))
-        variance += float(own @ one.covariance(list(slopes)) @ own)
+        slope_values = np.array(list(slopes.values()))
+        variance += float(slope_values @ calibration.covariance(list(slopes)) @ slope_values)
     return Gain(value, abs(value) * float(np.sqrt(variance)))

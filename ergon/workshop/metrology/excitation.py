@@ -19,11 +19,11 @@ _STRIKES = 60.0  # a second
 
 def strokes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Forces from -1 to 1 that jump every 0.1 to 0.6 s, (n,)."""
-    force, at = np.zeros(n), 0
-    while at < n:
-        to = at + int(chance.uniform(0.1, 0.6) * rate)
-        force[at:to] = chance.uniform(-1, 1)
-        at = to
+    force, start = np.zeros(n), 0
+    while start < n:
+        to = start + int(chance.uniform(0.1, 0.6) * rate)
+        force[start:to] = chance.uniform(-1, 1)
+        start = to
     return force
 
 
@@ -37,8 +37,8 @@ def strikes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     opposite, (n,).
     """
     force = np.zeros(n)
-    for at in np.flatnonzero(chance.random(n - 4) < _STRIKES / rate):
-        force[at : at + 4] = chance.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
+    for start in np.flatnonzero(chance.random(n - 4) < _STRIKES / rate):
+        force[start : start + 4] = chance.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
     return force
 
 
@@ -48,12 +48,12 @@ def jolts(n: int, rate: float, chance: np.random.Generator, length: float = 1.0)
 
     `length` multiplies their duration.
     """
-    force, at = np.zeros(n), 0
-    while at < n:
+    force, start = np.zeros(n), 0
+    while start < n:
         half = int(length * chance.uniform(0.006, 0.016) * rate)
-        way = chance.choice([-1.0, 1.0])
-        force[at : at + half], force[at + half : at + 2 * half] = way, -way
-        at += 2 * half
+        direction = chance.choice([-1.0, 1.0])
+        force[start : start + half], force[start + half : start + 2 * half] = direction, -direction
+        start += 2 * half
     return force
 
 
@@ -91,27 +91,27 @@ def scaled_to_reach(
             all_of_it *= 0.85
 
 
-def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) -> Floats:
+def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: float) -> Floats:
     """Forces [N] of a gesture of knocks, a slow push and quick knocks of many heights, by a rough
     model of the key.
 
-    They move a key without dry friction by `reach` [m], or as far as `most` [N] can.
+    They move a key without dry friction by `reach` [m], or as far as `force_max` [N] can.
     """
     n, chance = round(seconds * rate), np.random.default_rng(99)
-    x, at = np.zeros(n), 0
+    x, start = np.zeros(n), 0
 
     def go(to: float, duration: float, rest: float = 0.0) -> None:
-        nonlocal at
-        steps = min(int(duration * rate), n - 1 - at)
+        nonlocal start
+        steps = min(int(duration * rate), n - 1 - start)
         if steps <= 0:
             return
         s = np.arange(1, steps + 1) / steps
-        before = x[at]
-        x[at : at + steps] = before + (to - before) * s**3 * (10 - 15 * s + 6 * s * s)
-        x[at + steps :] = to
-        at = min(at + steps + int(rest * rate), n - 1)
+        before = x[start]
+        x[start : start + steps] = before + (to - before) * s**3 * (10 - 15 * s + 6 * s * s)
+        x[start + steps :] = to
+        start = min(start + steps + int(rest * rate), n - 1)
 
-    while at < n - 1:
+    while start < n - 1:
         for _ in range(6):
             go(1.0, 0.09)
             go(0.0, 0.12, 0.15)
@@ -120,25 +120,28 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, most: float) 
         for _ in range(12):
             go(chance.uniform(0.3, 0.9), 0.06)
             go(0.0, 0.07)
-    return _forces(reach * x, row, rate, most)
+    return _forces(reach * x, row, rate, force_max)
 
 
-def forces_along_path(path: Floats, row: Floats, rate: float, reach: float, most: float) -> Floats:
+def forces_along_path(
+    path: Floats, row: Floats, rate: float, reach: float, force_max: float
+) -> Floats:
     """Forces [N] that move a rough model of a key along a path (n,) [m] from its rest, (n,).
 
     A path that goes farther than `reach` [m] is scaled down as a whole.
     """
     x = path - path[0]
-    return _forces(min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, row, rate, most)
+    return _forces(min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, row, rate, force_max)
 
 
-def _forces(x: Floats, row: Floats, rate: float, most: float) -> Floats:
-    """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most `most`."""
+def _forces(x: Floats, row: Floats, rate: float, force_max: float) -> Floats:
+    """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most "
+    "`force_max`."""
     v = np.gradient(x) * rate
     force = total_mass(row) * np.gradient(v) * rate + row[2] * v + row[1] * x
     # Slow pushes need little force and knocks much: if only knocks need too much, only they are
     # clipped.
     clipped: Floats = np.clip(
-        force * min(1.0, 2.0 * most / max(np.abs(force).max(), 1e-12)), -most, most
+        force * min(1.0, 2.0 * force_max / max(np.abs(force).max(), 1e-12)), -force_max, force_max
     )
     return clipped

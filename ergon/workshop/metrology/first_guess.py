@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .parameters import INDEX, OWN
+from .parameters import INDEX, N_KEY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,8 +45,8 @@ def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[F
         x, v, a = _derivatives(gesture.position, gesture.rate, cut)
         # A force is held for one tick, so its middle is half a tick after the position of that
         # tick.
-        at = np.arange(x.size)
-        force = np.interp(at - delay - 0.5, at, gesture.force)
+        samples = np.arange(x.size)
+        force = np.interp(samples - delay - 0.5, samples, gesture.force)
         force = _derivatives(force, gesture.rate, cut)[0]
         edge = int(_EDGE * gesture.rate)
         inside = slice(edge, -edge if x.size > 4 * edge else None)
@@ -60,15 +60,15 @@ def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[F
 def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, float]:
     """Mass, damping, stiffness, weight and dry friction for a delay in ticks; the residual."""
     matrix, force = _equations(gestures, delay, cut)
-    found = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
-    return found, float(np.sum((force - matrix @ found) ** 2))
+    solution = np.asarray(np.linalg.lstsq(matrix, force, rcond=None)[0], np.float64)
+    return solution, float(np.sum((force - matrix @ solution) ** 2))
 
 
 def first_guess(gestures: Sequence[Gesture]) -> Floats:
     """The parameters of a key without modes, (10,)."""
     delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _WIDER)[1])
     mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUT)[0]
-    row = np.zeros(OWN)
+    row = np.zeros(N_KEY)
     row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
     row[INDEX["weight"]] = weight
     row[INDEX["dry"]] = max(dry, 5e-3)
@@ -87,8 +87,8 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
     size[size == 0] = 1.0
     unit = matrix / size
     square = unit.T @ unit + 1e-9 * len(unit) * np.eye(5)
-    found = np.linalg.solve(square, unit.T @ force)
-    left = force - unit @ found
+    solution = np.linalg.solve(square, unit.T @ force)
+    left = force - unit @ solution
     independent = max(len(force) * 2 * _CUT / gesture.rate - 5, 1.0)
     variance = np.linalg.inv(square)[0, 0] * len(force) * np.mean(left**2) / independent
-    return float(found[0] / size[0]), float(abs(found[0]) / np.sqrt(max(variance, 1e-300)))
+    return float(solution[0] / size[0]), float(abs(solution[0]) / np.sqrt(max(variance, 1e-300)))

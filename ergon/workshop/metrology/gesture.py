@@ -157,32 +157,33 @@ def of_rows(
     sure = np.asarray(fresh if known is None else known)
     exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
     # Of two replies within one tick of the device, the later one counts.
-    at = np.maximum.accumulate(np.round(exact).astype(np.int64))
-    n = int(at[-1]) + 1
-    which = np.searchsorted(at, np.arange(1, n + 1), side="right") - 1
+    tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
+    n = int(tick_numbers[-1]) + 1
+    which = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
     force, positions = sent[which], np.zeros(n)
-    positions[at], counts = position, np.zeros(n, bool)
-    counts[at] = fresh
-    held = np.maximum.accumulate(np.where(np.isin(np.arange(n), at), np.arange(n), 0))
-    found = replace(of_arrays(force, positions[held], rate), counts=counts)
-    beside = (exact - at)[fresh]
+    positions[tick_numbers], counts = position, np.zeros(n, bool)
+    counts[tick_numbers] = fresh
+    held = np.maximum.accumulate(np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0))
+    retimed = replace(of_arrays(force, positions[held], rate), counts=counts)
+    beside = (exact - tick_numbers)[fresh]
     if np.sqrt(np.mean(beside**2)) >= _JITTER:
-        at = np.maximum.accumulate(exact)
-        found = _retimed(found, at, sent, np.asarray(position), fresh)
-    least, most = sent.copy(), sent.copy()
+        tick_numbers = np.maximum.accumulate(exact)
+        retimed = _retimed(retimed, tick_numbers, sent, np.asarray(position), fresh)
+    least, latest = sent.copy(), sent.copy()
     if is_told is not None and is_told.any():
-        least[~is_told], most[~is_told] = sent[is_told].min(), sent[is_told].max()
-    unknown = _unknown(at - 1.0, (least, most), sure, n)
-    return replace(found, unknown=unknown).with_forces(unknown.middle)
+        least[~is_told], latest[~is_told] = sent[is_told].min(), sent[is_told].max()
+    unknown = _unknown(tick_numbers - 1.0, (least, latest), sure, n)
+    return replace(retimed, unknown=unknown).with_forces(unknown.middle)
 
 
 def _retimed(
-    gesture: Gesture, at: Floats, sent: Floats, position: Floats, fresh: NDArray[np.bool_]
+    gesture: Gesture, reply_ticks: Floats, sent: Floats, position: Floats, fresh: NDArray[np.bool_]
 ) -> Gesture:
-    """The gesture resampled from replies at instants `at` (k,) [ticks] between its ticks."""
+    """The gesture resampled from replies at instants `reply_ticks` (k,) [ticks] between its "
+    "ticks."""
     n = gesture.force.size
     edges = np.arange(n + 1.0)
-    replies, x = at[fresh], position[fresh]
+    replies, x = reply_ticks[fresh], position[fresh]
     # Two replies at the same instant give no speed.
     apart = np.concatenate([[True], np.diff(replies) > 0])
     replies, x = replies[apart], x[apart]
@@ -191,7 +192,7 @@ def _retimed(
     off = edges[:-1] - replies[nearest]
     return replace(
         gesture,
-        force=_means(at - 1.0, sent, edges),
+        force=_means(reply_ticks - 1.0, sent, edges),
         position=x[nearest] + speed[nearest] * off,
         counts=gesture.counts & (np.abs(off) < _NEAR),
         read=x,
@@ -216,9 +217,9 @@ def _unknown(
     last = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
     acted = [slice(i, j + 1) for i, j in zip(first, last, strict=True)]
     least = np.array([sent[0][rows].min() for rows in acted])
-    most = np.array([sent[1][rows].max() for rows in acted])
-    differ = most > least
-    return Unknown(ticks[differ], least[differ], most[differ])
+    highest = np.array([sent[1][rows].max() for rows in acted])
+    differ = highest > least
+    return Unknown(ticks[differ], least[differ], highest[differ])
 
 
 def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
@@ -237,18 +238,18 @@ def _instants(
     This shows when the host was late. Without a clock: the host's own count of ticks.
     """
     ticks = ticks - ticks[0]
-    told = np.flatnonzero(fresh & (clock != 0))
-    if told.size < max(2, ticks.size // 2):
+    clocked = np.flatnonzero(fresh & (clock != 0))
+    if clocked.size < max(2, ticks.size // 2):
         return ticks.astype(float)
-    passed = np.concatenate([[0], np.cumsum(np.diff(clock[told]).astype(np.int64))])  # it wraps
+    passed = np.concatenate([[0], np.cumsum(np.diff(clock[clocked]).astype(np.int64))])  # it wraps
     passed = passed * 1e-6 * rate
     # A clock that does not fit the count of ticks belongs to something else, or counts differently.
     if not np.all(np.abs(np.diff(passed)) < 1000):
         return ticks.astype(float)
     phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
-    at = passed - phase
-    known = at - round(at[0]) + ticks[told[0]]
-    return np.asarray(np.interp(np.arange(ticks.size), told, known))
+    moments = passed - phase
+    known = moments - round(moments[0]) + ticks[clocked[0]]
+    return np.asarray(np.interp(np.arange(ticks.size), clocked, known))
 
 
 def of_recording(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FRAMES, RATE = 44, 44100.0  # of a tick
 TICK_RATE = RATE / FRAMES
 RUNG = 2.0  # s
-_FIRST, _MOST = 0.05, 0.9  # of the force
+_FIRST, _LAST = 0.05, 0.9  # of the force
 _RUNGS_MAX = 12
 _ENOUGH = 0.4  # of half the travel: a rung that goes so far is the last
 _TARGET = 0.55  # of half the travel: what the next rung aims at
@@ -104,8 +104,8 @@ class Axis:
     @property
     def most(self) -> float:
         """The greatest force that is requested [N]."""
-        own = min(self.device.force_max, 1.2 * self.device.force_continuous)
-        return own if self.force_max is None else min(own, self.force_max)
+        force_limit = min(self.device.force_max, 1.2 * self.device.force_continuous)
+        return force_limit if self.force_max is None else min(force_limit, self.force_max)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,10 +239,10 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
     chance = np.random.default_rng(seed)
     where = _Place(axis, chance)
     sign, mass = where.pushed()
-    axis, most = replace(axis, sign=axis.sign * sign), axis.most
+    axis, greatest = replace(axis, sign=axis.sign * sign), axis.most
     guide = where.guide(mass)
     settle(axis, guide)
-    force, gestures = _FIRST * most, []
+    force, gestures = _FIRST * greatest, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
         n = round(RUNG * TICK_RATE)
@@ -260,12 +260,12 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
         if not braked:
             mass = where.better(mass, gestures[-1])
             guide = where.guide(mass)
-            if share >= _ENOUGH or force >= _MOST * most:
+            if share >= _ENOUGH or force >= _LAST * greatest:
                 break
         elif sum(rung.braked for rung in rungs) >= _BRAKED:
             break
         factor = 0.7 if braked else min(2.0, _TARGET / max(share, 1e-6))
-        force = min(_MOST * most, force * factor)
+        force = min(_LAST * greatest, force * factor)
     if not gestures:
         raise TakeEnded(excited.end)
     rough = _rough(gestures[-2:])
@@ -308,7 +308,7 @@ class _Place:
 
         Raises MeasurementError if the key does not move.
         """
-        most, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
+        greatest, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
         while length < _LONGEST:
             n = round(_JOLTS * TICK_RATE)
             stream = force * excitation.jolts(n, TICK_RATE, self.chance, length)
@@ -321,8 +321,8 @@ class _Place:
                 return (1 if mass > 0 else -1), abs(mass)
             if went > _JOLTED * self.half:
                 break
-            if force < _JOLT_MAX * most:
-                force = min(1.5 * force, _JOLT_MAX * most)
+            if force < _JOLT_MAX * greatest:
+                force = min(1.5 * force, _JOLT_MAX * greatest)
             else:
                 length *= 1.5
         raise MeasurementError(

@@ -40,15 +40,18 @@ class Peak:
 def _background(power: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
     n = power.size
-    at = np.unique(
+    lines_tested = np.unique(
         np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
     )
-    low = np.searchsorted(frequency, frequency[at] * 2**-0.25)
-    high = np.searchsorted(frequency, frequency[at] * 2**0.25) + 1
-    low, high = np.minimum(low, np.maximum(at - 8, 0)), np.maximum(high, np.minimum(at + 9, n))
+    low = np.searchsorted(frequency, frequency[lines_tested] * 2**-0.25)
+    high = np.searchsorted(frequency, frequency[lines_tested] * 2**0.25) + 1
+    low, high = (
+        np.minimum(low, np.maximum(lines_tested - 8, 0)),
+        np.maximum(high, np.minimum(lines_tested + 9, n)),
+    )
     median = [np.median(power[i:j]) for i, j in zip(low, high, strict=True)]
     floor = np.maximum(np.array(median) / np.log(2), np.finfo(float).tiny)
-    smooth: Floats = np.exp(np.interp(np.arange(n), at, np.log(floor)))
+    smooth: Floats = np.exp(np.interp(np.arange(n), lines_tested, np.log(floor)))
     return smooth
 
 

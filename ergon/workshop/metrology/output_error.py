@@ -60,8 +60,8 @@ class Fit:
 
     def deviation(self, index: int) -> float:
         """Standard deviation of a parameter that was fitted, in its SI unit."""
-        at = self.columns.index(index)
-        return float(np.sqrt(self.covariance[at, at]))
+        position = self.columns.index(index)
+        return float(np.sqrt(self.covariance[position, position]))
 
 
 def path(row: Floats, gesture: Gesture, start: float) -> Floats:
@@ -175,13 +175,13 @@ def _normal(
     Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
     each = _columns(len(columns), starts, gestures)
-    size = max(int(own.max()) for own in each) + 1
+    size = max(int(tick_rows.max()) for tick_rows in each) + 1
     square, slope = np.zeros((size, size)), np.zeros(size)
-    for i, (gesture, own) in enumerate(zip(gestures, each, strict=True)):
+    for i, (gesture, tick_rows) in enumerate(zip(gestures, each, strict=True)):
         jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
-        square[np.ix_(own, own)] += jacobian.T @ jacobian
-        slope[own] += jacobian.T @ error
-        forces = own[len(columns) + 1 :]
+        square[np.ix_(tick_rows, tick_rows)] += jacobian.T @ jacobian
+        slope[tick_rows] += jacobian.T @ error
+        forces = tick_rows[len(columns) + 1 :]
         square[forces, forces] += variance / gesture.unknown.spread**2
         slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
     return square, slope
@@ -189,11 +189,11 @@ def _normal(
 
 def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
-    after, at = [], 0
+    after, offset = [], 0
     for gesture in gestures:
         ticks = gesture.unknown.ticks
-        after.append(gesture.with_forces(gesture.force[ticks] + step[at : at + ticks.size]))
-        at += ticks.size
+        after.append(gesture.with_forces(gesture.force[ticks] + step[offset : offset + ticks.size]))
+        offset += ticks.size
     return after
 
 
@@ -272,16 +272,16 @@ def fit(
         square, slope = _normal(row, columns, gestures, from_, by_force, variance)
         for _ in range(_TRIALS):
             step = _damped_step(row, columns, square, slope, damping)
-            to, at = step_parameters(row, columns, step[:p]), from_ + step[p:forces]
+            to, start_row = step_parameters(row, columns, step[:p]), from_ + step[p:forces]
             pushed = _forced(gestures, step[forces:])
-            new_left, new_off = _squares(to, pushed, at)
+            new_left, new_off = _squares(to, pushed, start_row)
             fall = 1.0 - (new_left + variance * new_off) / (left + variance * off)
             if fall > 0:
                 break
             damping *= 10
         else:
             break
-        row, from_, left, off, gestures = to, at, new_left, new_off, pushed
+        row, from_, left, off, gestures = to, start_row, new_left, new_off, pushed
         damping /= 10
         # A step that is much damped falls little anywhere.
         slow = slow + 1 if fall < _CLOSE else 0

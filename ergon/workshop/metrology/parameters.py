@@ -30,7 +30,7 @@ NAMES = (
 MODE_NAMES = ("mode_mass", "mode_frequency", "mode_ratio")
 INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
-OWN, OF_MODE = len(NAMES), len(MODE_NAMES)
+N_KEY, N_MODE = len(NAMES), len(MODE_NAMES)
 # Fitted on a linear scale, because they may be zero; [least, most].
 _PLAIN = {
     INDEX["stiffness"]: (0.0, np.inf),
@@ -47,20 +47,20 @@ _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
 
 def name(index: int) -> str:
     """The name of a parameter; those of a mode end in its number from 1."""
-    if index < OWN:
+    if index < N_KEY:
         return NAMES[index]
-    mode, which = divmod(index - OWN, OF_MODE)
+    mode, which = divmod(index - N_KEY, N_MODE)
     return f"{MODE_NAMES[which]}_{mode + 1}"
 
 
 def of_mode(mode: int) -> list[int]:
     """The indices of the parameters of a mode, which counts from 0."""
-    return [OWN + OF_MODE * mode + which for which in range(OF_MODE)]
+    return [N_KEY + N_MODE * mode + which for which in range(N_MODE)]
 
 
 def n_modes(row: Floats) -> int:
     """How many modes a row has."""
-    return (len(row) - OWN) // OF_MODE
+    return (len(row) - N_KEY) // N_MODE
 
 
 def scale(row: Floats, columns: Sequence[int]) -> Floats:
@@ -71,7 +71,7 @@ def scale(row: Floats, columns: Sequence[int]) -> Floats:
 
 
 def _is_mass(index: int) -> bool:
-    return index == 0 or (index >= OWN and (index - OWN) % OF_MODE == 0)
+    return index == 0 or (index >= N_KEY and (index - N_KEY) % N_MODE == 0)
 
 
 def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
@@ -86,8 +86,8 @@ def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats
         elif _is_mass(index):
             to[index] = np.clip(before + by, before / _FACTOR, before * _FACTOR)
         else:
-            most = _STIFFEST.get(index, np.inf)
-            to[index] = min(before * np.exp(np.clip(by, -1.0, 1.0)), most)
+            upper = _STIFFEST.get(index, np.inf)
+            to[index] = min(before * np.exp(np.clip(by, -1.0, 1.0)), upper)
     return to
 
 
@@ -114,4 +114,4 @@ def is_stiffest(row: Floats, index: int) -> bool:
 
 def total_mass(row: Floats) -> float:
     """Mass of the key with its modes [kg]."""
-    return float(row[0] + row[OWN::OF_MODE].sum())
+    return float(row[0] + row[N_KEY::N_MODE].sum())

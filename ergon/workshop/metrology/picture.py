@@ -30,18 +30,18 @@ def picture(after: Replay, title: str, before: Replay | None = None) -> str:
     return panels(drawn, title=title)
 
 
-def rows(found: Replay) -> list[tuple[str, list[Curve]]]:
+def rows(result: Replay) -> list[tuple[str, list[Curve]]]:
     """The panels of a replay: the label of each, and its curves."""
-    rate = found.gesture.rate
-    t = np.arange(found.gesture.force.size) / rate
-    real = np.where(found.gesture.counts, found.gesture.position, np.nan)
+    rate = result.gesture.rate
+    t = np.arange(result.gesture.force.size) / rate
+    real = np.where(result.gesture.counts, result.gesture.position, np.nan)
     return [
-        ("force [N]", [_curve("asked", t, found.gesture.force)]),
+        ("force [N]", [_curve("asked", t, result.gesture.force)]),
         (
             "position [mm]",
-            [_curve("real", t, real * 1e3), _curve("model", t, found.model * 1e3)],
+            [_curve("real", t, real * 1e3), _curve("model", t, result.model * 1e3)],
         ),
-        ("residual [um]", [_curve("residual", found.t, found.residual * 1e6)]),
+        ("residual [um]", [_curve("residual", result.t, result.residual * 1e6)]),
     ]
 
 
@@ -51,10 +51,10 @@ def _curve(name: str, t: Floats, x: Floats) -> Curve:
     if step == 1:
         return Curve(name, t.tolist(), x.tolist())
     n = len(t) // step
-    parts, at = x[: n * step].reshape(n, step), np.arange(n) * step
+    parts, starts = x[: n * step].reshape(n, step), np.arange(n) * step
     low, high = (
-        at + np.argmin(np.nan_to_num(parts, nan=np.inf), axis=1),
-        at + np.argmax(np.nan_to_num(parts, nan=-np.inf), axis=1),
+        starts + np.argmin(np.nan_to_num(parts, nan=np.inf), axis=1),
+        starts + np.argmax(np.nan_to_num(parts, nan=-np.inf), axis=1),
     )
     points = np.sort(np.stack([low, high], 1), axis=1).ravel()
     return Curve(name, t[points].tolist(), x[points].tolist())

@@ -32,27 +32,27 @@ class _Curve:
     behind: float = 0.0
 
 
-def write_scene(found: Replay, folder: Path) -> Path:
+def write_scene(result: Replay, folder: Path) -> Path:
     """Write a score of a replay into a folder, with its take; returns the path of the score."""
-    gesture = found.gesture
+    gesture = result.gesture
     t = np.arange(gesture.force.size) / gesture.rate
-    real = np.interp(t, found.t, gesture.position[gesture.counts]) - gesture.start
+    real = np.interp(t, result.t, gesture.position[gesture.counts]) - gesture.start
     curves = (
         [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
         [
             _Curve("real", real, ("mm", 1e-3), 0.25),
-            _Curve("model", found.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
+            _Curve("model", result.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
-        [_Curve("residual", np.interp(t, found.t, found.residual), ("um", 1e-6), 0.0)],
+        [_Curve("residual", np.interp(t, result.t, result.residual), ("um", 1e-6), 0.0)],
     )
-    columns, chains, told = {}, "", []
+    columns, chains, comments = {}, "", []
     for together in curves:
         unit, size = together[0].unit
         a_centimetre = _rounded_scale(
             max(float(np.abs(curve.values).max()) for curve in together) / size
         )
         names = " and ".join(curve.name for curve in together)
-        told.append(f"{names} {a_centimetre:g} {unit} a cm")
+        comments.append(f"{names} {a_centimetre:g} {unit} a cm")
         for curve in together:
             columns[curve.name] = curve.above + 0.01 / (a_centimetre * size) * curve.values
             chains += _chain(curve)
@@ -61,7 +61,7 @@ def write_scene(found: Replay, folder: Path) -> Path:
     score = folder / "replay.yaml"
     # A piece ends with its last event. This one has no event, so all of it is its tail.
     score.write_text(
-        f"ergon: 1\ntitle: 'from above: {', '.join(told)}'\nrates: {{audio: 8kHz}}\n"
+        f"ergon: 1\ntitle: 'from above: {', '.join(comments)}'\nrates: {{audio: 8kHz}}\n"
         f"render: {{tail: {t[-1]:.3f}s}}\ntakes:\n{takes}"
         f"instruments:\n  replay:\n    space: 3\n    modules:\n{chains}",
         encoding="utf-8",
@@ -69,11 +69,11 @@ def write_scene(found: Replay, folder: Path) -> Path:
     return score
 
 
-def _rounded_scale(most: float) -> float:
+def _rounded_scale(largest: float) -> float:
     """The value of one centimetre, of 1, 2, 5, 10 …, for which the greatest value fits the
     height.
     """
-    least = most / (100 * _HEIGHT) or 1.0
+    least = largest / (100 * _HEIGHT) or 1.0
     decade = 10.0 ** np.floor(np.log10(least))
     return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= least))
 

@@ -24,7 +24,7 @@ HELD_OUT = 8.0  # s
 _SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
 _REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
 _RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
-_MOST = 0.9  # of the force
+_FORCE_SHARE = 0.9  # of the force
 _FORCE_REDUCTION = 0.7  # where a safety stage held the axis at zero
 _PARTS_MAX = 6
 
@@ -84,8 +84,8 @@ def _bearable_force(
     ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
-    axis, most = ladder.axis, _MOST * ladder.axis.most
-    force = min(most, 0.5 * ladder.force)
+    axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.most
+    force = min(force_limit, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
         stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
@@ -93,9 +93,9 @@ def _bearable_force(
         if excited.end != "done" or excited.braked().any():
             return _FORCE_REDUCTION * force
         share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if share >= _REACH or force >= most:
+        if share >= _REACH or force >= force_limit:
             break
-        force = min(most, force * min(2.0, _TARGET / max(share, 1e-6)))
+        force = min(force_limit, force * min(2.0, _TARGET / max(share, 1e-6)))
     return force
 
 
@@ -111,8 +111,8 @@ def _stream(
         guided[INDEX["stiffness"]] += stiffness
         guided[INDEX["damping"]] += damping
     if kind == "held-out" and path is not None:
-        own = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
-        stream = excitation.forces_along_path(own, rough, TICK_RATE, reach, force)
+        stretch = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
+        stream = excitation.forces_along_path(stretch, rough, TICK_RATE, reach, force)
     elif kind == "held-out":
         stream = excitation.knocks(rough, TICK_RATE, seconds, reach, force)
     else:

@@ -9,7 +9,7 @@ from ergon.notation.tables.expressions import UNITS
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
-MOST = 64  # characters
+NAME_MAX = 64  # characters
 
 
 class Names:
@@ -21,7 +21,7 @@ class Names:
 
     def new(self, wanted: str) -> str:
         """The name, or the first free one with a number appended."""
-        base = wanted[: MOST - 8].lstrip("_") or "m"
+        base = wanted[: NAME_MAX - 8].lstrip("_") or "m"
         name, count = base, 2
         while name in self.taken:
             name, count = f"{base}_{count}", count + 1
@@ -34,8 +34,8 @@ class Params:
 
     def __init__(self, names: Iterable[str]) -> None:
         """`names`: those of the model."""
-        given = Names(UNITS)
-        self.of = {name: given.new(name[:1].lower() + name[1:]) for name in names}
+        new_names = Names(UNITS)
+        self.of = {name: new_names.new(name[:1].lower() + name[1:]) for name in names}
 
     def written(self, expression: str) -> str:
         """An expression of the model as one of the score."""

@@ -64,9 +64,9 @@ def find_browser(program: str | None = None) -> str:
     if not hasattr(os, "posix_spawn"):
         raise BrowserError("a browser without a window is led on Linux and macOS alone")
     for name in (program,) if program else _NAMES:
-        found = shutil.which(name)
-        if found is not None:
-            return found
+        browser = shutil.which(name)
+        if browser is not None:
+            return browser
     if program:
         raise BrowserError(f"there is no program {program}")
     advice = "install one, such as `apt install chromium`"
@@ -110,8 +110,8 @@ class Page:
         )
         if "exceptionDetails" in got:
             details = got["exceptionDetails"]
-            told = details.get("exception", {}).get("description", details.get("text", ""))
-            raise BrowserError(f"the page fails: {told}")
+            reason = details.get("exception", {}).get("description", details.get("text", ""))
+            raise BrowserError(f"the page fails: {reason}")
         return got["result"].get("value")
 
     def size(self, width: int, height: int) -> None:
@@ -133,9 +133,9 @@ class Page:
         self.call("Page.navigate", url=url)
         while self._n_loaded == before:
             self._browser.listen()
-        told = self.run(_READY)
-        if told:
-            raise BrowserError(told)
+        reason = self.run(_READY)
+        if reason:
+            raise BrowserError(reason)
 
     def press(self, key: str, shift: bool = False) -> None:
         """Press and release a key of the keyboard."""
@@ -158,14 +158,14 @@ class Browser:
         if os.geteuid() == 0:
             arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
         nothing = os.open(os.devnull, os.O_RDWR)
-        given = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
+        descriptors = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
         try:
             self._pid = os.posix_spawn(
                 program,
                 arguments,
                 os.environ | {"HOME": folder},
                 file_actions=[
-                    (os.POSIX_SPAWN_DUP2, ours, theirs) for theirs, ours in given.items()
+                    (os.POSIX_SPAWN_DUP2, ours, theirs) for theirs, ours in descriptors.items()
                 ],
                 setpgroup=0,  # Ctrl-C in a terminal is ergon's, which ends the browser itself
             )
@@ -174,8 +174,8 @@ class Browser:
             os.close(ours_out)
             raise BrowserError(f"{program} does not start: {error.strerror}") from None
         finally:
-            for one in (theirs_in, theirs_out, nothing):
-                os.close(one)
+            for descriptor in (theirs_in, theirs_out, nothing):
+                os.close(descriptor)
         self._in, self._out = ours_in, ours_out
         self._pages: dict[str, Page] = {}
         self._answers: dict[int, dict[str, Any]] = {}
@@ -198,10 +198,10 @@ class Browser:
             raise BrowserError("the browser has ended") from None
         while number not in self._answers:
             self.listen()
-        told = self._answers.pop(number)
-        if "error" in told:
-            raise BrowserError(f"the browser refuses {method}: {told['error'].get('message')}")
-        result: dict[str, Any] = told["result"]
+        answer = self._answers.pop(number)
+        if "error" in answer:
+            raise BrowserError(f"the browser refuses {method}: {answer['error'].get('message')}")
+        result: dict[str, Any] = answer["result"]
         return result
 
     def listen(self) -> None:
@@ -213,12 +213,12 @@ class Browser:
             if not piece:
                 raise BrowserError("the browser has ended")
             self._rest += piece
-        whole, _, self._rest = self._rest.partition(b"\0")
-        told = json.loads(whole)
-        if "id" in told:
-            self._answers[told["id"]] = told
-        elif (page := self._pages.get(told.get("sessionId", ""))) is not None:
-            page.note(told["method"], told.get("params", {}))
+        message_text, _, self._rest = self._rest.partition(b"\0")
+        message = json.loads(message_text)
+        if "id" in message:
+            self._answers[message["id"]] = message
+        elif (page := self._pages.get(message.get("sessionId", ""))) is not None:
+            page.note(message["method"], message.get("params", {}))
 
     @contextlib.contextmanager
     def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:

@@ -79,13 +79,13 @@ class VideoFile:
             self._video.codec_context.color_primaries = _BT709
             self._video.codec_context.color_trc = _BT709
             self._video.codec_context.color_range = _LIMITED
-            self._sound = None if sound is None else self._heard(sounds, sound)
+            self._sound = None if sound is None else self._sound_stream(sounds, sound)
         except av.error.FFmpegError as error:
             raise VideoError(f"this PyAV cannot write {suffix} files: {error}") from None
         self._rate = rate
         self._n = 0
 
-    def _heard(self, codec: str, sound: Sound) -> _SoundStream:
+    def _sound_stream(self, codec: str, sound: Sound) -> _SoundStream:
         return _SoundStream(self._av, self._container, codec, sound)
 
     def add(self, png: bytes) -> None:
@@ -126,11 +126,11 @@ class _SoundStream:
         self._to = av.AudioResampler(format=self._stream.format, layout=layout, rate=_SOUND_RATE)
         self._layout = layout
         self._blocks: Iterator[NDArray[np.float64]] = iter(sound.blocks)
-        self._at = 0  # frames that were encoded
+        self._frame = 0  # frames that were encoded
 
     def up_to(self, seconds: float) -> None:
         """Encode the sound up to an instant [s] of the film, as far as there is any."""
-        while self._at < seconds * self._sound.rate:
+        while self._frame < seconds * self._sound.rate:
             block = next(self._blocks, None)
             if block is None:
                 return
@@ -148,7 +148,7 @@ class _SoundStream:
         samples = np.ascontiguousarray(block.reshape(1, -1), dtype=np.float32)
         frame = self._av.AudioFrame.from_ndarray(samples, format="flt", layout=self._layout)
         frame.rate = self._sound.rate
-        frame.pts, frame.time_base = self._at, Fraction(1, self._sound.rate)
-        self._at += len(block)
+        frame.pts, frame.time_base = self._frame, Fraction(1, self._sound.rate)
+        self._frame += len(block)
         for ready in self._to.resample(frame):
             self._container.mux(self._stream.encode(ready))

@@ -163,15 +163,15 @@ impl Network {
     /// Compute laws by native code: each entry is (index in `laws`, address of the code).
     fn native(&mut self, entries: Vec<(usize, usize)>) -> PyResult<()> {
         let laws = self.0.laws();
-        let mut found = HashMap::new();
+        let mut by_rows = HashMap::new();
         for (index, address) in entries {
             let law = laws.get(index).filter(|_| address != 0);
             let law = law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
             // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
-            found.insert(law.rows.clone(), unsafe { entry(address) });
+            by_rows.insert(law.rows.clone(), unsafe { entry(address) });
         }
         // SAFETY: as above; compiled code is kept until the process ends.
-        unsafe { self.0.set_native(&found) };
+        unsafe { self.0.set_native(&by_rows) };
         Ok(())
     }
 }

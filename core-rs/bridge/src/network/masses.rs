@@ -124,11 +124,11 @@ impl Network {
         columns: usize,
         along: [(Option<usize>, f64, f64); 2],
     ) -> PyResult<usize> {
-        let along = along.map(|(mat, at, span)| match mat {
-            None => Along::At(at),
+        let along = along.map(|(mat, position, span)| match mat {
+            None => Along::At(position),
             Some(mat) => Along::Following {
                 mat,
-                offset: at,
+                offset: position,
                 span,
             },
         });

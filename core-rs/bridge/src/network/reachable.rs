@@ -39,8 +39,8 @@ impl ReachableNetwork {
         tick_frames: u32,
         ticks: [usize; 2],
     ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
-        let found = computing(py, || self.reached.response(self.rate, tick_frames, ticks))?;
-        Ok(found
+        let response = computing(py, || self.reached.response(self.rate, tick_frames, ticks))?;
+        Ok(response
             .map_err(from_engine)?
             .map(|felt| felt.into_pyarray(py)))
     }

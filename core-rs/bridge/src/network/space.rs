@@ -179,7 +179,7 @@ impl Network {
             (None, None) if inside => Measure::Within,
             (None, None) => Measure::Distance,
         };
-        let own = PairLaw {
+        let pair_law = PairLaw {
             measure,
             law,
             friction,
@@ -187,7 +187,7 @@ impl Network {
         let (ends, axes) = points(name, [&a.0, &b.0])?;
         let groups = [(ends[0], a.1), (ends[1], b.1)].map(|(first, n)| PointGroup { first, n });
         self.0
-            .pairwise(name, groups, axes, own, [K, Z, gap])
+            .pairwise(name, groups, axes, pair_law, [K, Z, gap])
             .map_err(from_engine)
     }
 }

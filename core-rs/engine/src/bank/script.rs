@@ -55,7 +55,7 @@ pub(super) struct Script {
 impl Script {
     /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
     pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> Motion {
-        let of = |pick: &dyn Fn(&Oscillator) -> f64| {
+        let value = |pick: &dyn Fn(&Oscillator) -> f64| {
             let mut lanes = Lanes::ZERO;
             for (lane, &member) in lanes.0.iter_mut().zip(members) {
                 *lane = pick(&oscillators[member]);
@@ -65,21 +65,21 @@ impl Script {
         let group = self.rates.len();
         let n_heard = oscillators[members[0]].heard.len();
         // With one output, the lanes hold positions times their weights: the sum then needs no weights.
-        let scale = |own: &Oscillator| match own.heard[..] {
+        let scale = |oscillator: &Oscillator| match oscillator.heard[..] {
             [(_, weight)] => weight,
             _ => 1.0,
         };
         self.rates.push(Rates {
-            a: of(&|own| own.a),
-            b: of(&|own| own.b),
+            a: value(&|oscillator| oscillator.a),
+            b: value(&|oscillator| oscillator.b),
         });
         let weights = if n_heard == 1 { 0 } else { n_heard };
         self.weights.push(
             (0..weights)
-                .map(|output| of(&|own| own.heard[output].1))
+                .map(|output| value(&|oscillator| oscillator.heard[output].1))
                 .collect(),
         );
-        self.scales.push(of(&scale));
+        self.scales.push(value(&scale));
         let mut events = Vec::new();
         for (lane, &member) in members.iter().enumerate() {
             self.places[member] = (group as u32, lane as u32);
@@ -95,8 +95,8 @@ impl Script {
         self.holds.extend(holds);
         self.holds.resize(self.rates.len() * LANES, NO_OSCILLATOR);
         Motion {
-            now: of(&|own| scale(own) * own.now),
-            before: of(&|own| scale(own) * own.before),
+            now: value(&|oscillator| scale(oscillator) * oscillator.now),
+            before: value(&|oscillator| scale(oscillator) * oscillator.before),
         }
     }
 

@@ -51,17 +51,23 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
 /// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL`] below the hardest blow.
 pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
     // With one output, the lanes hold positions times their weights.
-    let scale = |own: &Oscillator| match own.heard[..] {
+    let scale = |oscillator: &Oscillator| match oscillator.heard[..] {
         [(_, weight)] => weight.abs(),
         _ => 1.0,
     };
-    let own = oscillators.iter().map(|own| {
-        let blows = own.blows.iter().map(|blow| match blow.kick {
+    let oscillator = oscillators.iter().map(|oscillator| {
+        let blows = oscillator.blows.iter().map(|blow| match blow.kick {
             Kick::By(x) => x.abs(),
             Kick::Ergon { .. } => 0.0,
         });
-        let start = Some(amplitude(own.a, own.b, own.now, own.before)).filter(|x| x.is_finite());
-        blows.fold(start.unwrap_or(0.0), f64::max) * scale(own)
+        let start = Some(amplitude(
+            oscillator.a,
+            oscillator.b,
+            oscillator.now,
+            oscillator.before,
+        ))
+        .filter(|x| x.is_finite());
+        blows.fold(start.unwrap_or(0.0), f64::max) * scale(oscillator)
     });
     let shared = strikes.iter().flat_map(|strikes| {
         let impulses = strikes.blows.iter().map(|(_, _, impulse)| impulse.abs());
@@ -69,11 +75,11 @@ pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], ra
         let unit = impulse * rate.hertz() * strikes.w;
         let among = oscillators[strikes.among.clone()].iter();
         let shares = among.zip(&strikes.share).enumerate();
-        shares.map(move |(i, (own, share))| {
+        shares.map(move |(i, (oscillator, share))| {
             let response = strikes.responses.get(i);
             let size = response.and_then(Response::size);
-            size.map_or(unit, |size| impulse * size) * share.abs() * scale(own)
+            size.map_or(unit, |size| impulse * size) * share.abs() * scale(oscillator)
         })
     });
-    own.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
+    oscillator.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(REST_LEVEL)
 }

@@ -27,10 +27,14 @@ impl Bank {
 
     /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
     pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
-        let ((group, lane), (from, at)) = (self.place(oscillator), old.place(there));
-        if self.script.scales[group].0[lane] == old.script.scales[from].0[at] {
+        let ((group, lane), (from, old_lane)) = (self.place(oscillator), old.place(there));
+        if self.script.scales[group].0[lane] == old.script.scales[from].0[old_lane] {
             let motion = &old.motions[from];
-            self.store(group, lane, (motion.now.0[at], motion.before.0[at]));
+            self.store(
+                group,
+                lane,
+                (motion.now.0[old_lane], motion.before.0[old_lane]),
+            );
         } else {
             self.set_motion(oscillator, old.motion(there));
         }
@@ -49,7 +53,7 @@ impl Bank {
 }
 
 /// Whether two banks hold the same oscillators in the same order; the strikes may differ.
-pub(crate) fn are_same(own: &[Oscillator], other: &[Oscillator]) -> bool {
+pub(crate) fn are_same(oscillators: &[Oscillator], other: &[Oscillator]) -> bool {
     let same = |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.heard) == (b.a, b.b, &b.heard);
-    own.len() == other.len() && own.iter().zip(other).all(same)
+    oscillators.len() == other.len() && oscillators.iter().zip(other).all(same)
 }

@@ -128,11 +128,11 @@ impl Response {
         match *self {
             Self::Cell(cell) => cell.interpolation(part, rate),
             Self::Pair { decay, omega, .. } => {
-                let whole = sin(omega * step);
+                let step_response = sin(omega * step);
                 let (rest, past) = ((1.0 - part) * step, part * step);
                 (
-                    exp(-decay * past) * sin(omega * rest) / whole,
-                    exp(decay * rest) * sin(omega * past) / whole,
+                    exp(-decay * past) * sin(omega * rest) / step_response,
+                    exp(decay * rest) * sin(omega * past) / step_response,
                 )
             }
             Self::Real { decay, .. } => (exp(-decay * part * step), 0.0),

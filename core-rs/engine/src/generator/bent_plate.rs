@@ -36,7 +36,7 @@ pub fn bent_plate(
     rim: Rim,
     poisson: f64,
 ) -> Result<Topology, GeneratorError> {
-    let (least, most) = match shape {
+    let (least, greatest) = match shape {
         Shape::Rectangle { across, up } => {
             let what = "`sides` of a plate that bends";
             for side in [across, up] {
@@ -46,7 +46,7 @@ pub fn bent_plate(
         }
         _ => (MIN_RADIUS, MAX_RADIUS),
     };
-    count("`radius` of a plate that bends", radius, least, most)?;
+    count("`radius` of a plate that bends", radius, least, greatest)?;
     if !(0.0..=0.5).contains(&poisson) {
         return Err(GeneratorError::Range {
             what: "`poisson`",
@@ -108,12 +108,12 @@ impl Sites {
                 degree[run.b + i] += 1;
             }
         }
-        let whole = degree.iter().copied().max().unwrap_or(0);
+        let degree_max = degree.iter().copied().max().unwrap_or(0);
         // Between two successive neighbours lies a triangle or a quarter of a square; at an edge there is one fewer
         // than links.
         let area = |links: &usize| match *links {
-            links if links == whole => 1.0,
-            links => links.saturating_sub(1) as f64 / whole as f64,
+            links if links == degree_max => 1.0,
+            links => links.saturating_sub(1) as f64 / degree_max as f64,
         };
         Self {
             areas: degree.iter().map(area).collect(),
@@ -198,9 +198,9 @@ fn patch(sites: &Sites, middle: usize) -> Vec<usize> {
     let mut reach = PATCH;
     loop {
         let near = |other: &usize| distance(sites.places[*other], sites.places[middle]) < reach;
-        let found: Vec<usize> = (0..sites.places.len()).filter(near).collect();
-        if found.len() > UNKNOWNS {
-            return found;
+        let neighbours: Vec<usize> = (0..sites.places.len()).filter(near).collect();
+        if neighbours.len() > UNKNOWNS {
+            return neighbours;
         }
         reach *= 1.1;
     }
@@ -223,16 +223,16 @@ fn curvatures(sites: &Sites, middle: usize, patch: &[usize]) -> [Vec<f64>; 3] {
         let row = |mass| weight(from(mass)) * term(from(mass));
         patch.iter().map(row).collect::<Vec<f64>>()
     });
-    let mut found = [(); 3].map(|()| vec![0.0; patch.len()]);
+    let mut derivatives = [(); 3].map(|()| vec![0.0; patch.len()]);
     for (i, mass) in patch.iter().enumerate() {
         let mut unit = vec![0.0; patch.len()];
         unit[i] = weight(from(mass));
         let coefficients = least_squares(&columns, &unit);
-        for (sum, coefficient) in found.iter_mut().zip(&coefficients[3..]) {
+        for (sum, coefficient) in derivatives.iter_mut().zip(&coefficients[3..]) {
             sum[i] = *coefficient;
         }
     }
-    found
+    derivatives
 }
 
 fn distance([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {

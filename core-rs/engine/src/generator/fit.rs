@@ -14,23 +14,23 @@ pub(super) fn least_squares(columns: &[Vec<f64>], target: &[f64]) -> Vec<f64> {
     let mut shares = vec![0.0; n];
     let mut left = target.to_vec();
     for (j, column) in columns.iter().enumerate() {
-        let mut own = column.clone();
+        let mut remainder = column.clone();
         // Twice: a single pass leaves the rounding errors of nearly parallel columns.
         for _ in 0..2 {
             for (i, axis) in basis.iter().enumerate() {
-                let share = dot(axis, &own);
+                let share = dot(axis, &remainder);
                 upper[i][j] += share;
-                subtract(&mut own, share, axis);
+                subtract(&mut remainder, share, axis);
             }
         }
-        let norm = sqrt(dot(&own, &own));
+        let norm = sqrt(dot(&remainder, &remainder));
         let is_spanned = norm <= SPANNED * sqrt(dot(column, column));
         let scale = if is_spanned { 0.0 } else { 1.0 / norm };
-        own.iter_mut().for_each(|value| *value *= scale);
+        remainder.iter_mut().for_each(|value| *value *= scale);
         upper[j][j] = norm;
-        shares[j] = dot(&own, &left);
-        subtract(&mut left, shares[j], &own);
-        basis.push(own);
+        shares[j] = dot(&remainder, &left);
+        subtract(&mut left, shares[j], &remainder);
+        basis.push(remainder);
     }
     let mut weights = vec![0.0; n];
     for i in (0..n).rev() {

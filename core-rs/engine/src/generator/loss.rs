@@ -102,9 +102,9 @@ enum Curve {
 
 impl Curve {
     fn new(poles: Vec<Pole>) -> Self {
-        if let [one, two] = poles[..] {
-            let beta = (two.loss - one.loss) / (two.lambda - one.lambda);
-            let alpha = one.loss - beta * one.lambda;
+        if let [first, two] = poles[..] {
+            let beta = (two.loss - first.loss) / (two.lambda - first.lambda);
+            let alpha = first.loss - beta * first.lambda;
             if alpha >= 0.0 && beta >= 0.0 {
                 return Self::Straight { alpha, beta };
             }
@@ -118,9 +118,9 @@ impl Curve {
             Self::Bent(poles) => {
                 let above = poles.partition_point(|pole| pole.lambda < lambda);
                 let above = above.clamp(1, poles.len() - 1);
-                let (one, two) = (poles[above - 1], poles[above]);
-                let slope = log(two.loss / one.loss) / log(two.lambda / one.lambda);
-                one.loss * exp(slope * log(lambda / one.lambda))
+                let (lower, two) = (poles[above - 1], poles[above]);
+                let slope = log(two.loss / lower.loss) / log(two.lambda / lower.lambda);
+                lower.loss * exp(slope * log(lambda / lower.lambda))
             }
         }
     }
@@ -154,8 +154,8 @@ pub fn tune_points(
     positive("A mass", mass)?;
     positive("`f`", f)?;
     count("The number of decays in `t60`", points.len(), 2, 64)?;
-    for &(at, t60) in points {
-        positive("A frequency in `t60`", at)?;
+    for &(frequency, t60) in points {
+        positive("A frequency in `t60`", frequency)?;
         positive("`t60`", t60)?;
     }
     let mut points = points.to_vec();
@@ -168,7 +168,10 @@ pub fn tune_points(
         let rate = rate.hertz();
         return Err(GeneratorError::Pitch { f, rate });
     }
-    let poles: Vec<Pole> = points.iter().map(|at| Pole::new(*at, discrete)).collect();
+    let poles: Vec<Pole> = points
+        .iter()
+        .map(|frequency| Pole::new(*frequency, discrete))
+        .collect();
     if let Some(i) = (1..poles.len()).find(|&i| poles[i].lambda <= poles[i - 1].lambda) {
         return Err(GeneratorError::Range {
             what: "Each frequency in `t60`",
@@ -227,7 +230,7 @@ impl<'a> Fit<'a> {
         curve: &Curve,
         points: &[(f64, Pole)],
     ) -> Result<Self, GeneratorError> {
-        let (base, own) = match &topology.base_polynomial {
+        let (base, polynomial_terms) = match &topology.base_polynomial {
             Some((base, coefficients)) => (base.as_ref(), coefficients.as_slice()),
             None => (topology, [1.0].as_slice()),
         };
@@ -244,7 +247,7 @@ impl<'a> Fit<'a> {
         let top = 2.0 * sums.iter().copied().fold(0.0, f64::max);
         let is_row = links.iter().all(|links| *links <= 2);
         let low = base.lowest()?;
-        let lambda = |u: f64| first.lambda * polynomial(own, u) / lowest;
+        let lambda = |u: f64| first.lambda * polynomial(polynomial_terms, u) / lowest;
         let mut places = Vec::with_capacity(PLACES + points.len());
         for i in 0..PLACES {
             let share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
@@ -307,8 +310,8 @@ impl<'a> Fit<'a> {
         if error <= ERROR_MAX {
             return Ok(fitted);
         }
-        let (at, _) = self.worst(&fitted);
-        let u = self.places[self.places.len() - self.named.len() + at][0];
+        let (index, _) = self.worst(&fitted);
+        let u = self.places[self.places.len() - self.named.len() + index][0];
         let loss = value(&fitted, u);
         let nearest = if loss > 0.0 {
             Pole::t60(loss, discrete)
@@ -316,8 +319,8 @@ impl<'a> Fit<'a> {
             f64::INFINITY
         };
         Err(GeneratorError::Decays {
-            f: self.named[at].0,
-            t60: Pole::t60(self.named[at].1, discrete),
+            f: self.named[index].0,
+            t60: Pole::t60(self.named[index].1, discrete),
             nearest,
         })
     }
@@ -353,8 +356,9 @@ impl<'a> Fit<'a> {
         for (i, coefficient) in fitted[1..].iter().enumerate() {
             if i > 0 {
                 // Powers of M⁻¹K, times M.
-                for (row, own) in power.0.iter_mut().enumerate() {
-                    own.values_mut()
+                for (row, row_entries) in power.0.iter_mut().enumerate() {
+                    row_entries
+                        .values_mut()
                         .for_each(|value| *value /= self.base.share(row));
                 }
                 power = matrix.times(&power);

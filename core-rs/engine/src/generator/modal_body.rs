@@ -50,8 +50,8 @@ pub fn modal_body(
     let places = levels.first().map_or(0, Vec::len);
     count("The number of places", places, 1, MAX_PLACES)?;
     for place in 0..places {
-        let own: f64 = levels.iter().map(|row| row[place] * row[place]).sum();
-        if !(own > 0.0 && own.is_finite()) {
+        let level_sum: f64 = levels.iter().map(|row| row[place] * row[place]).sum();
+        if !(level_sum > 0.0 && level_sum.is_finite()) {
             return Err(GeneratorError::Still { place });
         }
     }
@@ -65,16 +65,19 @@ pub fn modal_body(
     let mut basis: Vec<Vec<f64>> = (0..places)
         .map(|place| shapes.iter().map(|row| row[place]).collect())
         .collect();
-    let size: Vec<f64> = basis.iter().map(|own| sqrt(dot(own, own))).collect();
+    let size: Vec<f64> = basis
+        .iter()
+        .map(|level_sum| sqrt(dot(level_sum, level_sum)))
+        .collect();
     let mut stiffness = diagonal(poles.iter().map(|pole| pole.0), n);
     let mut damping = diagonal(poles.iter().map(|pole| pole.1), n);
-    for at in 0..places {
+    for step in 0..places {
         interrupt::poll();
-        let Some(mirror) = mirror(&basis[at], at) else {
+        let Some(mirror) = mirror(&basis[step], step) else {
             continue;
         };
-        for own in &mut basis[at..] {
-            reflect(own, &mirror);
+        for level_sum in &mut basis[step..] {
+            reflect(level_sum, &mirror);
         }
         reflect_both(&mut stiffness, &mirror);
         reflect_both(&mut damping, &mirror);
@@ -104,35 +107,43 @@ pub fn modal_body(
 fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = levels.first().map_or(0, Vec::len);
     let inner = |p: usize, q: usize| -> f64 { levels.iter().map(|row| row[p] * row[q]).sum() };
-    let own: Vec<f64> = (0..n).map(|p| sqrt(inner(p, p))).collect();
+    let norms: Vec<f64> = (0..n).map(|p| sqrt(inner(p, p))).collect();
     // In units of the mobility of each place.
     let mut rest = vec![0.0; n * n];
     for p in 0..n {
         for q in (0..n).filter(|&q| q != p) {
-            let common = inner(p, q) / (own[p] * own[q]);
+            let common = inner(p, q) / (norms[p] * norms[q]);
             rest[p * n + q] = -common;
             rest[p * n + p] += common.abs();
         }
     }
     // Cholesky; pivots that are only rounding errors are skipped.
     let mut modes = Vec::new();
-    for at in 0..n {
-        let pivot = rest[at * n + at];
+    for pivot_index in 0..n {
+        let pivot = rest[pivot_index * n + pivot_index];
         if pivot <= PIVOT_MIN {
             continue;
         }
         let root = sqrt(pivot);
-        let column: Vec<f64> = (0..n).map(|row| rest[row * n + at] / root).collect();
+        let column: Vec<f64> = (0..n)
+            .map(|row| rest[row * n + pivot_index] / root)
+            .collect();
         for (row, a) in column.iter().enumerate() {
             for (other, b) in column.iter().enumerate() {
                 rest[row * n + other] -= a * b;
             }
         }
         for done in 0..n {
-            rest[at * n + done] = 0.0;
-            rest[done * n + at] = 0.0;
+            rest[pivot_index * n + done] = 0.0;
+            rest[done * n + pivot_index] = 0.0;
         }
-        modes.push(column.iter().zip(&own).map(|(a, own)| a * own).collect());
+        modes.push(
+            column
+                .iter()
+                .zip(&norms)
+                .map(|(a, norms)| a * norms)
+                .collect(),
+        );
     }
     modes
 }
@@ -149,30 +160,30 @@ fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
     matrix
 }
 
-/// v of the reflection 1 - v·vᵀ that takes `own` to a positive multiple of axis `at` and leaves the axes before it
+/// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before it
 /// alone.
-fn mirror(own: &[f64], at: usize) -> Option<Vec<f64>> {
-    let mut v: Vec<f64> = own.to_vec();
-    v[..at].fill(0.0);
-    let beyond = dot(&v[at + 1..], &v[at + 1..]);
-    if beyond == 0.0 && v[at] >= 0.0 {
+fn mirror(vector: &[f64], first: usize) -> Option<Vec<f64>> {
+    let mut v: Vec<f64> = vector.to_vec();
+    v[..first].fill(0.0);
+    let beyond = dot(&v[first + 1..], &v[first + 1..]);
+    if beyond == 0.0 && v[first] >= 0.0 {
         return None;
     }
-    let size = sqrt(v[at] * v[at] + beyond);
+    let size = sqrt(v[first] * v[first] + beyond);
     // own - |own|·axis, without a difference of nearly equal numbers.
-    v[at] = if v[at] > 0.0 {
-        -beyond / (v[at] + size)
+    v[first] = if v[first] > 0.0 {
+        -beyond / (v[first] + size)
     } else {
-        v[at] - size
+        v[first] - size
     };
     let scale = sqrt(2.0 / dot(&v, &v));
     v.iter_mut().for_each(|value| *value *= scale);
     Some(v)
 }
 
-fn reflect(own: &mut [f64], mirror: &[f64]) {
-    let along = dot(own, mirror);
-    for (value, m) in own.iter_mut().zip(mirror) {
+fn reflect(vector: &mut [f64], mirror: &[f64]) {
+    let along = dot(vector, mirror);
+    for (value, m) in vector.iter_mut().zip(mirror) {
         *value -= along * m;
     }
 }

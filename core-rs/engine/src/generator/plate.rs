@@ -106,10 +106,10 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
         Shape::Disc => return Err(GeneratorError::Rings),
         Shape::Hex | Shape::Square => {}
     }
-    let most = (0..)
+    let radius_max = (0..)
         .take_while(|radius| shape.masses(radius + 1) <= MAX_MASSES)
         .count();
-    count("`radius`", radius, 0, most)?;
+    count("`radius`", radius, 0, radius_max)?;
     let fixed = rim == Rim::Fixed;
     let outer = radius + usize::from(fixed);
     let side = 2 * outer + 1;

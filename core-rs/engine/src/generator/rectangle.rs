@@ -33,15 +33,15 @@ pub(super) fn rectangle(across: usize, up: usize, fixed: bool) -> Result<Topolog
     let edge = if fixed { 1.0 } else { 0.0 };
     let half = |side: usize| 0.5 * (side - 1) as f64 + edge;
     let width = (2.0 * half(across).max(half(up))).max(1.0);
-    let at = |x: f64, y: f64| [(x - half(across)) / width, (y - half(up)) / width];
-    let inside = |i: usize| at((i % across) as f64 + edge, (i / across) as f64 + edge);
+    let point = |x: f64, y: f64| [(x - half(across)) / width, (y - half(up)) / width];
+    let inside = |i: usize| point((i % across) as f64 + edge, (i / across) as f64 + edge);
     let mut positions: Vec<[f64; 2]> = (0..n).map(inside).collect();
     if fixed {
         let (far, high) = ((across + 1) as f64, (up + 1) as f64);
-        positions.extend((1..=across).map(|x| at(x as f64, 0.0)));
-        positions.extend((1..=across).map(|x| at(x as f64, high)));
-        positions.extend((1..=up).map(|y| at(0.0, y as f64)));
-        positions.extend((1..=up).map(|y| at(far, y as f64)));
+        positions.extend((1..=across).map(|x| point(x as f64, 0.0)));
+        positions.extend((1..=across).map(|x| point(x as f64, high)));
+        positions.extend((1..=up).map(|y| point(0.0, y as f64)));
+        positions.extend((1..=up).map(|y| point(far, y as f64)));
     }
     let string = |gaps: usize| {
         let half = sin(FRAC_PI_2 / gaps as f64);

@@ -32,14 +32,14 @@ pub fn round_membrane(radius: usize, rim: Rim) -> Result<Topology, GeneratorErro
         let [a, b, c] = corners;
         let (to_b, to_c) = (from(a, b), from(a, c));
         let double_area = (to_b[0] * to_c[1] - to_b[1] * to_c[0]).abs();
-        for (apex, one, two) in [(a, b, c), (b, c, a), (c, a, b)] {
-            let (u, v) = (from(apex, one), from(apex, two));
+        for (apex, first, two) in [(a, b, c), (b, c, a), (c, a, b)] {
+            let (u, v) = (from(apex, first), from(apex, two));
             let half_cotangent = 0.5 * (u[0] * v[0] + u[1] * v[1]) / double_area;
-            for (own, other) in [(one, two), (two, one)] {
-                if own < n_mat {
-                    matrix.add(own, own, half_cotangent);
+            for (near, other) in [(first, two), (two, first)] {
+                if near < n_mat {
+                    matrix.add(near, near, half_cotangent);
                     if other < n_mat {
-                        matrix.add(own, other, -half_cotangent);
+                        matrix.add(near, other, -half_cotangent);
                     }
                 }
             }
@@ -62,15 +62,15 @@ fn triangles(radius: usize) -> Vec<[usize; 3]> {
         0 => 0,
         _ => 1 + 3 * ring * (ring - 1) + place % (6 * ring),
     };
-    let mut found = Vec::with_capacity(6 * radius * radius);
+    let mut faces = Vec::with_capacity(6 * radius * radius);
     for ring in 1..=radius {
         let inner = ring - 1;
         for sector in 0..6 {
             let out = |place: usize| member(ring, sector * ring + place);
             let inside = |place: usize| member(inner, sector * inner + place);
-            found.extend((0..ring).map(|i| [out(i), out(i + 1), inside(i)]));
-            found.extend((0..inner).map(|i| [inside(i), inside(i + 1), out(i + 1)]));
+            faces.extend((0..ring).map(|i| [out(i), out(i + 1), inside(i)]));
+            faces.extend((0..inner).map(|i| [inside(i), inside(i + 1), out(i + 1)]));
         }
     }
-    found
+    faces
 }

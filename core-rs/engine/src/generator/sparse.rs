@@ -25,11 +25,11 @@ impl Sparse {
         let mut matrix = Self::zero(n);
         for run in &topology.runs {
             for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
-                for (own, other) in [(a, b), (b, a)] {
-                    if own < n {
-                        matrix.add(own, own, run.factor);
+                for (row, other) in [(a, b), (b, a)] {
+                    if row < n {
+                        matrix.add(row, row, run.factor);
                         if other < n {
-                            matrix.add(own, other, -run.factor);
+                            matrix.add(row, other, -run.factor);
                         }
                     }
                 }
@@ -58,9 +58,9 @@ impl Sparse {
     }
 
     pub(super) fn add_times(&mut self, factor: f64, other: &Self) {
-        for (own, row) in self.0.iter_mut().zip(&other.0) {
+        for (target, row) in self.0.iter_mut().zip(&other.0) {
             for (column, value) in row {
-                *own.entry(*column).or_insert(0.0) += factor * value;
+                *target.entry(*column).or_insert(0.0) += factor * value;
             }
         }
     }

@@ -142,9 +142,9 @@ impl Partials {
 
     fn with_reach(&self, reach: usize) -> Vec<f64> {
         let n = self.wanted.len();
-        let most = self.u[n.saturating_sub(1)];
+        let greatest = self.u[n.saturating_sub(1)];
         // Each partial counts by its relative error. Powers of u are relative to the largest u, so that none is tiny.
-        let scaled: Vec<f64> = self.u[..n].iter().map(|u| u / most).collect();
+        let scaled: Vec<f64> = self.u[..n].iter().map(|u| u / greatest).collect();
         let mut power = vec![1.0; n];
         let columns: Vec<Vec<f64>> = (0..reach)
             .map(|_| {
@@ -157,7 +157,7 @@ impl Partials {
         weights
             .into_iter()
             .map(|weight| {
-                scale /= most;
+                scale /= greatest;
                 weight * scale
             })
             .collect()
@@ -192,12 +192,12 @@ fn stencil(coefficients: &[f64]) -> Vec<f64> {
 
 /// An entry of p(L) on a row: that of the endless row, plus its reflections at both ends.
 fn entry(symbol: &[f64], i: usize, j: usize, masses: usize, ends: Ends) -> f64 {
-    let at = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
+    let coefficient = |apart: usize| symbol.get(apart).copied().unwrap_or(0.0);
     let right = 2 * masses - 1 - i - j;
     let mirrored = match ends {
-        Ends::Fixed => -at(i + j + 2) - at(right + 1),
-        Ends::Free => at(i + j + 1) + at(right),
-        Ends::Left => -at(i + j + 2) + at(right),
+        Ends::Fixed => -coefficient(i + j + 2) - coefficient(right + 1),
+        Ends::Free => coefficient(i + j + 1) + coefficient(right),
+        Ends::Left => -coefficient(i + j + 2) + coefficient(right),
     };
-    at(i.abs_diff(j)) + mirrored
+    coefficient(i.abs_diff(j)) + mirrored
 }

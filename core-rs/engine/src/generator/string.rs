@@ -35,11 +35,11 @@ const MAX_STIFF: usize = 20_000;
 /// Numbers out of range.
 pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, GeneratorError> {
     let stiff = stiffness != 0.0;
-    let (what, most) = match stiff {
+    let (what, limit) = match stiff {
         false => ("`masses`", MAX_MASSES),
         true => ("`masses` of a string with stiffness", MAX_STIFF),
     };
-    count(what, masses, 1, most)?;
+    count(what, masses, 1, limit)?;
     if !(stiffness >= 0.0 && stiffness.is_finite()) {
         let range = "0 or a positive number";
         return Err(GeneratorError::Range {
@@ -102,10 +102,11 @@ impl Row {
             f64::from(left),
             (masses - 1) as f64 + f64::from(left) + f64::from(right),
         );
-        let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
-        let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| at(first + i as f64)).collect();
-        positions.extend(left.then(|| at(0.0)));
-        positions.extend(right.then(|| at(gaps)));
+        let position = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
+        let mut positions: Vec<[f64; 2]> =
+            (0..masses).map(|i| position(first + i as f64)).collect();
+        positions.extend(left.then(|| position(0.0)));
+        positions.extend(right.then(|| position(gaps)));
         Self {
             left,
             right,

@@ -28,15 +28,16 @@ impl Topology {
         }
         // In coordinates √M·x the matrix stays symmetric even if masses differ.
         let root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
-        let mut own = vec![0.0; self.n_mat];
+        let mut displacement = vec![0.0; self.n_mat];
         let mut apply = |x: &[f64], y: &mut [f64]| {
             if self.shares.is_empty() {
                 return self.apply(x, y);
             }
-            own.iter_mut()
+            displacement
+                .iter_mut()
                 .zip(x.iter().zip(&root))
-                .for_each(|(own, (x, root))| *own = x / root);
-            self.apply(&own, y);
+                .for_each(|(displacement, (x, root))| *displacement = x / root);
+            self.apply(&displacement, y);
             y.iter_mut().zip(&root).for_each(|(y, root)| *y /= root);
         };
         let mut rigid: Vec<Vec<f64>> = Vec::new();

@@ -37,27 +37,31 @@ impl Placed {
         Self::transformed(profile, at, 1.0, 1.0, false)
     }
 
-    /// The profile as x·`scale` [m] at `at` + t·`stretch` [s]; with `reverse` it runs backwards within the same time.
+    /// The profile as x·`scale` [m] at `start` + t·`stretch` [s]; with `reverse` it runs backwards within the same time.
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
     pub fn transformed(
         profile: Arc<Profile>,
-        at: f64,
+        start: f64,
         scale: f64,
         stretch: f64,
         reverse: bool,
     ) -> Result<Self, PathError> {
-        if at.is_finite() && scale.is_finite() && stretch.is_finite() && stretch > 0.0 {
+        if start.is_finite() && scale.is_finite() && stretch.is_finite() && stretch > 0.0 {
             Ok(Self {
                 profile,
-                at,
+                at: start,
                 scale,
                 stretch,
                 reverse,
             })
         } else {
-            Err(PathError::Placement { at, scale, stretch })
+            Err(PathError::Placement {
+                at: start,
+                scale,
+                stretch,
+            })
         }
     }
 

@@ -188,11 +188,11 @@ impl Profile {
         };
         let inside = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
         let cut = |values: &[f64], first: f64, last: f64| {
-            let mut kept = Vec::with_capacity(inside.len() + 2);
-            kept.push(first);
-            kept.extend_from_slice(&values[inside.clone()]);
-            kept.push(last);
-            kept
+            let mut knots = Vec::with_capacity(inside.len() + 2);
+            knots.push(first);
+            knots.extend_from_slice(&values[inside.clone()]);
+            knots.push(last);
+            knots
         };
         let (first, last) = (end(from), end(to));
         Self {
@@ -296,12 +296,12 @@ impl Profile {
         let (k, l) = (self.knot(i), self.knot(i + 1));
         let h = (l.t - k.t) / 5.0;
         // The third ordinate from either end is x ± 2V/5 + A/20, with V = T·v, A = T²·a and T = 5h.
-        let bend = 25.0 / 20.0 * h * h;
+        let curvature = 25.0 / 20.0 * h * h;
         extremes(&[
             k.x,
             k.x + h * k.v,
-            k.x + 2.0 * h * k.v + bend * k.a,
-            l.x - 2.0 * h * l.v + bend * l.a,
+            k.x + 2.0 * h * k.v + curvature * k.a,
+            l.x - 2.0 * h * l.v + curvature * l.a,
             l.x - h * l.v,
             l.x,
         ])

@@ -135,12 +135,12 @@ mod tests {
     fn wave(t: f64) -> Knot {
         let c = [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|c: f64| c / 10.0);
         let slope: Vec<f64> = (1..6).map(|k| c[k] * k as f64).collect();
-        let bend: Vec<f64> = (1..5).map(|k| slope[k] * k as f64).collect();
+        let second_derivative: Vec<f64> = (1..5).map(|k| slope[k] * k as f64).collect();
         Knot {
             t,
             x: value(&c, t),
             v: value(&slope, t),
-            a: value(&bend, t),
+            a: value(&second_derivative, t),
         }
     }
 

@@ -167,8 +167,9 @@ impl Jerk {
                 };
                 for (l, right) in splines.iter().enumerate().skip(k) {
                     if index(first, i, l, n).is_some() {
-                        let whole: f64 = (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
-                        bands[l - k][row] += h * whole;
+                        let integral: f64 =
+                            (0..3).map(|m| left[m] * dot(BERNSTEIN[m], *right)).sum();
+                        bands[l - k][row] += h * integral;
                     }
                 }
             }
@@ -204,7 +205,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 /// Solve G·y = b in place by LDLᵀ; `bands[k][i]` is G[i][i+k]. G is positive definite, so no pivoting is needed.
 fn solve_banded(bands: &mut [Vec<f64>; 3], y: &mut [f64]) {
-    let [d, one, two] = bands;
+    let [d, first, two] = bands;
     let n = y.len();
     for i in 0..n {
         if i > 1 {
@@ -213,18 +214,18 @@ fn solve_banded(bands: &mut [Vec<f64>; 3], y: &mut [f64]) {
             y[i] -= factor * y[i - 2];
         }
         if i > 0 {
-            let factor = one[i - 1];
+            let factor = first[i - 1];
             d[i] -= factor * factor * d[i - 1];
             y[i] -= factor * y[i - 1];
-            one[i] -= factor * two[i - 1] * d[i - 1];
+            first[i] -= factor * two[i - 1] * d[i - 1];
         }
-        one[i] /= d[i];
+        first[i] /= d[i];
         two[i] /= d[i];
     }
     for i in (0..n).rev() {
         y[i] /= d[i];
         if i + 1 < n {
-            y[i] -= one[i] * y[i + 1];
+            y[i] -= first[i] * y[i + 1];
         }
         if i + 2 < n {
             y[i] -= two[i] * y[i + 2];

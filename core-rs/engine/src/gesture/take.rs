@@ -179,19 +179,19 @@ impl Take {
         &self.profile
     }
 
-    /// The take with its first instant at `at` [s] of the piece, positions times `scale`, durations times `stretch`.
+    /// The take with its first instant at `start` [s] of the piece, positions times `scale`, durations times `stretch`.
     ///
     /// # Errors
     /// [`PathError::Placement`] if a number is not finite or `stretch` is not above 0.
     pub fn placed(
         &self,
-        at: f64,
+        start: f64,
         scale: f64,
         stretch: f64,
         reverse: bool,
     ) -> Result<Placed, PathError> {
         // The clock of a capture may begin at any value, so its origin is not part of the movement.
-        let zero = at - self.profile.start() * stretch;
+        let zero = start - self.profile.start() * stretch;
         Placed::transformed(Arc::clone(&self.profile), zero, scale, stretch, reverse)
     }
 

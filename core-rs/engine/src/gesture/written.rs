@@ -163,12 +163,12 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
     let Written {
         t, x, approaches, ..
     } = *points;
-    let mut found = Vec::new();
+    let mut stretches = Vec::new();
     let mut i = 0;
     while i + 1 < t.len() {
         let is_throw = |approach: &Approach| *approach == Approach::Throw;
         if is_throw(&approaches[i + 1]) {
-            found.push(Stretch::Throw {
+            stretches.push(Stretch::Throw {
                 from: t[i],
                 to: t[i + 1],
                 x: x[i + 1],
@@ -180,14 +180,14 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
                 .iter()
                 .take_while(|approach| !is_throw(approach))
                 .count();
-            found.push(path(points, i, i + run)?);
+            stretches.push(path(points, i, i + run)?);
             i += run;
         }
     }
-    if found.is_empty() {
-        found.push(path(points, 0, 0)?);
+    if stretches.is_empty() {
+        stretches.push(path(points, 0, 0)?);
     }
-    Ok(found)
+    Ok(stretches)
 }
 
 /// The path through points `from..=to`.

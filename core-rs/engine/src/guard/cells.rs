@@ -29,13 +29,13 @@ impl Cells {
                 return Ok([&scheme.kappa, &scheme.zeta].map(|all| vec![1.0; all.len()]));
             };
             let finer = Scheme::new(network, rate)?;
-            let factors = |fine: &[f64], whole: &[f64], by: f64| {
-                let both = fine.iter().zip(whole);
-                both.map(|(fine, whole)| {
-                    if *whole == 0.0 {
+            let factors = |fine: &[f64], coarse: &[f64], by: f64| {
+                let both = fine.iter().zip(coarse);
+                both.map(|(fine, coarse)| {
+                    if *coarse == 0.0 {
                         1.0
                     } else {
-                        by * fine / whole
+                        by * fine / coarse
                     }
                 })
                 .collect()
@@ -55,9 +55,9 @@ impl Cells {
     /// Write κ and ζ for `steps` steps a frame into `out`, from those of the frame.
     pub(super) fn ties(&self, steps: u32, [kappa, zeta]: [&[f64]; 2], out: [&mut [f64]; 2]) {
         let multiples = &self.0[steps.ilog2() as usize - 1];
-        for ((out, whole), by) in out.into_iter().zip([kappa, zeta]).zip(multiples) {
-            for ((out, whole), by) in out.iter_mut().zip(whole).zip(by) {
-                *out = whole * by;
+        for ((out, coarse), by) in out.into_iter().zip([kappa, zeta]).zip(multiples) {
+            for ((out, coarse), by) in out.iter_mut().zip(coarse).zip(by) {
+                *out = coarse * by;
             }
         }
     }

@@ -101,11 +101,11 @@ impl Guard {
                     self.travel[i] = 0.5 * d[i];
                 }
             }
-            let own = match self.cells {
+            let scaled_cells = match self.cells {
                 Some(_) => [ties[0], &self.ties[0], &self.ties[1], ties[3]],
                 None => ties,
             };
-            fine_steps(part, own, force, x, d);
+            fine_steps(part, scaled_cells, force, x, d);
             if step == 1 {
                 let both = self.travel.iter_mut().zip(&*d);
                 both.for_each(|(travel, d)| *travel += 0.5 * d);

@@ -35,8 +35,8 @@ impl Stiffening {
         if let Kind::Followed { by, .. } = kind {
             let laws: Vec<Law> = by.corners().collect();
             let slopes = laws.iter().map(|law| law.slope(0.0));
-            let at_rest = slopes.fold(0.0, f64::max);
-            return Some(Self::Any(laws, at_rest));
+            let slope_at_rest = slopes.fold(0.0, f64::max);
+            return Some(Self::Any(laws, slope_at_rest));
         }
         let Kind::Lnl { law, .. } = kind else {
             return None;
@@ -52,10 +52,10 @@ impl Stiffening {
     fn rise(&self, e: f64) -> f64 {
         match self {
             Self::Square(by) => by * (e * e),
-            Self::Law(law, at_rest) => (law.slope(e) - at_rest).max(0.0),
-            Self::Any(laws, at_rest) => {
+            Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
+            Self::Any(laws, rest_slope) => {
                 let slopes = laws.iter().map(|law| law.slope(e));
-                slopes.fold(*at_rest, f64::max) - at_rest
+                slopes.fold(*rest_slope, f64::max) - rest_slope
             }
         }
     }
@@ -64,9 +64,11 @@ impl Stiffening {
     fn reach(&self, rise: f64) -> f64 {
         match self {
             Self::Square(by) => (rise / by).sqrt(),
-            Self::Law(law, at_rest) => law.stiffens_beyond(at_rest + rise),
-            Self::Any(laws, at_rest) => {
-                let reaches = laws.iter().map(|law| law.stiffens_beyond(at_rest + rise));
+            Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + rise),
+            Self::Any(laws, rest_slope) => {
+                let reaches = laws
+                    .iter()
+                    .map(|law| law.stiffens_beyond(rest_slope + rise));
                 reaches.fold(f64::INFINITY, f64::min)
             }
         }
@@ -105,9 +107,9 @@ pub(super) fn set_reaches(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
     }
     // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
     // exceeds `rise`.
-    let at = |mat: usize| degree[mat] * w[mat];
+    let edge_weight = |mat: usize| degree[mat] * w[mat];
     for watch in &mut *watches {
-        let ends = (0..watch.len).map(|i| at(watch.a + i).max(at(watch.b + i)));
+        let ends = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
         watch.reach = watch
             .stiffening
             .reach(0.5 * rise / ends.fold(0.0, f64::max));
@@ -171,18 +173,18 @@ pub(super) fn stiffening(
                 .for_each(|(sum, rise)| *sum += rise);
         }
     }
-    let (mut most, mut mat) = (0.0, mats.start);
+    let (mut greatest, mut mat) = (0.0, mats.start);
     for watch in watches {
         for i in 0..watch.len {
             let (a, b) = (watch.a + i, watch.b + i);
             let edge = sums[a] * w[a] + sums[b] * w[b];
-            if edge > most || edge.is_nan() {
-                (most, mat) = (edge, if w[a] > 0.0 { a } else { b });
+            if edge > greatest || edge.is_nan() {
+                (greatest, mat) = (edge, if w[a] > 0.0 { a } else { b });
             }
             if edge.is_nan() {
                 return (f64::INFINITY, mat);
             }
         }
     }
-    (most, mat)
+    (greatest, mat)
 }

@@ -128,7 +128,7 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 
 impl Stepper for Bm4 {
     fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
-        let [of_k, of_z] = lead.at(n, part);
+        let [k_factor, z_factor] = lead.at(n, part);
         // The mesh is not shared since `unshare`: nothing is copied.
         let mesh = Arc::make_mut(&mut self.mesh);
         for ((spring, first), [k, z]) in mesh
@@ -138,7 +138,7 @@ impl Stepper for Bm4 {
             .zip(&*self.written)
         {
             if lead.links().contains(first) {
-                (spring.k, spring.z) = (k * of_k, z * of_z);
+                (spring.k, spring.z) = (k * k_factor, z * z_factor);
             }
         }
     }
@@ -164,8 +164,8 @@ impl Stepper for Bm4 {
         for &(mat, impulse) in impulses {
             self.v[mat] += self.mesh.jump(mat, impulse);
         }
-        for (at, stage) in STAGES.into_iter().enumerate() {
-            self.kick_drift(at, stage, team);
+        for (stage_index, stage) in STAGES.into_iter().enumerate() {
+            self.kick_drift(stage_index, stage, team);
             self.mesh
                 .elastic(&self.x, &mut self.scratch, &mut self.force, team);
         }

@@ -105,13 +105,18 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], scratch: &mut Scratch) -> Vec<
         let mut sums = vec![[0.0; 2]; n];
         there.fill([0.0; 2]);
         for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
-            let at: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
+            let places: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
             let speed: Vec<f64> = (0..n).map(|i| v[i] + ahead * h * there[i][1]).collect();
-            mesh.total([&at, &speed], scratch, &mut force, &mut ThreadTeam::alone());
+            mesh.total(
+                [&places, &speed],
+                scratch,
+                &mut force,
+                &mut ThreadTeam::alone(),
+            );
             let scheme = &mesh.scheme;
             for i in 0..n {
                 let a = force[i] * scheme.w[i]
-                    - scheme.kappa[i] * (at[i] - scheme.rest[i])
+                    - scheme.kappa[i] * (places[i] - scheme.rest[i])
                     - scheme.zeta[i] * speed[i];
                 there[i] = [speed[i], a];
                 sums[i][0] += weight * speed[i];

@@ -37,16 +37,16 @@ const LOSSES: f64 = 2.0;
 pub(crate) fn certify(
     network: &Network,
     rate: Rate,
-    way: MeshMethod,
+    method: MeshMethod,
     substeps: u32,
 ) -> Result<Certificate, Error> {
     let rate = faster(rate, substeps)?;
-    if way == MeshMethod::Ca {
+    if method == MeshMethod::Ca {
         return Scheme::new(network, rate)?.certify_or(network, Refusal::Bare);
     }
-    let mesh = Mesh::new(network, rate, way)?;
+    let mesh = Mesh::new(network, rate, method)?;
     let scheme = &mesh.scheme;
-    let largest = |c: f64, enough: f64, most: f64| top_up_to(scheme, network, c, enough, most);
+    let largest = |c: f64, enough: f64, limit: f64| top_up_to(scheme, network, c, enough, limit);
     let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
@@ -57,25 +57,25 @@ pub(crate) fn certify(
     } else {
         StabilityGuarantee::Guarded
     };
-    match way {
+    match method {
         MeshMethod::Ca2p => {
             let (c, enough) = ca2p(&mesh);
-            let found = largest(c, enough, SHARED_MODES)?;
-            if found.lambda < enough {
-                Ok(certificate(&found, guarantee))
-            } else if found.lambda < SHARED_MODES {
-                Ok(certificate(&found, StabilityGuarantee::Tried))
+            let largest_value = largest(c, enough, SHARED_MODES)?;
+            if largest_value.lambda < enough {
+                Ok(certificate(&largest_value, guarantee))
+            } else if largest_value.lambda < SHARED_MODES {
+                Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, way, &found, SHARED_MODES))
+                Err(unstable(network, method, &largest_value, SHARED_MODES))
             }
         }
         MeshMethod::Bm4 => {
-            let most = BM4_LIMIT * BM4_LIMIT;
-            let found = largest(LOSSES, most, most)?;
-            if found.lambda < most {
-                Ok(certificate(&found, StabilityGuarantee::Tried))
+            let limit = BM4_LIMIT * BM4_LIMIT;
+            let largest_value = largest(LOSSES, limit, limit)?;
+            if largest_value.lambda < limit {
+                Ok(certificate(&largest_value, StabilityGuarantee::Tried))
             } else {
-                Err(unstable(network, way, &found, most))
+                Err(unstable(network, method, &largest_value, limit))
             }
         }
         MeshMethod::Ca | MeshMethod::Ieq => {
@@ -111,13 +111,18 @@ fn ca2p(mesh: &Mesh) -> (f64, f64) {
     }
 }
 
-fn unstable(network: &Network, way: MeshMethod, found: &LargestEigenvalue, most: f64) -> Error {
-    let (name, lambda) = (way.facts().name, found.lambda);
-    let times = (lambda / most).sqrt().ceil();
+fn unstable(
+    network: &Network,
+    method: MeshMethod,
+    largest: &LargestEigenvalue,
+    limit: f64,
+) -> Error {
+    let (name, lambda) = (method.facts().name, largest.lambda);
+    let times = (lambda / limit).sqrt().ceil();
     Error::Refused {
-        module: network.mat_name(found.worst),
+        module: network.mat_name(largest.worst),
         message: format!(
-            "unstable with method {name} at this rate: λmax is at least {lambda:.6} and must be below {most:.3}; use \
+            "unstable with method {name} at this rate: λmax is at least {lambda:.6} and must be below {limit:.3}; use \
              {times} times the rate or more, a larger M, or a smaller K or Z"
         ),
     }

@@ -76,16 +76,16 @@ impl Conjugate {
 #[inline(always)]
 fn sum(n: usize, mut f: impl FnMut(usize) -> f64) -> f64 {
     let mut lanes = [0.0; LANES];
-    let whole = n - n % LANES;
+    let n_laned = n - n % LANES;
     let mut first = 0;
-    while first < whole {
+    while first < n_laned {
         for (lane, sum) in lanes.iter_mut().enumerate() {
             *sum += f(first + lane);
         }
         first += LANES;
     }
-    for (lane, sum) in lanes.iter_mut().enumerate().take(n - whole) {
-        *sum += f(whole + lane);
+    for (lane, sum) in lanes.iter_mut().enumerate().take(n - n_laned) {
+        *sum += f(n_laned + lane);
     }
     let [a, b, c, d, e, f, g, h] = lanes;
     ((a + e) + (c + g)) + ((b + f) + (d + h))

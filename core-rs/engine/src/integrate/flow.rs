@@ -28,9 +28,9 @@ impl Flow {
     pub(crate) fn new(frame: &Square, macrostep: u32) -> Option<Self> {
         let n = frame.n / 2;
         let steps = f64::from(macrostep);
-        let whole = frame.power(macrostep);
-        let [a, b] = [whole.block(0, 0, n), whole.block(0, n, n)];
-        let [c, d] = [whole.block(n, 0, n), whole.block(n, n, n)];
+        let macro_step = frame.power(macrostep);
+        let [a, b] = [macro_step.block(0, 0, n), macro_step.block(0, n, n)];
+        let [c, d] = [macro_step.block(n, 0, n), macro_step.block(n, n, n)];
         let conjugated = b.times(&d).over(&b)?;
         let deviation = a.plus(&Square::one(n), -1.0);
         let bc = b.times(&c);
@@ -73,10 +73,10 @@ impl Flow {
         let (x, v) = moved.split_at(self.keep.n);
         let mut alone = vec![0.0; self.keep.n];
         alone[pushed] = 1.0;
-        let (kept, pulled) = (self.keep.apply(&alone), self.pull.apply(x));
+        let (retained, pulled) = (self.keep.apply(&alone), self.pull.apply(x));
         let mut after = self.start(x, v);
-        for ((after, kept), pulled) in after.iter_mut().zip(kept).zip(pulled) {
-            *after += pulled - kept;
+        for ((after, retained), pulled) in after.iter_mut().zip(retained).zip(pulled) {
+            *after += pulled - retained;
         }
         let mut short = x.to_vec();
         short[pushed] -= f64::from(frames);
@@ -91,12 +91,12 @@ pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
     let mut map = Square::zero(2 * n);
     for column in 0..n {
         for row in 0..n {
-            let own = if row == column { 1.0 } else { 0.0 };
+            let diagonal = if row == column { 1.0 } else { 0.0 };
             let (k, z) = (k.get(row, column), z.get(row, column));
             let [a, b, c, d] = if is_discrete {
-                [own - k, own - z, -k, own - z]
+                [diagonal - k, diagonal - z, -k, diagonal - z]
             } else {
-                [0.0, own, -k, -z]
+                [0.0, diagonal, -k, -z]
             };
             *map.at(row, column) = a;
             *map.at(row, n + column) = b;

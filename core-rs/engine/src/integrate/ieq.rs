@@ -210,10 +210,10 @@ impl Stepper for Ieq {
     }
 
     fn stored(&self) -> f64 {
-        let (kept, by_laws) =
+        let (quadratic, by_laws) =
             self.links
                 .nonlinear_energies(&self.mesh, &self.x, &self.d, &self.state);
-        self.energy() - kept + by_laws
+        self.energy() - quadratic + by_laws
     }
 }
 

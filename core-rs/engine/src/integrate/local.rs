@@ -34,22 +34,22 @@ impl Mesh {
         let mut force = 0.0;
         let springs = self.springs.iter().map(|run| (run.a, run.b, run.len));
         let others = self.others.iter().map(|run| (run.a, run.b, run.len));
-        for (at, (a, b, len)) in springs.chain(others).enumerate() {
+        for (run_index, (a, b, len)) in springs.chain(others).enumerate() {
             for (end, sign) in [(a, 1.0), (b, -1.0)] {
                 let Some(i) = mat.checked_sub(end).filter(|i| *i < len) else {
                     continue;
                 };
                 let (e, de) = (x(b + i) - x(a + i), v(b + i) - v(a + i));
                 force += sign
-                    * match self.springs.get(at) {
+                    * match self.springs.get(run_index) {
                         Some(run) => {
                             let e = e - run.rest;
                             run.k * e + run.q * (e * e * e) + run.z * de
                         }
                         None => {
-                            let run = &self.others[at - self.springs.len()];
-                            let at = |i: usize| x(run.b + i) - x(run.a + i) - run.rest;
-                            match run.tension(at) {
+                            let run = &self.others[run_index - self.springs.len()];
+                            let run_index = |i: usize| x(run.b + i) - x(run.a + i) - run.rest;
+                            match run.tension(run_index) {
                                 0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
                             }
@@ -76,10 +76,10 @@ impl Mesh {
             });
         }
         for run in &self.others {
-            let at = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let tension = run.tension(at);
+            let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+            let tension = run.tension(elongation);
             sum += total(run.len, |i| {
-                run.potential(at(i)) + tension_energy(tension, at(i))
+                run.potential(elongation(i)) + tension_energy(tension, elongation(i))
             });
         }
         sum

@@ -54,9 +54,9 @@ enum Part {
 
 impl Mesh {
     /// Fails with the name of a module that the method cannot step.
-    pub(super) fn new(network: &Network, rate: Rate, way: MeshMethod) -> Result<Self, Error> {
+    pub(super) fn new(network: &Network, rate: Rate, method: MeshMethod) -> Result<Self, Error> {
         refuse_stateful_links(network)?;
-        let scheme = if way == MeshMethod::Ca {
+        let scheme = if method == MeshMethod::Ca {
             Scheme::new(network, rate)?
         } else {
             check_supported(network)?;
@@ -241,7 +241,7 @@ impl Mesh {
                 Kind::Lnl {
                     law,
                     rate,
-                    room: at,
+                    room: room_index,
                 } => {
                     let laws = &mut scratch.laws;
                     let (e, de) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
@@ -249,7 +249,7 @@ impl Mesh {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
                         de[i] = (v[run.b + i] - v[run.a + i]) * rate;
                     }
-                    let law_scratch = &mut laws.scratch[*at];
+                    let law_scratch = &mut laws.scratch[*room_index];
                     match part {
                         Part::Elastic => law.spring_run(e, f, law_scratch),
                         Part::Viscous => law.drag_run(e, de, f, law_scratch),

@@ -80,12 +80,12 @@ pub(super) struct Ties<'a> {
 impl<'a> Ties<'a> {
     /// The ties of a range of MATs.
     pub(super) fn of(&self, mats: Range<usize>) -> Self {
-        let of = |numbers: &'a [f64]| &numbers[mats.clone()];
+        let part_of = |numbers: &'a [f64]| &numbers[mats.clone()];
         Self {
-            w: of(self.w),
-            kappa: of(self.kappa),
-            zeta: of(self.zeta),
-            rest: of(self.rest),
+            w: part_of(self.w),
+            kappa: part_of(self.kappa),
+            zeta: part_of(self.zeta),
+            rest: part_of(self.rest),
         }
     }
 

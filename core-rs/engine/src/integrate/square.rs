@@ -24,9 +24,9 @@ impl Square {
     }
 
     pub(crate) fn one(n: usize) -> Self {
-        let mut one = Self::zero(n);
-        (0..n).for_each(|i| *one.at(i, i) = 1.0);
-        one
+        let mut identity = Self::zero(n);
+        (0..n).for_each(|i| *identity.at(i, i) = 1.0);
+        identity
     }
 
     pub(crate) fn at(&mut self, row: usize, column: usize) -> &mut f64 {

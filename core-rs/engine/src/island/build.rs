@@ -200,12 +200,12 @@ fn begin(
             Some((begun, scheme))
         }
     };
-    let (at_first, own) = match &begun {
+    let (start_state, island_state) = match &begun {
         Some((begun, scheme)) => (begun, scheme),
         None => (network, scheme),
     };
-    let mut body = start(at_first, own, timeline, &timeline.drives, &acts);
-    let mut bodies = join(plans, at_first, timeline, &mut body, &acts)?;
+    let mut body = start(start_state, island_state, timeline, &timeline.drives, &acts);
+    let mut bodies = join(plans, start_state, timeline, &mut body, &acts)?;
     for run in &mut links {
         interrupt::poll();
         if is_led(timeline, run.first) {
@@ -241,17 +241,17 @@ fn guard(
         return Ok(None); // the run has to show when it really diverges
     }
     let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
-    let found = if timeline.leads.is_empty() {
+    let guarded = if timeline.leads.is_empty() {
         Guard::new(scheme, network, Limit::CA, &ports)?
     } else {
         let stiffest = greatest(network, &timeline.leads)?;
-        let mut most = Scheme::new(&stiffest, timeline.rate)?;
+        let mut finest = Scheme::new(&stiffest, timeline.rate)?;
         if matter.fine.is_some() {
-            most.take_fine(&timeline.steered());
+            finest.take_fine(&timeline.steered());
         }
-        Guard::new(&most, &stiffest, Limit::CA, &ports)?
+        Guard::new(&finest, &stiffest, Limit::CA, &ports)?
     };
-    Ok(found.map(Box::new))
+    Ok(guarded.map(Box::new))
 }
 
 /// Accounts of links that may create energy; `springs` are those that were there before some were fused.
@@ -370,8 +370,8 @@ fn join(
     bodies.iter().map(start).collect()
 }
 
-/// Writes the outputs of a network at rest at its initial positions into `heard` (n_out).
-pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
+/// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).
+pub(crate) fn at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
     let x = network.mats().x0.clone();
     let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
     // An output may hear the force of a contact that presses at rest.
@@ -384,5 +384,5 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     );
     kernel::proxies::divide(scheme, &mut body);
     kernel::contacts(scheme, &[], &[], &mut body);
-    kernel::tap(scheme, &body, heard);
+    kernel::tap(scheme, &body, outputs);
 }

@@ -55,7 +55,7 @@ impl Island {
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.
     pub(super) fn coast(
         &mut self,
-        heard: &mut StepOutputs<'_>,
+        outputs: &mut StepOutputs<'_>,
         from: usize,
         to: usize,
     ) -> Result<usize, Fault> {
@@ -80,7 +80,7 @@ impl Island {
         let pending = state.hands.impulses.iter().any(|&impulse| impulse != 0.0);
         let events = push.into_iter().chain(ergon).chain(voices);
         let events = events.chain(pending.then_some(n));
-        let quiet = events.map(|at| at.saturating_sub(n) as usize);
+        let quiet = events.map(|frame_now| frame_now.saturating_sub(n) as usize);
         let modals = state
             .matter
             .bodies
@@ -130,7 +130,7 @@ impl Island {
                 }
             }
             let step = n + done as u64;
-            if let Some(out) = heard.row(from + done) {
+            if let Some(out) = outputs.row(from + done) {
                 kernel::tap(scheme, body, out);
                 let bodies = state.matter.bodies.iter();
                 for modal in bodies.filter_map(inside::RunningBody::modal) {
@@ -211,8 +211,8 @@ fn swing(scheme: &Scheme, body: &Body, mat: usize) -> [f64; 2] {
         // from 1.
         let past = before * b.sqrt();
         let square = (x * x + past * past - 2.0 * x * before * h) * b / room;
-        let most = square.max(0.0).sqrt();
-        return [most, most * kappa.sqrt()];
+        let amplitude = square.max(0.0).sqrt();
+        return [amplitude, amplitude * kappa.sqrt()];
     }
     let root = (-room).sqrt();
     let [fast, slow] = [h - root, h + root];

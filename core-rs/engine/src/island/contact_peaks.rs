@@ -40,10 +40,10 @@ impl ContactPeaks {
 
     /// Note the forces of a step (n_lia).
     pub(super) fn step(&mut self, frame: u64, forces: &[f64]) {
-        for (&link, most) in self.links.iter().zip(&mut self.most) {
+        for (&link, peak) in self.links.iter().zip(&mut self.most) {
             let force = forces[link as usize];
-            if force.abs() > most.force.abs() {
-                *most = ContactPeak { frame, force };
+            if force.abs() > peak.force.abs() {
+                *peak = ContactPeak { frame, force };
             }
         }
     }
@@ -55,9 +55,9 @@ impl ContactPeaks {
 
     /// Tell each contact that pushed (link, peak), and forget its peak.
     pub(super) fn take(&mut self, mut tell: impl FnMut(usize, ContactPeak)) {
-        for (&link, most) in self.links.iter().zip(&mut self.most) {
-            if most.force != 0.0 {
-                tell(link as usize, std::mem::replace(most, NONE));
+        for (&link, peak) in self.links.iter().zip(&mut self.most) {
+            if peak.force != 0.0 {
+                tell(link as usize, std::mem::replace(peak, NONE));
             }
         }
     }

@@ -173,12 +173,12 @@ pub(super) fn is_active(law: &Law) -> bool {
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
 fn around(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
-    let own = |i: usize| {
+    let squared = |i: usize| {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
     };
     let moving = (0..scheme.n_mat()).filter(|&i| scheme.w[i] > 0.0);
-    let mut sum: f64 = moving.map(own).sum();
+    let mut sum: f64 = moving.map(squared).sum();
     for modal in bodies.iter().filter_map(RunningBody::modal) {
         modal.energies(|energy| sum += energy);
     }
@@ -297,8 +297,8 @@ impl Island {
         if let Some(gains) = &mut state.watch.gains {
             put_in = gains.put_in.most();
             for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
-                let found = link.check(link_work, body, (around, put_in), n);
-                if let Some(gain) = found.filter(Gain::is_fault) {
+                let link_gain = link.check(link_work, body, (around, put_in), n);
+                if let Some(gain) = link_gain.filter(Gain::is_fault) {
                     let part = part(link_work.a, link_work.b);
                     faults.push((self.network.link_name(link_work.link), part, gain));
                 }

@@ -229,7 +229,7 @@ impl Island {
         {
             fine.refine();
         }
-        let found = gain.filter(Gain::is_reportable).and_then(|gain| {
+        let reported = gain.filter(Gain::is_reportable).and_then(|gain| {
             let (link, mat) = self.loudest_link()?;
             if rise.worst != Some(gain.worse_of(rise.worst)) {
                 (rise.worst, rise.link) = (Some(gain), link);
@@ -237,7 +237,7 @@ impl Island {
             Some((link, mat, gain))
         });
         self.state.watch.rise = Some(rise);
-        found
+        reported
     }
 
     /// The energy of all MATs, bodies and links.
@@ -334,11 +334,11 @@ impl Island {
             .filter(|run| !matches!(run.kind, Kind::Ref))
             .flat_map(|run| (0..run.len).map(move |i| (run.first + i, [run.a + i, run.b + i])));
         let push = |link: usize| state.matter.body.link[link].abs();
-        let louder = |most: (usize, [usize; 2]), own: (usize, [usize; 2])| {
-            if push(own.0) > push(most.0) {
-                own
+        let louder = |loudest: (usize, [usize; 2]), link_push: (usize, [usize; 2])| {
+            if push(link_push.0) > push(loudest.0) {
+                link_push
             } else {
-                most
+                loudest
             }
         };
         let (link, [a, b]) = links.reduce(louder)?;

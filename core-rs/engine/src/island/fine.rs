@@ -179,14 +179,14 @@ impl Fine {
 
     /// Bend of the bristles of a link [m]; `None` if it is not computed here.
     pub(super) fn bend_of(&self, link: usize) -> Option<f64> {
-        let at = self.law_of(link)?;
-        Some(self.laws[at].bend_at_start())
+        let law_index = self.law_of(link)?;
+        Some(self.laws[law_index].bend_at_start())
     }
 
     /// Set the bend of the bristles of a link [m], if it is computed here.
-    pub(super) fn set_bend(&mut self, link: usize, bend: f64) {
-        if let Some(at) = self.law_of(link) {
-            self.laws[at].set_bend(bend);
+    pub(super) fn set_bend(&mut self, link: usize, bristle: f64) {
+        if let Some(law_index) = self.law_of(link) {
+            self.laws[law_index].set_bend(bristle);
         }
     }
 
@@ -293,8 +293,8 @@ impl Fine {
     /// The force that this frame leaves to the next on a MAT [N].
     pub(super) fn later_at(&self, mat: usize) -> f64 {
         let joints = self.script.joints.iter().zip(&self.later);
-        let own = joints.filter(|(joint, _)| joint.mat == mat);
-        own.map(|(_, later)| later).sum()
+        let later_at_mat = joints.filter(|(joint, _)| joint.mat == mat);
+        later_at_mat.map(|(_, later)| later).sum()
     }
 
     /// Tell the energy that each link stores at the end of the frame [J]; `open` says how far its gate is open.
@@ -352,10 +352,10 @@ impl Fine {
             let Kind::But(but) = &run.kind else {
                 return false;
             };
-            let [most_a, step_a] = swing(run.a);
-            let [most_b, step_b] = swing(run.b);
+            let [reach_a, step_a] = swing(run.a);
+            let [reach_b, step_b] = swing(run.b);
             let middle = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
-            let reach = (most_a + most_b + step_a + step_b) * (1.0 + slack);
+            let reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
             but.sign() * middle + reach < -2.0 * HAIR
         };
         let joints = &self.script.joints;
@@ -450,10 +450,10 @@ impl Fine {
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
-            for (given, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
-                for (own, row) in given.iter().zip(script.basis.fit.chunks(n)) {
+            for (impulses, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
+                for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n)) {
                     for (impulse, weight) in pushed.iter_mut().zip(row) {
-                        *impulse += own * weight;
+                        *impulse += value * weight;
                     }
                 }
             }
@@ -471,7 +471,7 @@ impl Fine {
         let is_moved_by = |mover: usize, moved: usize| {
             let n = script.joints.len();
             let pairs = |(a, b): (usize, usize)| [a, b];
-            let of = |from: usize, to: usize| {
+            let is_coupled = |from: usize, to: usize| {
                 let place = |joint: usize| script.places[joint].map(|(body, _)| body);
                 let is_same = place(from).is_some() && place(from) == place(to);
                 is_same || !script.moves[from * n + to].is_empty()
@@ -479,7 +479,7 @@ impl Fine {
             let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
             mover
                 .iter()
-                .any(|&from| moved.iter().any(|&to| of(from, to)))
+                .any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
         };
         loop {
             let is_reached = |link: &usize| {
@@ -503,11 +503,11 @@ impl Fine {
         next: &dyn Fn(usize, &Body) -> f64,
     ) {
         let (n, n_joints) = (script.basis.n(), script.joints.len());
-        for (at, joint) in script.joints.iter().enumerate() {
-            let values = &mut self.values[at * n..(at + 1) * n];
+        for (joint_index, joint) in script.joints.iter().enumerate() {
+            let values = &mut self.values[joint_index * n..(joint_index + 1) * n];
             // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
             // end; the path between is corrected here.
-            let mut bend = 0.5 * self.steady[at] * scheme.w[joint.mat];
+            let mut pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
             match joint.port {
                 Some((owner, port)) => {
                     if let Some(modal) = bodies[owner].modal_mut() {
@@ -523,31 +523,34 @@ impl Fine {
                     }
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
-                        bend += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                        self.sprung.note_free(at, step, bend);
+                        pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                        self.sprung.note_free(joint_index, step, pull);
                     } else {
-                        bend = 0.0;
+                        pull = 0.0;
                     }
                 }
             }
-            if bend != 0.0 {
+            if pull != 0.0 {
                 for (x_at, s) in values.iter_mut().zip(&script.basis.instants) {
-                    *x_at -= bend * s * (1.0 - s);
+                    *x_at -= pull * s * (1.0 - s);
                 }
             }
         }
         // Other forces on a port act from the start of the frame.
-        for (at, joint) in script.joints.iter().enumerate() {
+        for (joint_index, joint) in script.joints.iter().enumerate() {
             let force = body.force[joint.mat];
             if joint.port.is_none() || force == 0.0 {
                 continue;
             }
             let impulse = force * script.rate.step();
-            if self.push_crowded(script, at, impulse) {
+            if self.push_crowded(script, joint_index, impulse) {
                 continue;
             }
             for (other, values) in self.values.chunks_mut(n).enumerate() {
-                for (x, by) in values.iter_mut().zip(&script.begun[at * n_joints + other]) {
+                for (x, by) in values
+                    .iter_mut()
+                    .zip(&script.begun[joint_index * n_joints + other])
+                {
                     *x += impulse * by;
                 }
             }
@@ -555,14 +558,14 @@ impl Fine {
     }
 
     /// Push a joint [N·s].
-    fn shove(&mut self, script: &Script, joint: usize, impulse: f64, at: &At) {
+    fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &At) {
         let n = script.basis.n();
-        let given = &mut self.given[joint * n..(joint + 1) * n];
-        for (given, value) in given.iter_mut().zip(&at.value) {
-            *given += impulse * value;
+        let impulses = &mut self.given[joint * n..(joint + 1) * n];
+        for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
+            *impulses += impulse * value;
         }
         if !self.push_crowded(script, joint, impulse) {
-            script.bend(joint, impulse, at, &mut self.way);
+            script.bend(joint, impulse, instant, &mut self.way);
             self.work.products += script.reached[joint];
         }
     }
@@ -570,8 +573,8 @@ impl Fine {
     /// Apply the impulses of a frame to bodies and MATs.
     fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
         let n = script.basis.n();
-        for (at, joint) in script.joints.iter().enumerate() {
-            let pushed = &self.pushed[at * n..(at + 1) * n];
+        for (joint_index, joint) in script.joints.iter().enumerate() {
+            let pushed = &self.pushed[joint_index * n..(joint_index + 1) * n];
             if pushed.iter().all(|impulse| *impulse == 0.0) {
                 continue;
             }
@@ -584,7 +587,7 @@ impl Fine {
                 (None, Some(_)) => {
                     for (impulse, [now, later]) in pushed.iter().zip(&joint.split) {
                         body.push(joint.mat, impulse * now);
-                        self.later[at] += impulse * later;
+                        self.later[joint_index] += impulse * later;
                     }
                 }
                 // The motion of such a MAT is imposed; a hand that holds it feels the force.

@@ -29,19 +29,19 @@ impl Glide {
     /// The parameters of frame `n`.
     fn at(&self, n: u64) -> Numbers {
         let next = self.points.partition_point(|&(frame, _)| frame <= n);
-        let of = |point: usize| self.numbers[self.points[point].1];
+        let number = |point: usize| self.numbers[self.points[point].1];
         if next == 0 {
-            return of(0);
+            return number(0);
         }
         let (start, before) = self.points[next - 1];
         let Some(&(stop, after)) = self.points.get(next) else {
-            return of(next - 1);
+            return number(next - 1);
         };
         if before == after {
-            return of(next);
+            return number(next);
         }
         let share = (n - start) as f64 / (stop - start) as f64;
-        let (from, to) = (of(next - 1), of(next));
+        let (from, to) = (number(next - 1), number(next));
         let [w, kappa, zeta, ground] = std::array::from_fn(|i| from[i] + (to[i] - from[i]) * share);
         // A continuous oscillation whose frequency ω changes slowly keeps ω times its squared amplitude; the samples of
         // this recurrence keep sin θ times it. The poles are moved outwards by the difference.
@@ -74,34 +74,34 @@ pub(super) fn glides(
     timeline: &Timeline,
     scheme: &Scheme,
 ) -> Result<Vec<Glide>, Error> {
-    let (mut found, mut ties): (Vec<Glide>, Vec<Vec<Option<Ties>>>) = (Vec::new(), Vec::new());
+    let (mut glides, mut ties): (Vec<Glide>, Vec<Vec<Option<Ties>>>) = (Vec::new(), Vec::new());
     for glide in &timeline.glides {
-        let mut own: Vec<Option<Ties>> = Vec::new();
+        let mut known_ties: Vec<Option<Ties>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
         for &(frame, ties) in glide.points.iter() {
-            let known = own.iter().position(|other| *other == ties);
+            let known = known_ties.iter().position(|other| *other == ties);
             let index = known.unwrap_or_else(|| {
-                own.push(ties);
-                own.len() - 1
+                known_ties.push(ties);
+                known_ties.len() - 1
             });
             points.push((frame, index));
         }
-        found.push(Glide {
+        glides.push(Glide {
             mat: glide.mat,
             points,
-            numbers: Vec::with_capacity(own.len()),
-            amplitude_corrections: Vec::with_capacity(own.len()),
+            numbers: Vec::with_capacity(known_ties.len()),
+            amplitude_corrections: Vec::with_capacity(known_ties.len()),
         });
-        ties.push(own);
+        ties.push(known_ties);
     }
     let mut refused = Vec::new();
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
         let this_round = || round_ties(&ties, round);
         let mut other = network.clone();
-        for (at, own) in this_round() {
-            if let Some(own) = own {
-                other.retie(found[at].mat, own);
+        for (glide_index, known_ties) in this_round() {
+            if let Some(known_ties) = known_ties {
+                other.retie(glides[glide_index].mat, known_ties);
             }
         }
         let other = match Scheme::new(&other, timeline.rate) {
@@ -111,9 +111,9 @@ pub(super) fn glides(
                 continue;
             }
         };
-        for (at, own) in this_round() {
-            let scheme = if own.is_some() { &other } else { scheme };
-            let glide = &mut found[at];
+        for (glide_index, known_ties) in this_round() {
+            let scheme = if known_ties.is_some() { &other } else { scheme };
+            let glide = &mut glides[glide_index];
             let mat = glide.mat;
             let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
             let part = network.mats().part[mat] as usize;
@@ -135,14 +135,14 @@ pub(super) fn glides(
     if let Some(refused) = Error::of(refused) {
         return Err(refused);
     }
-    Ok(found)
+    Ok(glides)
 }
 
 /// ln(θ/sin θ) of an oscillation of angle θ a step; 0 if there is none, or it is too near the Nyquist frequency.
-fn amplitude_correction(own: Ratios) -> f64 {
-    let root = sqrt(1.0 - own.zeta);
-    let loss = own.zeta / (1.0 + root);
-    let half = (own.kappa - loss * loss) / (4.0 * root);
+fn amplitude_correction(ratios: Ratios) -> f64 {
+    let root = sqrt(1.0 - ratios.zeta);
+    let loss = ratios.zeta / (1.0 + root);
+    let half = (ratios.kappa - loss * loss) / (4.0 * root);
     if !(half > 0.0 && half < NYQUIST) {
         return 0.0;
     }
@@ -160,8 +160,8 @@ fn round_ties(
 }
 
 /// Write the parameters of frame `n` into `now`; muted MATs are left out.
-pub(super) fn apply_glides(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: u64) {
-    for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
+pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, now: &mut Scheme, n: u64) {
+    for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
         let numbers = glide.at(n);
         [now.w[mat], now.kappa[mat], now.zeta[mat], now.ground[mat]] = numbers;
@@ -169,17 +169,17 @@ pub(super) fn apply_glides(glides: &[Glide], own: &Scheme, now: &mut Scheme, n: 
 }
 
 /// Write 1/M of masses that follow MATs into `now`, for MATs at `x` [m]; muted masses are left out.
-pub(super) fn apply_following_masses(own: &Scheme, now: &mut Scheme, x: &[f64]) {
-    for mass in &own.following_masses {
+pub(super) fn apply_following_masses(base: &Scheme, now: &mut Scheme, x: &[f64]) {
+    for mass in &base.following_masses {
         if now.w[mass.mat] != 0.0 {
-            now.w[mass.mat] = own.w[mass.mat] * mass.lightness(|mat| x[mat]);
+            now.w[mass.mat] = base.w[mass.mat] * mass.lightness(|mat| x[mat]);
         }
     }
 }
 
 /// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
-pub(super) fn pass_to_fine(glides: &[Glide], own: &Scheme, fine: &mut Fine, n: u64) {
-    for glide in glides.iter().filter(|glide| own.w[glide.mat] != 0.0) {
+pub(super) fn pass_to_fine(glides: &[Glide], base: &Scheme, fine: &mut Fine, n: u64) {
+    for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let numbers = [n, n + 1].map(|n| glide.at(n));
         fine.glide(
             glide.mat,
@@ -215,13 +215,13 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
             .iter()
             .filter(|run| lead.links().contains(&run.first))
         {
-            let at =
+            let find_run =
                 |runs: &[crate::scheme::Run]| runs.iter().position(|own| own.first == run.first);
-            let place = if let Some(at) = at(&scheme.runs) {
-                scheme.runs[at].set_loose();
-                Place::Run(at)
+            let place = if let Some(find_run) = find_run(&scheme.runs) {
+                scheme.runs[find_run].set_loose();
+                Place::Run(find_run)
             } else {
-                at(&scheme.exact).map_or(Place::Fine, Place::Exact)
+                find_run(&scheme.exact).map_or(Place::Fine, Place::Exact)
             };
             let lead = lead.on(run.first, run.len);
             let before = led.last();
@@ -239,7 +239,7 @@ pub(super) fn bind_leads(scheme: &mut Scheme, network: &Network, timeline: &Time
 /// Write K and Z of frame `n` into `now`.
 pub(super) fn apply_leads(
     all: &[Led],
-    own: &Scheme,
+    base: &Scheme,
     now: &mut Scheme,
     fine: &mut Option<Fine>,
     n: u64,
@@ -254,9 +254,9 @@ pub(super) fn apply_leads(
         if !has_same_factors {
             factors = lead.at(n, 0.0);
         }
-        let (own, now) = match *place {
-            Place::Run(at) => (&own.runs[at], &mut now.runs[at]),
-            Place::Exact(at) => (&own.exact[at], &mut now.exact[at]),
+        let (base, now) = match *place {
+            Place::Run(at) => (&base.runs[at], &mut now.runs[at]),
+            Place::Exact(at) => (&base.exact[at], &mut now.exact[at]),
             Place::Fine => {
                 if let Some(fine) = fine {
                     fine.lead(lead.link, [factors, lead.at(n + 1, 0.0)]);
@@ -264,7 +264,7 @@ pub(super) fn apply_leads(
                 continue;
             }
         };
-        let [of_k, of_z] = factors;
-        (now.k, now.z) = (own.k * of_k, own.z * of_z);
+        let [k_factor, z_factor] = factors;
+        (now.k, now.z) = (base.k * k_factor, base.z * z_factor);
     }
 }

@@ -54,11 +54,14 @@ impl BodyPlan {
 
     /// The same body without strikes and names, with parts by their rank in `order`.
     pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
-        let mut own = self.clone();
+        let mut renamed = self.clone();
         let network = Arc::new(self.network().anonymous(order));
-        match &mut own {
+        match &mut renamed {
             Self::Modal(modal) => {
-                modal.struck.iter_mut().for_each(|own| own.blows.clear());
+                modal
+                    .struck
+                    .iter_mut()
+                    .for_each(|renamed| renamed.blows.clear());
                 modal.of = network;
             }
             Self::Mesh(mesh) => {
@@ -70,7 +73,7 @@ impl BodyPlan {
                 slow.network = network;
             }
         }
-        own
+        renamed
     }
 
     /// The network of its modules.
@@ -85,12 +88,12 @@ impl BodyPlan {
     /// Its strikes: frame, struck point or MAT, and [part of a frame, impulse [N·s]].
     pub(crate) fn strikes(&self) -> Box<dyn Iterator<Item = (u64, usize, [f64; 2])> + '_> {
         match self {
-            Self::Modal(modal) => {
-                Box::new(modal.struck.iter().enumerate().flat_map(|(at, own)| {
-                    let blows = own.blows.iter();
-                    blows.map(move |&(frame, part, impulse)| (frame, at, [part, impulse]))
-                }))
-            }
+            Self::Modal(modal) => Box::new(modal.struck.iter().enumerate().flat_map(
+                |(blow_row, struck)| {
+                    let blows = struck.blows.iter();
+                    blows.map(move |&(frame, part, impulse)| (frame, blow_row, [part, impulse]))
+                },
+            )),
             Self::Mesh(mesh) => {
                 let strikes = mesh.strikes.iter();
                 Box::new(strikes.map(|&(frame, mat, impulse)| (frame, mat, [0.0, impulse])))
@@ -128,24 +131,24 @@ impl BodyPlan {
         }
     }
 
-    /// Whether another body is equal, so that one can continue from the state of the other. `own` and `their` give the
+    /// Whether another body is equal, so that one can continue from the state of the other. `name_of` and `their` give the
     /// names of port MATs in either island.
     pub(crate) fn is_same(
         &self,
         other: &Self,
-        own: impl Fn(usize) -> String,
+        name_of: impl Fn(usize) -> String,
         their: impl Fn(usize) -> String,
     ) -> bool {
         let names = |inside: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
             inside.ports().into_iter().map(name).collect()
         };
         let is_same = match (self, other) {
-            (Self::Modal(own), Self::Modal(other)) => own.is_same(other),
-            (Self::Mesh(own), Self::Mesh(other)) => own.is_same(other),
-            (Self::Slow(own), Self::Slow(other)) => own.is_same(other),
+            (Self::Modal(name_of), Self::Modal(other)) => name_of.is_same(other),
+            (Self::Mesh(name_of), Self::Mesh(other)) => name_of.is_same(other),
+            (Self::Slow(name_of), Self::Slow(other)) => name_of.is_same(other),
             _ => false,
         };
-        is_same && names(self, &own) == names(other, &their)
+        is_same && names(self, &name_of) == names(other, &their)
     }
 
     /// For a mesh: its method, and steps a frame.

@@ -301,17 +301,18 @@ impl Ledger {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
                     let step = run.stretch(i, then, |mat| body.d[mat]);
-                    let own = Frame::new(law, rate, [e_before, e, e_next], step);
-                    let was = std::mem::replace(&mut self.potential[run.first + i], own.stored);
-                    self.injected.add(own.held - was); // the law has changed
+                    let energies = Frame::new(law, rate, [e_before, e, e_next], step);
+                    let was =
+                        std::mem::replace(&mut self.potential[run.first + i], energies.stored);
+                    self.injected.add(energies.held - was); // the law has changed
                     if finer.is_some() {
-                        self.lost.add(own.drag * step);
+                        self.lost.add(energies.drag * step);
                         continue;
                     }
                     let stretch = 0.5 * run.stretch(i, then, s);
-                    let kept = stretch * own.elastic;
-                    self.lost.add(stretch * body.link[run.first + i] - kept);
-                    self.produced.add(own.stored - own.held - kept);
+                    let elastic = stretch * energies.elastic;
+                    self.lost.add(stretch * body.link[run.first + i] - elastic);
+                    self.produced.add(energies.stored - energies.held - elastic);
                 }
                 continue;
             }
@@ -348,17 +349,17 @@ impl Ledger {
                     self.lost.add(now * run.drag(e, step) * step);
                     continue;
                 }
-                let given = 0.5 * stretch * body.link[run.first + i];
+                let share_given = 0.5 * stretch * body.link[run.first + i];
                 if is_exact(run) && run.z != 0.0 {
-                    self.lost.add(given - risen);
+                    self.lost.add(share_given - risen);
                 } else {
-                    let kept = if is_exact(run) {
-                        given
+                    let elastic = if is_exact(run) {
+                        share_given
                     } else {
                         0.5 * stretch * now * (run.elastic(e) + tension * e)
                     };
-                    self.lost.add(given - kept);
-                    self.produced.add(risen - kept);
+                    self.lost.add(share_given - elastic);
+                    self.produced.add(risen - elastic);
                 }
             }
         }
@@ -377,9 +378,9 @@ impl Ledger {
                 // With the same work a step as other forces: 0.5·(x[n+1] − x[n−1])·F.
                 sum.add(-weight * (x - 0.5 * d));
             }
-            let own = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)
+            let energy = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)
                 - 0.25 * scheme.zeta[i] * d * d;
-            sum.add(own / scheme.w[i]);
+            sum.add(energy / scheme.w[i]);
         }
         for run in all(scheme) {
             for i in 0..run.len {

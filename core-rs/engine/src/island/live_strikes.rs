@@ -43,13 +43,13 @@ impl super::Island {
     /// Strike a point of the scene by an impulse [N·s] in the next step; false if the point is not in this island.
     pub(crate) fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut is_here = false;
-        for (own, pending) in self
+        for (strike, pending) in self
             .script
             .strike_points
             .iter()
             .zip(&mut self.state.hands.impulses)
         {
-            if own.point == point {
+            if strike.point == point {
                 *pending += impulse;
                 is_here = true;
             }

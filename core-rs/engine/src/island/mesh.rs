@@ -122,11 +122,11 @@ impl RunningMesh {
             .zip(&velocities)
             .map(|(&port, v)| x[port] - v * step);
         // Room for one impulse of each port and for the most strikes of one frame, so that steps do not allocate.
-        let at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
+        let strikes_at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
             previous: before.collect(),
             inertial_steps: velocities.iter().map(|v| v * step).collect(),
-            impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
+            impulses: Vec::with_capacity(ports.len() + strikes_at_once.max().unwrap_or(0)),
             next: 0,
             damped: 1.0,
             // K that changes in time gives and takes energy, as a hand does.
@@ -174,9 +174,9 @@ impl RunningMesh {
             .ports
             .iter()
             .zip(self.previous.iter_mut().zip(&mut self.inertial_steps));
-        for (&(port, _), (previous, own)) in ports {
+        for (&(port, _), (previous, step_now)) in ports {
             let (x, step) = self.integrator.motion(port);
-            (*previous, *own) = (x - step, step);
+            (*previous, *step_now) = (x - step, step);
         }
     }
 
@@ -215,14 +215,14 @@ impl RunningMesh {
 
     /// Reserve room for all impulses of a frame, because a cloned vector has no spare capacity.
     pub(crate) fn reserve(&mut self) {
-        let at_once = self
+        let strikes_at_once = self
             .plan
             .strikes
             .chunk_by(|a, b| a.0 == b.0)
             .map(<[_]>::len);
-        let most = self.plan.ports.len() + at_once.max().unwrap_or(0);
+        let impulses_max = self.plan.ports.len() + strikes_at_once.max().unwrap_or(0);
         self.impulses
-            .reserve(most.saturating_sub(self.impulses.len()));
+            .reserve(impulses_max.saturating_sub(self.impulses.len()));
         if !self.plan.leads.is_empty() {
             self.integrator.own();
         }
@@ -244,9 +244,9 @@ impl RunningMesh {
     pub(crate) fn place(&self, body: &mut Body) {
         let x = self.integrator.positions();
         let memory = self.previous.iter().zip(&self.inertial_steps);
-        for (&(own, mat), (previous, alone)) in self.plan.ports.iter().zip(memory) {
-            let step = x[own] - previous;
-            body.x[mat] = x[own];
+        for (&(port, mat), (previous, alone)) in self.plan.ports.iter().zip(memory) {
+            let step = x[port] - previous;
+            body.x[mat] = x[port];
             body.d[mat] = step;
             body.inner[mat] = step - alone;
         }
@@ -257,14 +257,14 @@ impl RunningMesh {
         interrupt::poll_for(self.integrator.positions().len());
         let step = self.plan.rate.step();
         self.impulses.clear();
-        for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {
-            let x = self.integrator.positions()[own];
-            let mass = self.plan.network.mats().m[own];
+        for (row, &(port, mat)) in self.plan.ports.iter().enumerate() {
+            let x = self.integrator.positions()[port];
+            let mass = self.plan.network.mats().m[port];
             // The next step without the mesh's own forces: inertia, and the force at the port.
             self.inertial_steps[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
             self.previous[row] = x;
             if force[mat] != 0.0 {
-                self.impulses.push((own, force[mat] * step));
+                self.impulses.push((port, force[mat] * step));
             }
         }
         while let Some(&(_, mat, impulse)) = self
@@ -331,9 +331,9 @@ impl RunningMesh {
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
     pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
-        let own = &self.plan.network.mats().part;
+        let parts = &self.plan.network.mats().part;
         self.plan.ports.iter().any(|&(_, mat)| mats[mat])
-            || own.iter().any(|&own| own as usize == part)
+            || parts.iter().any(|&parts| parts as usize == part)
     }
 
     /// Outputs that hear it.

@@ -95,11 +95,11 @@ impl RunningModal {
             })
             .collect();
         let n_rows = plan.ports.len() + plan.heard.len();
-        let sum = |shape: &[f64], of: fn(&Mode) -> f64| -> f64 {
+        let sum = |shape: &[f64], mode_value: fn(&Mode) -> f64| -> f64 {
             plan.modes
                 .iter()
                 .zip(shape)
-                .map(|(mode, share)| of(mode) * share)
+                .map(|(mode, share)| mode_value(mode) * share)
                 .sum()
         };
         let mut playing = Self {
@@ -146,9 +146,9 @@ impl RunningModal {
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let (first, at) = (plan.ports.len(), self.at + frames);
+        let (first, frame) = (plan.ports.len(), self.at + frames);
         for (row, ((output, _), still)) in plan.heard.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.seen[(first + row) * ROOM + at] + still;
+            out[*output as usize] += self.seen[(first + row) * ROOM + frame] + still;
         }
     }
 
@@ -159,14 +159,14 @@ impl RunningModal {
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
-        let at = self.at + frames;
+        let frame = self.at + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            let own = &self.seen[row * ROOM..(row + 1) * ROOM];
-            let (now, next) = (own[at], own[at + 1]);
+            let port_row = &self.seen[row * ROOM..(row + 1) * ROOM];
+            let (now, next) = (port_row[frame], port_row[frame + 1]);
             let previous = if frames == 0 {
                 self.previous[row]
             } else {
-                own[at - 1]
+                port_row[frame - 1]
             };
             body.x[port.mat] = now + port.rest;
             body.d[port.mat] = now - previous;
@@ -254,7 +254,7 @@ impl RunningModal {
     fn squared_amplitudes(&self) -> impl Iterator<Item = f64> {
         let modes = self.script.plan.modes.iter().enumerate();
         let mut motion = None;
-        modes.map(move |(mode, own)| {
+        modes.map(move |(mode, oscillator)| {
             if mode.is_multiple_of(LANES) {
                 motion = Some(self.motion_with_pushes(mode / LANES));
             }
@@ -262,13 +262,16 @@ impl RunningModal {
                 return 0.0;
             };
             let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
-            if own.b == 0.0 {
+            if oscillator.b == 0.0 {
                 return x * x;
             }
             // b = r² and a = 2r·cos θ: `y` is the position a frame before, less the decay of one frame.
-            let (y, sine) = (before * own.b.sqrt(), 1.0 - own.a * own.a / (4.0 * own.b));
+            let (y, sine) = (
+                before * oscillator.b.sqrt(),
+                1.0 - oscillator.a * oscillator.a / (4.0 * oscillator.b),
+            );
             if sine > 0.0 {
-                (x * x + y * y - x * before * own.a) / sine
+                (x * x + y * y - x * before * oscillator.a) / sine
             } else {
                 x * x
             }
@@ -292,9 +295,9 @@ impl RunningModal {
             return;
         }
         self.look(|mode, now, before| {
-            let own = &plan.modes[mode];
-            if let Some(cell) = &own.cell {
-                tell(cell.energy([now, own.a * now - own.b * before], plan.rate));
+            let mode_plan = &plan.modes[mode];
+            if let Some(cell) = &mode_plan.cell {
+                tell(cell.energy([now, mode_plan.a * now - mode_plan.b * before], plan.rate));
             }
         });
     }
@@ -422,8 +425,8 @@ impl RunningModal {
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        let heard = self.script.plan.heard.iter();
-        heard.map(|&(output, _)| output).collect()
+        let outputs = self.script.plan.heard.iter();
+        outputs.map(|&(output, _)| output).collect()
     }
 
     /// Whether any of some MATs (n_mat) is a port.

@@ -74,7 +74,7 @@ pub(super) fn work(
 /// Elastic energy of friction in all touching pairs of stiffness `k` [J].
 pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body) -> f64 {
     let link = &run.pairs.link;
-    let of = |(points, anchor): ([u32; 2], [f64; 3])| {
+    let pair_energy = |(points, anchor): ([u32; 2], [f64; 3])| {
         let ends = run.ends(points);
         let e = link.line(ends, |mat| body.x[mat]).0 - run.rest;
         if e >= 0.0 {
@@ -87,5 +87,5 @@ pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body)
         let square: f64 = stretch.iter().map(|part| part * part).sum();
         0.5 * k * square
     };
-    history.pairs().map(of).sum()
+    history.pairs().map(pair_energy).sum()
 }

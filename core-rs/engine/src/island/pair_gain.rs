@@ -55,22 +55,24 @@ struct PairContacts {
 impl PairGains {
     /// `None` if there are no such contacts, or one of them has a gate.
     pub(super) fn new(scheme: &Scheme) -> Option<Self> {
-        let runs = scheme.runs.iter().filter_map(|own| {
-            let run = own.pairwise()?;
-            Some((own, run))
+        let runs = scheme.runs.iter().filter_map(|pairwise_runs| {
+            let run = pairwise_runs.pairwise()?;
+            Some((pairwise_runs, run))
         });
         let pair_contacts: Vec<PairContacts> = runs
             .clone()
-            .map(|(own, run)| PairContacts {
-                first: own.first,
-                room: own.room(),
-                k: own.k,
+            .map(|(pairwise_runs, run)| PairContacts {
+                first: pairwise_runs.first,
+                room: pairwise_runs.room(),
+                k: pairwise_runs.k,
                 neighbours: Neighbours::new(&run),
                 run,
             })
             .collect();
         let room = || vec![0.0; scheme.n_mat()];
-        let is_gated = runs.clone().any(|(own, _)| own.gate.is_some());
+        let is_gated = runs
+            .clone()
+            .any(|(pairwise_runs, _)| pairwise_runs.gate.is_some());
         (!pair_contacts.is_empty() && !is_gated).then(|| Self {
             pair_contacts,
             d: room(),
@@ -150,7 +152,7 @@ impl PairGains {
     /// Elastic energy of friction [J].
     fn held(&self, body: &Body) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
-        let of = |contacts: &PairContacts| {
+        let pair_energy = |contacts: &PairContacts| {
             held(
                 &contacts.run,
                 contacts.k,
@@ -158,17 +160,17 @@ impl PairGains {
                 body,
             )
         };
-        pair_contacts.map(of).sum()
+        pair_contacts.map(pair_energy).sum()
     }
 
     fn rounding(&self, body: &Body) -> f64 {
-        let of = |contacts: &PairContacts| {
+        let pair_energy = |contacts: &PairContacts| {
             let mats = contacts.run.spans().flatten();
             let far = mats.map(|mat| body.x[mat].abs()).fold(0.0, f64::max);
             let least = DIGITS * f64::EPSILON * far;
             contacts.run.n as f64 * contacts.k * least * least
         };
-        self.pair_contacts.iter().map(of).sum()
+        self.pair_contacts.iter().map(pair_energy).sum()
     }
 }
 
@@ -197,12 +199,12 @@ wide! {
 
 /// Energy of all pairs between two steps [J], at positions and last steps [m] (n_mat each).
 fn stored(pair_contacts: &mut [PairContacts], [x, d]: [&[f64]; 2]) -> f64 {
-    let of = |contacts: &mut PairContacts| {
+    let pair_energy = |contacts: &mut PairContacts| {
         let PairContacts {
             run, k, neighbours, ..
         } = contacts;
         0.5 * (potential(run, *k, neighbours, |mat| x[mat])
             + potential(run, *k, neighbours, |mat| x[mat] - d[mat]))
     };
-    pair_contacts.iter_mut().map(of).sum()
+    pair_contacts.iter_mut().map(pair_energy).sum()
 }

@@ -240,9 +240,9 @@ impl Frame<'_, '_> {
     fn sum_layers(&mut self) {
         let hands = &mut self.state.hands;
         hands.layers.fill(0.0);
-        for (voice, own) in hands.voices.iter().zip(&self.script.voices) {
-            if own.layer {
-                hands.layers[own.key] += voice.deviation(own);
+        for (voice, voice_script) in hands.voices.iter().zip(&self.script.voices) {
+            if voice_script.layer {
+                hands.layers[voice_script.key] += voice.deviation(voice_script);
             }
         }
     }
@@ -260,9 +260,9 @@ impl Frame<'_, '_> {
             bodies: &mut matter.bodies,
             layers: &hands.layers,
         };
-        for (voice, own) in hands.voices.iter_mut().zip(&self.script.voices) {
-            if voice.is_awake(own, scene.gestures, self.n) {
-                act(voice, own, &mut scene, self.n);
+        for (voice, voice_script) in hands.voices.iter_mut().zip(&self.script.voices) {
+            if voice.is_awake(voice_script, scene.gestures, self.n) {
+                act(voice, voice_script, &mut scene, self.n);
             }
         }
     }

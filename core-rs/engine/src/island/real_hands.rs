@@ -127,7 +127,7 @@ impl super::Island {
             .hand_bindings
             .iter()
             .zip(&self.state.hands.hand_states);
-        let own = pairs.filter(|(binding, _)| binding.hand.index == hand);
-        own.map(|(_, state)| state.mean_force).sum()
+        let states = pairs.filter(|(binding, _)| binding.hand.index == hand);
+        states.map(|(_, state)| state.mean_force).sum()
     }
 }

@@ -69,8 +69,8 @@ impl Stream {
     }
 
     pub(crate) fn push(&mut self, frame: u64, record: Record) {
-        if let Some(kept) = &mut self.0 {
-            kept.push(FramedErgon { frame, record });
+        if let Some(records) = &mut self.0 {
+            records.push(FramedErgon { frame, record });
         }
     }
 

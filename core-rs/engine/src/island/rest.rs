@@ -230,14 +230,14 @@ impl Island {
 
     /// Compare the frame that was just computed with the look, `frames` frames before; `work` is that of contacts
     /// before the frame.
-    fn compare(&mut self, heard: &[f64], frames: u64, work: [u64; 2]) {
+    fn compare(&mut self, outputs: &[f64], frames: u64, work: [u64; 2]) {
         let after = self.fine_products();
         let work = [after[0] - work[0], after[1] - work[1]];
         if frames == 0 {
-            self.rest.heard.copy_from_slice(heard);
+            self.rest.heard.copy_from_slice(outputs);
             self.rest.work = work;
         }
-        let is_same = work == self.rest.work && same_bits(heard, &self.rest.heard);
+        let is_same = work == self.rest.work && same_bits(outputs, &self.rest.heard);
         if !is_same || !self.is_unchanged(frames + 1) {
             self.schedule_look();
             return;

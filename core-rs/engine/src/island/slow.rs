@@ -145,15 +145,15 @@ impl RunningSlow {
         let half = 0.5 / f64::from(plan.kick_every);
         let mut previous = Vec::with_capacity(plan.ports.len());
         let mut x = plan.x0.clone();
-        for &(own, mat) in &plan.ports {
-            x[own] = body.x[mat];
-            v[own] += body.d[mat] - plan.v0[own];
+        for &(port, mat) in &plan.ports {
+            x[port] = body.x[mat];
+            v[port] += body.d[mat] - plan.v0[port];
             let curve = if plan.is_discrete {
                 0.0
             } else {
-                half * kick[own]
+                half * kick[port]
             };
-            previous.push(x[own] - (body.d[mat] - curve));
+            previous.push(x[port] - (body.d[mat] - curve));
         }
         let n = x.len();
         Self {
@@ -183,12 +183,12 @@ impl RunningSlow {
     }
 
     /// Position of one of its MATs, and its step in a frame [m].
-    pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
-        let pull = self.kick[own] / f64::from(self.plan.kick_every);
-        let frames = f64::from(self.since) * self.plan.is_inner[own];
+    pub(crate) fn motion(&self, index: usize) -> (f64, f64) {
+        let pull = self.kick[index] / f64::from(self.plan.kick_every);
+        let frames = f64::from(self.since) * self.plan.is_inner[index];
         (
-            self.x[own] + frames * self.v[own],
-            self.v[own] - pull * self.ahead(self.since),
+            self.x[index] + frames * self.v[index],
+            self.v[index] - pull * self.ahead(self.since),
         )
     }
 
@@ -260,20 +260,20 @@ impl RunningSlow {
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let frames = f64::from(self.since);
         for (output, row) in &self.plan.heard {
-            let at = |&(own, weight): &(usize, f64)| {
+            let weighted = |&(own, weight): &(usize, f64)| {
                 weight * (self.x[own] + frames * self.plan.is_inner[own] * self.v[own])
             };
-            out[*output as usize] += row.iter().map(at).sum::<f64>();
+            out[*output as usize] += row.iter().map(weighted).sum::<f64>();
         }
     }
 
     /// Set positions, steps and free motion of the ports in the island.
     pub(crate) fn place(&self, body: &mut Body) {
-        for (&(own, mat), previous) in self.plan.ports.iter().zip(&self.previous) {
-            let step = self.x[own] - previous;
-            body.x[mat] = self.x[own];
+        for (&(port, mat), previous) in self.plan.ports.iter().zip(&self.previous) {
+            let step = self.x[port] - previous;
+            body.x[mat] = self.x[port];
             body.d[mat] = step;
-            body.inner[mat] = self.v[own] - step;
+            body.inner[mat] = self.v[port] - step;
         }
     }
 
@@ -295,22 +295,22 @@ impl RunningSlow {
     /// Step from frame `n` to the next, under the forces at the ports (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
-        for (&(own, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
-            *previous = self.x[own];
-            self.v[own] += plan.w[own] * force[mat];
-            self.x[own] += self.v[own];
+        for (&(port, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
+            *previous = self.x[port];
+            self.v[port] += plan.w[port] * force[mat];
+            self.x[port] += self.v[port];
         }
-        for (&(own, _), hand_velocities) in plan.ports.iter().zip(&mut self.hand_velocities) {
-            self.v[own] += std::mem::take(hand_velocities);
+        for (&(port, _), hand_velocities) in plan.ports.iter().zip(&mut self.hand_velocities) {
+            self.v[port] += std::mem::take(hand_velocities);
         }
         self.since += 1;
         let every = plan.kick_every;
         if !(n + 1).is_multiple_of(u64::from(every)) {
             return;
         }
-        for &own in &plan.inner {
+        for &port in &plan.inner {
             // The frames since the last kick: the first interval may be shorter.
-            self.x[own] += f64::from(self.since) * self.v[own];
+            self.x[port] += f64::from(self.since) * self.v[port];
         }
         self.since = 0;
         if self.is_struck {
@@ -392,8 +392,8 @@ impl RunningSlow {
 
     /// The name and part of a MAT whose position is beyond all bounds.
     pub(crate) fn culprit(&self) -> Option<(String, usize)> {
-        let own = self.x.iter().position(|&x| !sound(x))?;
-        let name = self.plan.network.mat_name(self.plan.free[own]);
+        let index = self.x.iter().position(|&x| !sound(x))?;
+        let name = self.plan.network.mat_name(self.plan.free[index]);
         Some((name, self.plan.part))
     }
 

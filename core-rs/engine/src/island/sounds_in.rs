@@ -174,14 +174,14 @@ impl super::Island {
     pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
         let mut is_here = false;
         for (sound, ramp) in self.value_inputs(number) {
-            let most = sound.settings.most();
+            let limit = sound.settings.most();
             let before = |frame| match ramp {
                 Some(ramp) => ramp.at(frame),
                 None => sound.at(frame) / sound.settings.gain,
             };
             *ramp = Some(Ramp {
                 from: start.checked_sub(1).map_or(0.0, before),
-                to: value.clamp(-most, most),
+                to: value.clamp(-limit, limit),
                 start,
                 length: sound.glide,
             });

@@ -46,12 +46,12 @@ impl Island {
         n_frames: usize,
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
-        let mut heard = StepOutputs {
+        let mut outputs = StepOutputs {
             out,
             n_out: self.n_out(),
             oversampling: self.oversampling as usize,
         };
-        let (steps, may_coast) = (n_frames * heard.oversampling, self.may_coast());
+        let (steps, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
         let (mut done, mut looks) = (0, 0_usize);
         let modules = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let look = (LOOK_MODULES / modules.max(1)).clamp(1, LOOK);
@@ -61,10 +61,10 @@ impl Island {
             }
             looks += 1;
             if may_coast {
-                done += self.coast(&mut heard, done, steps)?;
+                done += self.coast(&mut outputs, done, steps)?;
             }
             if done < steps {
-                self.step(heard.row(done), team)?;
+                self.step(outputs.row(done), team)?;
                 done += 1;
             }
         }

@@ -39,8 +39,8 @@ impl State {
     }
 
     fn set_memory(&mut self, link: usize, memory: f64) {
-        if let Some(own) = self.matter.body.memory.get_mut(link) {
-            *own = memory;
+        if let Some(link_memory) = self.matter.body.memory.get_mut(link) {
+            *link_memory = memory;
         }
         if let Some(fine) = &mut self.matter.fine {
             fine.set_bend(link, memory);
@@ -96,26 +96,26 @@ impl Island {
             self.place();
             return;
         }
-        let (own, their) = (&mut self.state.matter, &mut old.state.matter);
-        let (body, other) = (&mut own.body, &mut their.body);
+        let (matter, their) = (&mut self.state.matter, &mut old.state.matter);
+        let (body, other) = (&mut matter.body, &mut their.body);
         std::mem::swap(&mut body.x, &mut other.x);
         std::mem::swap(&mut body.d, &mut other.d);
         std::mem::swap(&mut body.inner, &mut other.inner);
         std::mem::swap(&mut body.link, &mut other.link);
         std::mem::swap(&mut body.memory, &mut other.memory);
         std::mem::swap(&mut body.histories, &mut other.histories);
-        for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
-            own.continue_from(their);
+        for (matter, their) in matter.bodies.iter_mut().zip(&mut their.bodies) {
+            matter.continue_from(their);
         }
-        if let (Some(own), Some(their)) = (&mut own.fine, &mut their.fine) {
-            own.continue_from(their);
+        if let (Some(matter), Some(their)) = (&mut matter.fine, &mut their.fine) {
+            matter.continue_from(their);
         }
-        let (own, their) = (&mut self.state.watch, &mut old.state.watch);
-        own.mutes.continue_from(&their.mutes);
-        std::mem::swap(&mut own.guard, &mut their.guard);
+        let (matter, their) = (&mut self.state.watch, &mut old.state.watch);
+        matter.mutes.continue_from(&their.mutes);
+        std::mem::swap(&mut matter.guard, &mut their.guard);
         std::mem::swap(&mut self.state.hands.stream, &mut old.state.hands.stream);
-        if own.ledger.is_some() && their.ledger.is_some() {
-            std::mem::swap(&mut own.ledger, &mut their.ledger);
+        if matter.ledger.is_some() && their.ledger.is_some() {
+            std::mem::swap(&mut matter.ledger, &mut their.ledger);
         }
         if self.quiet.is_some() && old.quiet.is_some() {
             std::mem::swap(&mut self.quiet, &mut old.quiet);
@@ -164,12 +164,12 @@ impl Island {
             }
             ItemTakeover::Hand(from, to) => {
                 self.state.hands.hand_states[to] = old.state.hands.hand_states[from].clone();
-                let (own, their) = (
+                let (mat, their) = (
                     self.script.hand_bindings[to].mat(),
                     old.script.hand_bindings[from].mat(),
                 );
-                self.state.matter.body.x[own] = old.state.matter.body.x[their];
-                self.state.matter.body.d[own] = old.state.matter.body.d[their];
+                self.state.matter.body.x[mat] = old.state.matter.body.x[their];
+                self.state.matter.body.d[mat] = old.state.matter.body.d[their];
             }
             ItemTakeover::Report(from, to, is_same) => {
                 let report = &mut self.state.hands.reports[to];
@@ -189,13 +189,13 @@ impl Island {
                     self.script.scheme.room_of(to),
                 );
                 if let (Some(from), Some(to)) = rooms {
-                    let own = &mut self.state.matter.body.histories[to];
-                    own.copy_from(&old.state.matter.body.histories[from]);
+                    let mat = &mut self.state.matter.body.histories[to];
+                    mat.copy_from(&old.state.matter.body.histories[from]);
                 }
             }
             ItemTakeover::Part(from, to) => {
                 let is_mute = |island: &Self, part| {
-                    island.state.watch.mutes.list().any(|(own, _)| own == part)
+                    island.state.watch.mutes.list().any(|(mat, _)| mat == part)
                 };
                 if is_mute(old, from) && !is_mute(self, to) {
                     // A muted part stays muted in the next version.

@@ -16,12 +16,12 @@ use crate::units::{Rate, frame};
 /// Links that join a MAT to other parts, each with the MAT at its other end.
 fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     let part = &network.mats().part;
-    let mut found = Vec::new();
+    let mut linked = Vec::new();
     for run in network.runs() {
         if run.pairwise().is_some() {
             let links = (0..run.len).flat_map(|i| run.pairs(i).map(move |pair| (i, pair)));
             for (i, (a, b)) in links.filter(|&(_, (a, b))| a == mat || b == mat) {
-                found.push((run.first + i, if a == mat { b } else { a }));
+                linked.push((run.first + i, if a == mat { b } else { a }));
             }
             continue;
         }
@@ -29,13 +29,13 @@ fn outer_links(network: &Network, mat: usize) -> Vec<(usize, usize)> {
             let (a, b) = run.pair(0, axis);
             for (end, other) in [(a, b), (b, a)] {
                 if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
-                    found.push((run.first + i, other + i));
+                    linked.push((run.first + i, other + i));
                 }
             }
         }
     }
-    found.retain(|&(_, other)| part[other] != part[mat]);
-    found
+    linked.retain(|&(_, other)| part[other] != part[mat]);
+    linked
 }
 
 /// The gestures of a timeline at its rate.
@@ -58,15 +58,15 @@ pub(super) fn build_voices(
     let mut voices = Vec::new();
     for (key, known) in timeline.keys.iter().enumerate() {
         let (free, motion) = free_key(network, timeline, known, bodies)?;
-        let mut own: Vec<usize> = (0..gestures.len())
+        let mut ordered: Vec<usize> = (0..gestures.len())
             .filter(|&i| gestures[i].gesture.key == key)
             .collect();
         let start = |i: usize| gestures[i].gesture.start;
-        own.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
-        for &i in &own {
+        ordered.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
+        for &i in &ordered {
             check_playable(&gestures[i], &free, known, timeline.rate)?;
         }
-        let (layers, line): (Vec<usize>, Vec<usize>) = own
+        let (layers, line): (Vec<usize>, Vec<usize>) = ordered
             .into_iter()
             .partition(|&i| gestures[i].gesture.manner.layer);
         let script = VoiceScript {
@@ -110,8 +110,9 @@ pub(super) fn free_key(
     let part = mats.part[key.struck] as usize;
     // Links that close by the end are left out: a gesture is written for the key as it is in the end.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
-    let inside = |mat: usize| own.mat(mat);
+    let key_network =
+        network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let inside = |mat: usize| key_network.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {
         let run = network.run_of(link);
@@ -135,9 +136,9 @@ pub(super) fn free_key(
             })
         })
         .collect();
-    let scheme = Arc::new(Scheme::new(&own.network, timeline.rate)?);
+    let scheme = Arc::new(Scheme::new(&key_network.network, timeline.rate)?);
     let body = start(
-        &own.network,
+        &key_network.network,
         &scheme,
         &Timeline::new(timeline.rate),
         &drives,
@@ -145,7 +146,7 @@ pub(super) fn free_key(
     );
     let free = FreeKey {
         struck: inside(key.struck).unwrap_or(0),
-        members: own.mats.iter().map(|&mat| mat as usize).collect(),
+        members: key_network.mats.iter().map(|&mat| mat as usize).collect(),
         slow: bodies
             .iter()
             .filter_map(|body| match body {
@@ -175,8 +176,8 @@ fn check_playable(
         })
     };
     // No flight lasts longer than the gesture.
-    let most = gesture.last().saturating_sub(gesture.first);
-    let flight = |grain: &f64| frame(*grain, rate.hertz()).min(most);
+    let frames_max = gesture.last().saturating_sub(gesture.first);
+    let flight = |grain: &f64| frame(*grain, rate.hertz()).min(frames_max);
     let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
     if let Some(grain) = manner.grain.filter(is_long) {
         return refuse(format!(

@@ -60,7 +60,7 @@ fn solve(
         if scheme.exact_coupled {
             mixing.next_round();
         }
-        for (own, run) in scheme.exact.iter().filter(is_solved).enumerate() {
+        for (index, run) in scheme.exact.iter().filter(is_solved).enumerate() {
             body.exact_work.solved_again += u64::from(round > 0);
             let before = body.link[run.first];
             // Subtract the force of the last round, so that the run is solved given all other forces.
@@ -74,7 +74,7 @@ fn solve(
             change = change.max((now - before).abs() - AGREE * now.abs());
             largest = largest.max(now.abs());
             if scheme.exact_coupled {
-                mixing.record(own, before, now);
+                mixing.record(index, before, now);
             }
         }
         if change <= ROUNDING * largest {
@@ -214,11 +214,11 @@ impl Contact {
             u + beta * self.gradient(u, w) - p
         };
         let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
-        let (mut at_high, mut at_low) = (residue(high), residue(low));
-        while at_low > 0.0 {
+        let (mut high_residue, mut low_residue) = (residue(high), residue(low));
+        while low_residue > 0.0 {
             // If both ends of the bracket round to the same number, move them apart.
             low -= (high - low).max(f64::EPSILON * high.abs());
-            at_low = residue(low);
+            low_residue = residue(low);
         }
         let (mut halve, mut side) = (false, 0.0);
         for _ in 0..STEPS_MAX {
@@ -226,24 +226,24 @@ impl Contact {
             if width <= 4.0 * f64::EPSILON * high.abs().max(low.abs()) {
                 break;
             }
-            let secant = low - at_low * (width / (at_high - at_low));
+            let secant = low - low_residue * (width / (high_residue - low_residue));
             let u = if halve || !(secant > low && secant < high) {
                 0.5 * (low + high)
             } else {
                 secant
             };
-            let at = residue(u);
-            if at.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
+            let residue_at_u = residue(u);
+            if residue_at_u.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
                 return (u, evaluations); // only rounding is left
             }
             // Illinois rule: halve the residue at the end that stays, so that the next secant falls on its side.
-            let stays = if at * side > 0.0 { 0.5 } else { 1.0 };
-            if at > 0.0 {
-                (high, at_high, at_low) = (u, at, stays * at_low);
+            let stays = if residue_at_u * side > 0.0 { 0.5 } else { 1.0 };
+            if residue_at_u > 0.0 {
+                (high, high_residue, low_residue) = (u, residue_at_u, stays * low_residue);
             } else {
-                (low, at_low, at_high) = (u, at, stays * at_high);
+                (low, low_residue, high_residue) = (u, residue_at_u, stays * high_residue);
             }
-            side = at;
+            side = residue_at_u;
             halve = high - low > 0.5 * width;
         }
         (0.5 * (low + high), evaluations)

@@ -93,7 +93,9 @@ fn move_range(
     from: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
-    let from = |of: &Range<usize>| from.map(|from| [&from.x, &from.d].map(|all| &all[of.clone()]));
+    let from = |part_range: &Range<usize>| {
+        from.map(|from| [&from.x, &from.d].map(|all| &all[part_range.clone()]))
+    };
     let [x, d] = moved;
     if scheme.alike.is_empty() {
         let (numbers, force) = (
@@ -108,15 +110,15 @@ fn move_range(
     debug_assert!(scheme.are_alike(), "numbers change");
     let mut within = true;
     for alike in &scheme.alike {
-        let of = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
-        if of.is_empty() {
+        let part_range = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
+        if part_range.is_empty() {
             continue;
         }
-        let here = of.start - mats.start..of.end - mats.start;
+        let here = part_range.start - mats.start..part_range.end - mats.start;
         let (x, d) = (&mut x[here.clone()], &mut d[here]);
-        within &= match from(&of) {
-            Some(from) => move_alike_from(alike.numbers, &force[of], from, x, d),
-            None => move_alike(alike.numbers, &force[of], x, d),
+        within &= match from(&part_range) {
+            Some(from) => move_alike_from(alike.numbers, &force[part_range], from, x, d),
+            None => move_alike(alike.numbers, &force[part_range], x, d),
         };
     }
     within

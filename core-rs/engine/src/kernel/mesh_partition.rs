@@ -79,8 +79,8 @@ impl MeshPartition {
             [const { None }; RANGES_MAX];
         let (n, mut rest) = (self.0.len(), force);
         for (part, range) in parts.iter_mut().zip(&mut self.0) {
-            let (own, others) = rest.split_at_mut(range.mats.len());
-            (*part, rest) = (Some((range, own)), others);
+            let (range_forces, others) = rest.split_at_mut(range.mats.len());
+            (*part, rest) = (Some((range, range_forces)), others);
         }
         team.each(&mut parts[..n], |part| {
             if let Some((
@@ -106,16 +106,21 @@ impl MeshPartition {
         let mut parts: [Option<Part<'_, N>>; RANGES_MAX] = [const { None }; RANGES_MAX];
         let n = self.0.len();
         for (part, range) in parts.iter_mut().zip(&self.0) {
-            let own = changed.each_mut().map(|all| {
-                let (own, others) = take(all).split_at_mut(range.mats.len());
+            let range_slices = changed.each_mut().map(|all| {
+                let (range_slices, others) = take(all).split_at_mut(range.mats.len());
                 *all = others;
-                own
+                range_slices
             });
-            *part = Some((range.mats.clone(), own));
+            *part = Some((range.mats.clone(), range_slices));
         }
         team.each(&mut parts[..n], |part| {
-            if let Some((mats, own)) = part {
-                work(mats.clone(), own.each_mut().map(|own| &mut **own));
+            if let Some((mats, range_slices)) = part {
+                work(
+                    mats.clone(),
+                    range_slices
+                        .each_mut()
+                        .map(|range_slices| &mut **range_slices),
+                );
             }
         });
     }
@@ -123,7 +128,7 @@ impl MeshPartition {
 
 impl MeshRange {
     fn of(springs: &[Spring], mats: Range<usize>) -> Self {
-        let mut own = Vec::new();
+        let mut run_ranges = Vec::new();
         for run in springs {
             // Links whose end lies in this range.
             let links = |end: usize| {
@@ -132,18 +137,18 @@ impl MeshRange {
             };
             let (a, b) = (links(run.a), links(run.b));
             let both = a.start.max(b.start)..a.end.min(b.end);
-            let [only_a, only_b] = [&a, &b].map(|own| range_without(own, &both));
+            let [only_a, only_b] = [&a, &b].map(|run_ranges| range_without(run_ranges, &both));
             let to = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
-            own.extend(run.piece(only_a, |i| Pull::A(to(run.a, i))));
-            own.extend(run.piece(both, |i| Pull::Both(to(run.a, i), to(run.b, i))));
-            own.extend(run.piece(only_b, |i| Pull::B(to(run.b, i))));
+            run_ranges.extend(run.piece(only_a, |i| Pull::A(to(run.a, i))));
+            run_ranges.extend(run.piece(both, |i| Pull::Both(to(run.a, i), to(run.b, i))));
+            run_ranges.extend(run.piece(only_b, |i| Pull::B(to(run.b, i))));
         }
-        let longest = own.iter().map(|run| run.len).max();
+        let longest = run_ranges.iter().map(|run| run.len).max();
         Self {
             mats,
-            springs: own,
+            springs: run_ranges,
             scratch: vec![0.0; longest.unwrap_or(0)],
         }
     }
@@ -201,19 +206,19 @@ mod tests {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
             let springs = springs(seed);
-            let (mut whole, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
-            total(&springs, &x, &v, &mut room, &mut whole);
+            let (mut full_force, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
+            total(&springs, &x, &v, &mut room, &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {
                 let mut mesh_partition = MeshPartition::new(&springs, N_MAT, parts);
                 assert!(mesh_partition.0.len() > 1);
-                let mut found = vec![f64::NAN; N_MAT];
+                let mut range_force = vec![f64::NAN; N_MAT];
                 ThreadTeam::with(threads, |team| {
-                    mesh_partition.forces(team, &mut found, |springs, room, force| {
+                    mesh_partition.forces(team, &mut range_force, |springs, room, force| {
                         total(springs, &x, &v, room, force);
                     });
                 });
                 let bits = |force: &[f64]| force.iter().map(|f| f.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(&found), bits(&whole), "{seed} {parts}");
+                assert_eq!(bits(&range_force), bits(&full_force), "{seed} {parts}");
             }
         }
     }

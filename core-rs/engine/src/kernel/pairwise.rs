@@ -45,15 +45,15 @@ pub(super) fn forces(
         histories,
         ..
     } = body;
-    let own = &mut link[run.first..run.first + run.len];
+    let run_forces = &mut link[run.first..run.first + run.len];
     let history = &mut histories[room];
     history.begin();
     if pairs.pairs.is_searched() {
         neighbours.push(pairs, by, (x, d), history);
-        neighbours.add_forces(pairs, pair_force, own);
+        neighbours.add_forces(pairs, pair_force, run_forces);
     } else {
         let seen = neighbours.seen();
-        walls::push(pairs, by, (x, d), (seen, history), (pair_force, own));
+        walls::push(pairs, by, (x, d), (seen, history), (pair_force, run_forces));
     }
     history.end();
 }

@@ -8,9 +8,9 @@ use crate::maths::wide::wide;
 #[inline(always)]
 fn summed(terms: &Lanes) -> f64 {
     let mut sum = Sum::ZERO;
-    for at in (0..LANES).step_by(SUMS) {
+    for lane_start in (0..LANES).step_by(SUMS) {
         for (lane, sum) in sum.0.iter_mut().enumerate() {
-            *sum += terms.0[at + lane];
+            *sum += terms.0[lane_start + lane];
         }
     }
     joined(&sum)
@@ -51,10 +51,10 @@ fn add_padded<const N: usize>(
     let (weights, _) = table.as_chunks::<N>();
     let (weights, _) = weights.as_chunks::<2>();
     let mut sums = [0.0; N];
-    for (mode, [of_now, of_next]) in weights.iter().enumerate() {
+    for (mode, [by_now, by_next]) in weights.iter().enumerate() {
         let [now, next] = [now, next].map(|at| row.0[mode] * at.0[mode]);
-        for ((sum, of_now), of_next) in sums.iter_mut().zip(of_now).zip(of_next) {
-            *sum += now * of_now + next * of_next;
+        for ((sum, by_now), by_next) in sums.iter_mut().zip(by_now).zip(by_next) {
+            *sum += now * by_now + next * by_next;
         }
     }
     for (x, sum) in path.iter_mut().zip(sums) {

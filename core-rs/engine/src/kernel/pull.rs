@@ -25,15 +25,15 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
         *force = (*force + fa) - fb;
     }
     let (before, behind) = ((low, &f[..alone]), (high + n, &f[n..]));
-    let (own_a, own_b) = if a < b {
+    let (only_a, only_b) = if a < b {
         (before, behind)
     } else {
         (behind, before)
     };
-    for (force, f) in force[own_a.0..][..alone].iter_mut().zip(own_a.1) {
+    for (force, f) in force[only_a.0..][..alone].iter_mut().zip(only_a.1) {
         *force += f;
     }
-    for (force, f) in force[own_b.0..][..alone].iter_mut().zip(own_b.1) {
+    for (force, f) in force[only_b.0..][..alone].iter_mut().zip(only_b.1) {
         *force -= f;
     }
 }

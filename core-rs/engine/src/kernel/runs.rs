@@ -124,8 +124,8 @@ pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
         };
         for i in 0..run.len {
             let moved = body.d[run.b + i] - body.d[run.a + i];
-            let bend = &mut body.memory[run.first + i];
-            *bend = by.slide(*bend, moved / step, step);
+            let bristle = &mut body.memory[run.first + i];
+            *bristle = by.slide(*bristle, moved / step, step);
         }
     }
 }

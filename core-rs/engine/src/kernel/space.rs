@@ -102,13 +102,13 @@ impl<'a> Ends<'a> {
         [x, d]: [&'a [f64]; 2],
         n: usize,
     ) -> Self {
-        let at = |all: &'a [f64], axis: usize, is_one: bool| {
+        let vector = |all: &'a [f64], axis: usize, is_one: bool| {
             let (a, b) = ends[axis];
             [a, if is_one { a } else { b }].map(|first| &all[first..][..n])
         };
         Self {
-            x: std::array::from_fn(|axis| at(x, axis, axis >= n_axes)),
-            d: std::array::from_fn(|axis| at(d, axis, false)),
+            x: std::array::from_fn(|axis| vector(x, axis, axis >= n_axes)),
+            d: std::array::from_fn(|axis| vector(d, axis, false)),
         }
     }
 

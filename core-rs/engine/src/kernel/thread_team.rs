@@ -90,20 +90,20 @@ unsafe impl<T: Send> Sync for Parts<T> {}
 
 impl<T> Parts<T> {
     /// # Safety
-    /// The slice is borrowed, `at` is within it, and no other thread has that element.
+    /// The slice is borrowed, `index` is within it, and no other thread has that element.
     #[allow(clippy::mut_from_ref)]
-    unsafe fn get(&self, at: usize) -> &mut T {
+    unsafe fn get(&self, index: usize) -> &mut T {
         // SAFETY: the caller guarantees it.
-        unsafe { &mut *self.0.add(at) }
+        unsafe { &mut *self.0.add(index) }
     }
 }
 
 impl SharedPass {
     /// Call `work` on every number below `n`, on this thread and on helpers.
     fn run_pass<F: Fn(usize) + Sync>(&self, n: usize, work: &F) {
-        unsafe fn call<F: Fn(usize)>(work: *const (), at: usize) {
+        unsafe fn call<F: Fn(usize)>(work: *const (), index: usize) {
             // SAFETY: `run_pass` made the pointer of a `&F`, and does not end before the call does.
-            unsafe { (*work.cast::<F>())(at) }
+            unsafe { (*work.cast::<F>())(index) }
         }
         let task = Task {
             work: from_ref(work).cast(),
@@ -116,9 +116,9 @@ impl SharedPass {
         let state = pass << (2 * BITS) | (n as u64) << BITS;
         self.state.store(state, Release);
         let all = PassEnd(self, Cell::new(0));
-        while let Some((at, _)) = self.take() {
+        while let Some((index, _)) = self.take() {
             all.1.set(all.1.get() + 1);
-            work(at);
+            work(index);
         }
     }
 
@@ -147,7 +147,7 @@ impl SharedPass {
         let mut panicked = None;
         let mut spins = 0;
         while !self.is_over.load(Acquire) {
-            let Some((at, task)) = self.take() else {
+            let Some((index, task)) = self.take() else {
                 spin_or_yield(&mut spins);
                 continue;
             };
@@ -155,7 +155,7 @@ impl SharedPass {
             let work = || {
                 // SAFETY: the leader is in `run_pass`, where the task lives, until this part is counted as done; its
                 // work is Sync.
-                unsafe { ((*task).call)((*task).work, at) }
+                unsafe { ((*task).call)((*task).work, index) }
             };
             let done = catch_unwind(AssertUnwindSafe(work));
             panicked = panicked.or(done.err());
@@ -172,13 +172,13 @@ struct PassEnd<'a>(&'a SharedPass, Cell<u64>);
 
 impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
-        let Self(shared, own) = self;
+        let Self(shared, n_done) = self;
         // If the leader unwinds, close the pass: parts that no thread has taken are skipped.
         let close = |state: u64| Some(state & !MASK | parts(state).0);
-        let found = shared.state.fetch_update(AcqRel, Acquire, close);
-        let (_, taken) = parts(found.unwrap_or_else(|state| state));
+        let before = shared.state.fetch_update(AcqRel, Acquire, close);
+        let (_, taken) = parts(before.unwrap_or_else(|state| state));
         let mut spins = 0;
-        while shared.done.load(Acquire) + own.get() < taken {
+        while shared.done.load(Acquire) + n_done.get() < taken {
             spin_or_yield(&mut spins);
         }
         shared.task.store(null_mut(), Relaxed);

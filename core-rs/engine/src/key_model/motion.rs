@@ -105,7 +105,7 @@ impl<const N: usize> Motion<N> {
         }
         // The velocity is half a step behind the position, so without this shift a force would act half a step early.
         let shift = (key.delay + 0.5 * step) * rate;
-        let whole = floor(shift);
+        let full_ticks = floor(shift);
         let mut dx = [0.0; N];
         if let Some(column) = columns.iter().position(|&to| to == Parameter::Start) {
             dx[column] = 1.0;
@@ -133,9 +133,9 @@ impl<const N: usize> Motion<N> {
             h_over_m,
             half_damping,
             denominator: 1.0 + half_damping,
-            sent: vec![0.0; whole as usize + 2],
+            sent: vec![0.0; full_ticks as usize + 2],
             ticks: 0,
-            previous_force_steps: (shift - whole) * steps as f64,
+            previous_force_steps: (shift - full_ticks) * steps as f64,
             x: key.start,
             v: 0.0,
             spring_fraction: 0.5,
@@ -251,7 +251,7 @@ impl<const N: usize> Motion<N> {
         let bound = friction.level * per_level;
         let turned = Turned::of(v, gain, bound);
         if N > 0 {
-            let of = Step {
+            let step = Step {
                 slope,
                 before,
                 gain,
@@ -261,7 +261,7 @@ impl<const N: usize> Motion<N> {
                 contact: &contact,
                 turned: &turned,
             };
-            self.advance_columns(&of);
+            self.advance_columns(&step);
         }
         self.spring_fraction = 1.0;
         self.s = contact.s;

@@ -36,8 +36,8 @@ impl Parameter {
             Parameter::StaticDry,
             Parameter::StaticSpeed,
         ];
-        if let Some(&own) = FIRST.get(index) {
-            return Some(own);
+        if let Some(&parameter) = FIRST.get(index) {
+            return Some(parameter);
         }
         let mode = (index - KEY_PARAMETERS) / MODE_PARAMETERS;
         let each = [Self::ModeMass, Self::ModeFrequency, Self::ModeRatio];

@@ -124,15 +124,15 @@ unsafe extern "C" fn power(room: *mut f64, a: i64, b: i64, to: i64, n: i64) {
 }
 
 /// # Safety
-/// `n` numbers lie in the room from `at` on, and nothing writes them meanwhile.
-unsafe fn row<'a>(room: *mut f64, at: i64, n: i64) -> &'a [f64] {
+/// `n` numbers lie in the room from `offset` on, and nothing writes them meanwhile.
+unsafe fn row<'a>(room: *mut f64, offset: i64, n: i64) -> &'a [f64] {
     // SAFETY: as above.
-    unsafe { std::slice::from_raw_parts(room.offset(at as isize), n as usize) }
+    unsafe { std::slice::from_raw_parts(room.offset(offset as isize), n as usize) }
 }
 
 /// # Safety
-/// `n` numbers lie in the room from `at` on, and nothing else reads or writes them meanwhile.
-unsafe fn row_mut<'a>(room: *mut f64, at: i64, n: i64) -> &'a mut [f64] {
+/// `n` numbers lie in the room from `offset` on, and nothing else reads or writes them meanwhile.
+unsafe fn row_mut<'a>(room: *mut f64, offset: i64, n: i64) -> &'a mut [f64] {
     // SAFETY: as above.
-    unsafe { std::slice::from_raw_parts_mut(room.offset(at as isize), n as usize) }
+    unsafe { std::slice::from_raw_parts_mut(room.offset(offset as isize), n as usize) }
 }

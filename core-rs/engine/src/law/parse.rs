@@ -124,11 +124,11 @@ impl Parser<'_> {
         token
     }
 
-    fn push(&mut self, node: Node, at: &Token) -> Result<usize, LawError> {
+    fn push(&mut self, node: Node, token: &Token) -> Result<usize, LawError> {
         if self.nodes.len() == MAX_NODES {
             let message =
                 format!("An expression has at most {MAX_NODES} numbers, names and operations.");
-            return Err(self.error(at, message));
+            return Err(self.error(token, message));
         }
         self.nodes.push(node);
         Ok(self.nodes.len() - 1)
@@ -176,8 +176,8 @@ impl Parser<'_> {
             Kind::Number(value) => self.push(Node::Number(*value), &token),
             Kind::Name(name) => self.named(name, &token),
             Kind::Sign("-") => {
-                let of = self.nested(&token, |parser| parser.expression(UNARY))?;
-                self.push(Node::Unary(Unary::Negate, of), &token)
+                let operand = self.nested(&token, |parser| parser.expression(UNARY))?;
+                self.push(Node::Unary(Unary::Negate, operand), &token)
             }
             Kind::Sign("+") => self.nested(&token, |parser| parser.expression(UNARY)),
             Kind::Sign("(") => {
@@ -283,7 +283,7 @@ impl Parser<'_> {
     fn expect(&mut self, sign: &str, opened: &Token) -> Result<(), LawError> {
         let token = self.peek();
         match token.kind {
-            Kind::Sign(found) if found == sign => {
+            Kind::Sign(sign_read) if sign_read == sign => {
                 self.take();
                 Ok(())
             }
@@ -295,12 +295,12 @@ impl Parser<'_> {
     /// Parse one level deeper, if the nesting allows it.
     fn nested<T>(
         &mut self,
-        at: &Token,
+        token: &Token,
         inside: impl FnOnce(&mut Self) -> Result<T, LawError>,
     ) -> Result<T, LawError> {
         if self.nesting == MAX_NESTING {
             let message = format!("An expression is nested at most {MAX_NESTING} deep.");
-            return Err(self.error(at, message));
+            return Err(self.error(token, message));
         }
         self.nesting += 1;
         let result = inside(self);

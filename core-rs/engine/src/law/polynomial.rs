@@ -58,9 +58,9 @@ fn scaled(a: &[f64], factor: f64) -> Vec<f64> {
 }
 
 fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
-    let at = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(0.0);
+    let coefficient = |list: &[f64], i: usize| list.get(i).copied().unwrap_or(0.0);
     (0..a.len().max(b.len()))
-        .map(|i| at(a, i) + at(b, i))
+        .map(|i| coefficient(a, i) + coefficient(b, i))
         .collect()
 }
 

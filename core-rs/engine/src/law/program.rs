@@ -138,11 +138,11 @@ impl Program {
         self.filled(|value| Few([value; FEW]))
     }
 
-    fn filled<R: Clone>(&self, of: impl Fn(f64) -> R) -> Vec<R> {
-        let mut registers = vec![of(0.0); FIRST + self.steps.len()];
+    fn filled<R: Clone>(&self, fill: impl Fn(f64) -> R) -> Vec<R> {
+        let mut registers = vec![fill(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
             if let Step::Constant(value) | Step::Open(_, value) = step {
-                *register = of(*value);
+                *register = fill(*value);
             }
         }
         registers
@@ -151,8 +151,8 @@ impl Program {
     /// Set an open constant to another value.
     pub(super) fn set(&mut self, slot: usize, value: f64) {
         for step in &mut self.steps {
-            if let Step::Open(own, now) = step
-                && *own == slot
+            if let Step::Open(open_slot, now) = step
+                && *open_slot == slot
             {
                 *now = value;
             }

@@ -68,8 +68,11 @@ impl Law {
 }
 
 impl Table {
-    fn push(&mut self, operation: &'static str, of: [i32; 3]) -> i32 {
-        self.rows.push(Row { operation, of });
+    fn push(&mut self, operation: &'static str, operands: [i32; 3]) -> i32 {
+        self.rows.push(Row {
+            operation,
+            of: operands,
+        });
         FIRST_ROW + self.rows.len() as i32 - 1
     }
 
@@ -80,18 +83,22 @@ impl Table {
 
     /// Append a program that reads `d` and `v`; returns the operand that holds its value.
     fn program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
-        let mut at = vec![d, v];
+        let mut registers = vec![d, v];
         for step in program.steps() {
             let row = match *step {
                 Step::Constant(value) | Step::Open(_, value) => self.constant(value),
-                Step::Unary(operation, a) => self.push(unary(operation), [at[a], 0, 0]),
-                Step::WholePower(n, a) => self.push("whole_power", [at[a], n, 0]),
-                Step::Binary(operation, a, b) => self.push(binary(operation), [at[a], at[b], 0]),
-                Step::Where(c, a, b) => self.push("where", [at[c], at[a], at[b]]),
+                Step::Unary(operation, a) => self.push(unary(operation), [registers[a], 0, 0]),
+                Step::WholePower(n, a) => self.push("whole_power", [registers[a], n, 0]),
+                Step::Binary(operation, a, b) => {
+                    self.push(binary(operation), [registers[a], registers[b], 0])
+                }
+                Step::Where(c, a, b) => {
+                    self.push("where", [registers[c], registers[a], registers[b]])
+                }
             };
-            at.push(row);
+            registers.push(row);
         }
-        at[program.result()]
+        registers[program.result()]
     }
 }
 

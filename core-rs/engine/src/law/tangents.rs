@@ -53,13 +53,18 @@ impl Law {
 
     /// Force, with the bits of [`Law::force`], and slopes at elongations `d` [m] and rates `v` [m/s]; nothing is
     /// allocated.
-    pub(crate) fn tangents(&self, d: &Places, v: &Places, own: &mut TangentScratch) -> Tangents {
+    pub(crate) fn tangents(
+        &self,
+        d: &Places,
+        v: &Places,
+        scratch: &mut TangentScratch,
+    ) -> Tangents {
         let [step_d, step_v] = [d, v].map(|at| at.map(|at| NEAR.0 * at.abs() + NEAR.1));
         let add = |at: &Places, step: &Places| std::array::from_fn(|place| at[place] + step[place]);
         let (d, v) = ([*d, add(d, &step_d)], [*v, add(v, &step_v)]);
         let around = match self.native {
-            Some(native) => self.native_forces(native, &d, &v, own),
-            None => self.program_forces(&d, &v, own),
+            Some(native) => self.native_forces(native, &d, &v, scratch),
+            None => self.program_forces(&d, &v, scratch),
         };
         let slope = |near: Places, step: Places| {
             std::array::from_fn(|place| (near[place] - around.force[place]) / step[place])
@@ -76,7 +81,7 @@ impl Law {
         native: Native,
         [d, near_d]: &[Places; 2],
         [v, near_v]: &[Places; 2],
-        own: &mut TangentScratch,
+        scratch: &mut TangentScratch,
     ) -> Around {
         let mut forces = [[0.0; PLACES]; 3];
         let (d, v) = ([*d, *d, *near_d], [*v, *near_v, *v]);
@@ -86,8 +91,8 @@ impl Law {
             d[..n].as_flattened(),
             v[..n].as_flattened(),
             forces[..n].as_flattened_mut(),
-            &own.numbers,
-            &mut own.room,
+            &scratch.numbers,
+            &mut scratch.room,
         );
         let [force, near_v, last] = forces;
         let near_d = if n == 3 { last } else { force };
@@ -98,8 +103,13 @@ impl Law {
         }
     }
 
-    fn program_forces(&self, d: &[Places; 2], v: &[Places; 2], own: &mut TangentScratch) -> Around {
-        let registers = &mut own.elastic;
+    fn program_forces(
+        &self,
+        d: &[Places; 2],
+        v: &[Places; 2],
+        scratch: &mut TangentScratch,
+    ) -> Around {
+        let registers = &mut scratch.elastic;
         let [force, near_d] = match &self.elastic {
             Elastic::None => [[0.0; PLACES]; 2],
             Elastic::Expression { program, .. } => {
@@ -114,7 +124,7 @@ impl Law {
             near_v: force,
         };
         if let Some(damping) = &self.damping {
-            let registers = &mut own.damping;
+            let registers = &mut scratch.damping;
             let [drag, near_v] = self.drags(damping, [&[d[0]; 2], v], registers);
             let near_d = if damping.reads_d() {
                 self.drags(damping, [d, &[v[0]; 2]], registers)[1]
@@ -139,11 +149,11 @@ impl Law {
     fn drags(
         &self,
         damping: &Program,
-        at: [&[Places; 2]; 2],
+        points: [&[Places; 2]; 2],
         registers: &mut [Few],
     ) -> [Places; 2] {
-        for (register, at) in registers.iter_mut().zip(at) {
-            self.load(&mut register.0, at.as_flattened());
+        for (register, points) in registers.iter_mut().zip(points) {
+            self.load(&mut register.0, points.as_flattened());
         }
         halves(damping.run_few(registers))
     }
@@ -172,18 +182,18 @@ mod tests {
                 .and_then(|law| law.through(reach))
                 .expect("a law");
             let (d, v) = ([0.0, 0.1, -0.3, 2.0], [0.5, -0.2, 0.0, 3.0]);
-            let found = law.tangents(&d, &v, &mut law.tangent_scratch());
+            let tangents = law.tangents(&d, &v, &mut law.tangent_scratch());
             for place in 0..PLACES {
                 let (x, u) = (d[place] / reach, v[place] / reach);
                 let by_d = (2.0 + 15.0 * x * x + 4.0 * u * u) / (reach * reach);
                 let by_v = (0.3 + 8.0 * x * u) / (reach * reach);
                 assert!(
-                    (found.by_d[place] / by_d - 1.0).abs() < 1e-5,
-                    "{found:?} {by_d}"
+                    (tangents.by_d[place] / by_d - 1.0).abs() < 1e-5,
+                    "{tangents:?} {by_d}"
                 );
                 assert!(
-                    (found.by_v[place] / by_v - 1.0).abs() < 1e-5,
-                    "{found:?} {by_v}"
+                    (tangents.by_v[place] / by_v - 1.0).abs() < 1e-5,
+                    "{tangents:?} {by_v}"
                 );
             }
         }

@@ -56,15 +56,15 @@ const FOREIGN_SIGNS: [(&str, &str, Option<&str>); 10] = [
 pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
     let characters: Vec<char> = text.chars().collect();
     let mut tokens = Vec::new();
-    let mut at = 0;
-    while let Some(&first) = characters.get(at) {
+    let mut position = 0;
+    while let Some(&first) = characters.get(position) {
         if first.is_whitespace() {
-            at += 1;
+            position += 1;
             continue;
         }
-        let rest = &characters[at..];
+        let rest = &characters[position..];
         let (kind, length) = if first.is_ascii_digit() || (first == '.' && digits(&rest[1..]) > 0) {
-            number(which, rest, at)?
+            number(which, rest, position)?
         } else if is_letter(first) {
             let length = rest
                 .iter()
@@ -72,14 +72,14 @@ pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
                 .count();
             (Kind::Name(rest[..length].iter().collect()), length)
         } else {
-            sign(which, rest, at)?
+            sign(which, rest, position)?
         };
         tokens.push(Token {
             kind,
-            offset: at,
+            offset: position,
             length,
         });
-        at += length;
+        position += length;
     }
     // An error at the end of a text marks its last character, or the first place if the text is empty.
     let end = text.trim_end().chars().count();
@@ -100,7 +100,7 @@ fn digits(characters: &[char]) -> usize {
 }
 
 /// `1`, `1.5`, `.5`, `1.`, each with an optional exponent.
-fn number(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawError> {
+fn number(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
     let mut length = digits(rest);
     if rest.get(length) == Some(&'.') {
         length += 1 + digits(&rest[length + 1..]);
@@ -119,30 +119,34 @@ fn number(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawEr
     if tail > 0 {
         let message = "A number in a law has no unit: define a constant with one \
                        (`k: 400N/m`), and write a product with `*`.";
-        return Err(LawError::new(which, at, length + tail, message.into()));
+        return Err(LawError::new(
+            which,
+            position,
+            length + tail,
+            message.into(),
+        ));
     }
     let text: String = rest[..length].iter().collect();
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok((Kind::Number(value), length)),
         _ => Err(LawError::new(
             which,
-            at,
+            position,
             length,
             "This number is too large.".into(),
         )),
     }
 }
 
-fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawError> {
+fn sign(which: Which, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
     let is = |sign: &str| {
         sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count()
     };
     let pair = SIGNS.iter().any(|sign| sign.len() == 2 && is(sign));
     if let Some((foreign, why, instead)) = FOREIGN_SIGNS.iter().find(|row| is(row.0) && !pair) {
         let length = foreign.chars().count();
-        return Err(
-            LawError::new(which, at, length, (*why).into()).suggesting(instead.map(str::to_owned))
-        );
+        return Err(LawError::new(which, position, length, (*why).into())
+            .suggesting(instead.map(str::to_owned)));
     }
     if let Some(sign) = SIGNS.iter().find(|sign| is(sign)) {
         return Ok((Kind::Sign(sign), sign.len()));
@@ -151,5 +155,5 @@ fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawErro
         '"' | '\'' => "A law cannot contain quoted text; write numbers and names.".into(),
         other => format!("`{}` has no meaning in a law.", other.escape_debug()),
     };
-    Err(LawError::new(which, at, 1, message))
+    Err(LawError::new(which, position, 1, message))
 }

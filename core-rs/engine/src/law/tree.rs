@@ -96,11 +96,12 @@ pub(super) fn choose(c: f64, a: f64, b: f64) -> f64 {
 
 /// Largest whole exponent that is computed by multiplication; above it, rounding errors add up to more than those of
 /// `pow`.
-const WHOLE: f64 = 64.0;
+const INTEGER_EXPONENT_MAX: f64 = 64.0;
 
 /// The exponent as a whole number, if the power is computed by multiplication.
 pub(super) fn whole(exponent: f64) -> Option<i32> {
-    (exponent.abs() <= WHOLE && exponent == maths::floor(exponent)).then_some(exponent as i32)
+    (exponent.abs() <= INTEGER_EXPONENT_MAX && exponent == maths::floor(exponent))
+        .then_some(exponent as i32)
 }
 
 /// `a ** b`; whole exponents up to 64 by multiplication, which is exact if the products are.

@@ -64,10 +64,10 @@ fn tame_exp(x: f64) -> f64 {
         f64::from_bits(0x3e66_3769_72be_a4d0),
     ];
     let size = x.abs();
-    let one = 1f64.copysign(x);
+    let half_sign = 1f64.copysign(x);
     // SAFETY: |x| < 708, so that the product fits an i32.
-    let far: i32 = unsafe { (INV_LN2 * x + 0.5 * one).to_int_unchecked() };
-    let near = if size >= HALF_LN2 { one } else { 0.0 };
+    let far: i32 = unsafe { (INV_LN2 * x + 0.5 * half_sign).to_int_unchecked() };
+    let near = if size >= HALF_LN2 { half_sign } else { 0.0 };
     let k = if size >= MORE_LN2 {
         f64::from(far)
     } else {
@@ -91,10 +91,10 @@ mod tests {
         let mut out = vec![0.0; numbers.len()];
         exp(numbers, &mut out);
         for (x, y) in numbers.iter().zip(out) {
-            let one = one_exp(*x);
+            let expected = one_exp(*x);
             assert!(
-                one.to_bits() == y.to_bits() || (one.is_nan() && y.is_nan()),
-                "{x:e}: {y} {one}"
+                expected.to_bits() == y.to_bits() || (expected.is_nan() && y.is_nan()),
+                "{x:e}: {y} {expected}"
             );
         }
     }

@@ -49,9 +49,9 @@ impl Mixing {
 
     /// Make room for a round.
     pub(crate) fn next_round(&mut self) {
-        let kept = self.n_rounds.min(DEPTH) * self.n;
-        self.values.copy_within(..kept, self.n);
-        self.changes.copy_within(..kept, self.n);
+        let n_retained = self.n_rounds.min(DEPTH) * self.n;
+        self.values.copy_within(..n_retained, self.n);
+        self.changes.copy_within(..n_retained, self.n);
         self.n_rounds += 1;
     }
 
@@ -91,14 +91,14 @@ impl Mixing {
             let earlier = round * n..(round + 1) * n;
             subtract(direction, change, &earlier_changes[earlier.clone()]);
             subtract(step, values, &earlier_values[earlier]);
-            let whole = dot(direction, direction);
+            let square = dot(direction, direction);
             for (other, other_step) in others.chunks(n).zip(other_steps.chunks(n)) {
                 let share = dot(other, direction);
                 add(direction, -share, other);
                 add(step, -share, other_step);
             }
             let size = dot(direction, direction);
-            if size > DEPENDENT * DEPENDENT * whole {
+            if size > DEPENDENT * DEPENDENT * square {
                 let scale = 1.0 / size.sqrt();
                 direction.iter_mut().for_each(|x| *x *= scale);
                 step.iter_mut().for_each(|x| *x *= scale);
@@ -144,13 +144,13 @@ mod tests {
         for _ in 0..N + 2 {
             mixing.next_round();
             let mut change = 0.0_f64;
-            for own in 0..N {
+            for index in 0..N {
                 let beside =
-                    if own > 0 { x[own - 1] } else { 0.0 } + x.get(own + 1).unwrap_or(&0.0);
-                let new = (right[own] + beside) / 2.05;
-                mixing.record(own, x[own], new);
-                change = change.max((new - x[own]).abs());
-                x[own] = new;
+                    if index > 0 { x[index - 1] } else { 0.0 } + x.get(index + 1).unwrap_or(&0.0);
+                let new = (right[index] + beside) / 2.05;
+                mixing.record(index, x[index], new);
+                change = change.max((new - x[index]).abs());
+                x[index] = new;
             }
             changes.push(change);
             x.copy_from_slice(mixing.guess());

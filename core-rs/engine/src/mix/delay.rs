@@ -84,19 +84,19 @@ impl Delay {
 
     /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
-        let (own, their) = (self.past.len(), old.past.len());
+        let (length, their) = (self.past.len(), old.past.len());
         self.at = 0;
-        for back in 1..=own {
-            self.past[own - back] = if back <= their {
+        for back in 1..=length {
+            self.past[length - back] = if back <= their {
                 old.past[(old.at + their - back) % their]
             } else {
                 0.0
             };
         }
         // Where the older one ends, a line that hears itself would hear a step.
-        if self.echo.is_some() && their < own {
+        if self.echo.is_some() && their < length {
             let count = their.min(SMOOTHED_MAX);
-            for (step, x) in self.past[own - their..][..count].iter_mut().enumerate() {
+            for (step, x) in self.past[length - their..][..count].iter_mut().enumerate() {
                 let u = step as f64 / count as f64;
                 *x *= u * u * (3.0 - 2.0 * u);
             }

@@ -84,8 +84,8 @@ impl Fold {
         let (mut ways, mut taps) = (Vec::new(), Vec::new());
         for to in 0..n_out {
             for from in 0..n_in {
-                let at = (from * n_out + to) * n_taps;
-                let filter = &filters[at..at + n_taps];
+                let first_tap = (from * n_out + to) * n_taps;
+                let filter = &filters[first_tap..first_tap + n_taps];
                 let Some(delay) = filter.iter().position(|h| *h != 0.0) else {
                     continue;
                 };
@@ -147,10 +147,10 @@ impl Fold {
         for to in 0..self.n_out {
             let sums = &mut self.sums[..n_frames.next_multiple_of(TILE)];
             sums.fill(0.0);
-            while let Some(way) = ways.next_if(|way| way.to == to) {
-                let line = &self.line[way.from * width..(way.from + 1) * width];
-                let taps = &self.taps[way.first..way.first + way.n_taps];
-                let begin = self.past - way.delay;
+            while let Some(path) = ways.next_if(|path| path.to == to) {
+                let line = &self.line[path.from * width..(path.from + 1) * width];
+                let taps = &self.taps[path.first..path.first + path.n_taps];
+                let begin = self.past - path.delay;
                 for (tile, sums) in sums.chunks_exact_mut(TILE).enumerate() {
                     add(sums, line, begin + tile * TILE, taps);
                 }
@@ -166,13 +166,13 @@ impl Fold {
     }
 }
 
-/// Add the filtered signal of TILE frames, the first of which is at `at` in `line`.
-fn add(sums: &mut [f64], line: &[f64], at: usize, taps: &[f64]) {
+/// Add the filtered signal of TILE frames, the first of which is at `start` in `line`.
+fn add(sums: &mut [f64], line: &[f64], start: usize, taps: &[f64]) {
     let mut tile = [0.0; TILE];
     tile.copy_from_slice(sums);
     for (age, tap) in taps.iter().enumerate() {
-        let heard = &line[at - age..at - age + TILE];
-        for (sum, x) in tile.iter_mut().zip(heard) {
+        let delayed = &line[start - age..start - age + TILE];
+        for (sum, x) in tile.iter_mut().zip(delayed) {
             *sum += tap * x;
         }
     }

@@ -141,17 +141,17 @@ mod tests {
     fn gains(n: usize, block: usize) -> Vec<f64> {
         let mut glide = Glide::new(44_100.0, 1.0);
         let mut frames = vec![1.0; n];
-        let mut at = 0;
-        while at < n {
-            if at == 100 {
+        let mut frame = 0;
+        while frame < n {
+            if frame == 100 {
                 glide.set(0.25);
-            } else if at == 400 {
+            } else if frame == 400 {
                 glide.set(2.0);
             }
-            let next = [100, 400, n].into_iter().find(|&stop| at < stop);
-            let stop = (at + block).min(next.unwrap_or(n));
-            glide.apply(at as u64, &mut frames[at..stop], 1);
-            at = stop;
+            let next = [100, 400, n].into_iter().find(|&stop| frame < stop);
+            let stop = (frame + block).min(next.unwrap_or(n));
+            glide.apply(frame as u64, &mut frames[frame..stop], 1);
+            frame = stop;
         }
         frames
     }
@@ -172,9 +172,9 @@ mod tests {
 
     #[test]
     fn blocks_change_nothing() {
-        let whole = gains(2000, 4096);
+        let in_one_block = gains(2000, 4096);
         for block in [1, 7, 44, 64, 333] {
-            assert_eq!(gains(2000, block), whole);
+            assert_eq!(gains(2000, block), in_one_block);
         }
     }
 

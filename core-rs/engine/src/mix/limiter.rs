@@ -13,8 +13,8 @@ const LOOK_AHEAD: f64 = 5e-3;
 const RELEASE: f64 = 50e-3;
 /// A gain of 1 in fixed point, in steps of −241 dB: a running sum of integers does not drift, so the gain returns to
 /// exactly 1.
-const ONE: f64 = (1u64 << 40) as f64;
-/// Largest look-ahead [frames]: the sum of that many values up to [`ONE`] is at most 2⁵³, so doubles hold it exactly.
+const FIXED_ONE: f64 = (1u64 << 40) as f64;
+/// Largest look-ahead [frames]: the sum of that many values up to [`FIXED_ONE`] is at most 2⁵³, so doubles hold it exactly.
 const LOOK_AHEAD_MAX: f64 = 8191.0;
 
 /// Largest number of channels; the largest loudspeaker rooms have some hundreds.
@@ -159,15 +159,15 @@ impl Limiter {
         let largest = self.largest(wanted);
         let released = self.reduction * self.release;
         // Below one step of the fixed point, the release ends.
-        self.reduction = if released * ONE < 1.0 {
+        self.reduction = if released * FIXED_ONE < 1.0 {
             largest
         } else {
             largest.max(released)
         };
-        let newest = (self.reduction * ONE).ceil() as u64;
+        let newest = (self.reduction * FIXED_ONE).ceil() as u64;
         self.sum = self.sum + newest - std::mem::replace(&mut self.held[self.next_held], newest);
         self.next_held = (self.next_held + 1) % self.held.len();
-        1.0 - self.sum as f64 / (self.held.len() as f64 * ONE)
+        1.0 - self.sum as f64 / (self.held.len() as f64 * FIXED_ONE)
     }
 
     /// The largest reduction among this frame and the `latency` frames before it.

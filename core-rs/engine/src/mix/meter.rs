@@ -70,8 +70,8 @@ impl Meter {
         self.finite
             .extend(frames.iter().map(|&x| if x.is_finite() { x } else { 0.0 }));
         // An error is only possible for an incomplete frame, which is cut off here.
-        let whole = self.finite.len() / self.n_channels() * self.n_channels();
-        let _ = self.loudness.add_frames_f64(&self.finite[..whole]);
+        let n_samples = self.finite.len() / self.n_channels() * self.n_channels();
+        let _ = self.loudness.add_frames_f64(&self.finite[..n_samples]);
     }
 
     /// Largest absolute sample so far.

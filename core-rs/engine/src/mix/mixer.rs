@@ -255,8 +255,8 @@ impl Mixer {
             });
         }
         for (column, &out) in outputs.iter().enumerate() {
-            let one = Placed::new(source.clone(), column, out, begins, self.rate);
-            self.frozen.push(one);
+            let placed = Placed::new(source.clone(), column, out, begins, self.rate);
+            self.frozen.push(placed);
         }
         Ok(())
     }
@@ -296,12 +296,12 @@ impl Mixer {
             }
             self.is_fading |= update_residual(&mut self.residual_gain, n);
             let fading_out = self.frozen_fading_out.iter_mut().flatten();
-            for one in self.frozen.iter_mut().chain(fading_out) {
-                one.fade.begin_due(n);
-                self.is_fading |= one.fade.steady(n).is_none();
+            for placed in self.frozen.iter_mut().chain(fading_out) {
+                placed.fade.begin_due(n);
+                self.is_fading |= placed.fade.steady(n).is_none();
             }
             for place in &mut self.frozen_fading_out {
-                place.take_if(|one| one.fade.steady(n).is_some());
+                place.take_if(|placed| placed.fade.steady(n).is_some());
             }
         }
         !self.is_fading
@@ -329,26 +329,28 @@ impl Mixer {
         assert_eq!(mixed.len(), n_frames * self.n_channels);
         assert_eq!(frames.len(), n_frames * self.n_out);
         mixed.fill(0.0);
-        let mut at = 0;
-        while at < n_frames {
+        let mut frame = 0;
+        while frame < n_frames {
             let n = self.frame;
             self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
             let rests = self.begin_fades();
             let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
             let is_frozen =
                 !self.frozen.is_empty() || self.frozen_fading_out.iter().any(Option::is_some);
-            let most = if self.rooms.is_empty() && self.curves.is_empty() && !is_frozen {
+            let block_max = if self.rooms.is_empty() && self.curves.is_empty() && !is_frozen {
                 u64::MAX
             } else {
                 SPAN_FRAMES as u64
             };
-            let count = until(n, steady).min((n_frames - at) as u64).min(most) as usize;
-            let span = at..at + count;
+            let count = until(n, steady)
+                .min((n_frames - frame) as u64)
+                .min(block_max) as usize;
+            let span = frame..frame + count;
             self.add(
                 &frames[span.start * self.n_out..span.end * self.n_out],
                 &mut mixed[span.start * self.n_channels..span.end * self.n_channels],
             );
-            at += count;
+            frame += count;
             self.frame += count as u64;
         }
     }
@@ -366,7 +368,7 @@ impl Mixer {
         let fading_out = self.fading_out.iter_mut().flatten();
         let fading_out = fading_out.filter(|route| !route.has_faded_out(first));
         for route in self.routes.iter_mut().chain(fading_out) {
-            let own = &self.groups[route.group];
+            let group = &self.groups[route.group];
             let out = route.out;
             let shared = route.shared_curve;
             let gains = shared.map(|at| &self.curve_gains[at * SPAN_FRAMES..][..SPAN_FRAMES]);
@@ -378,18 +380,18 @@ impl Mixer {
             let from = frames.iter().skip(out).step_by(n_out).copied();
             let fading_out = self.frozen_fading_out.iter().flatten();
             let frozen = self.frozen.iter().chain(fading_out);
-            let mut frozen = frozen.filter(|one| one.out == out).peekable();
+            let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
             if frozen.peek().is_none() {
-                route.add((own, gains), first, from, to);
+                route.add((group, gains), first, from, to);
                 continue;
             }
             self.frozen_sum.fill(0.0);
-            for one in frozen {
+            for placed in frozen {
                 let sums = self.frozen_sum.iter_mut().zip(first..).take(n_frames);
-                sums.for_each(|(sum, n)| *sum += one.at(n));
+                sums.for_each(|(sum, n)| *sum += placed.at(n));
             }
             route.add(
-                (own, gains),
+                (group, gains),
                 first,
                 from.zip(&self.frozen_sum).map(|(x, y)| x + y),
                 to,

@@ -109,9 +109,9 @@ impl Room {
             Filters::new(lengths, slopes, spec.t60, rate).ok_or(RoomError::Apart(long, short))?;
         // Energy of all outputs of the lines after a click of energy 1: a geometric series.
         let mean = lengths.iter().sum::<usize>() as f64 / LINES as f64;
-        let kept = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
-        let scale = if kept < 1.0 {
-            spec.gain * sqrt((1.0 - kept) / kept)
+        let decay = exp(-6.0 * std::f64::consts::LN_10 * mean / (long * rate));
+        let scale = if decay < 1.0 {
+            spec.gain * sqrt((1.0 - decay) / decay)
         } else {
             spec.gain
         };
@@ -267,23 +267,23 @@ fn slopes(t60: [(f64, f64); 2], rate: f64) -> Option<[f64; 2]> {
     let [low, high] = t60.map(|(f, _)| warped(f, rate));
     let share = |f: f64| f * f / (f * f + low * high);
     let (first, second) = (share(low), share(high));
-    let [at_low, at_high] = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 / (t60 * rate));
-    let rise = (at_high - at_low) / (second - first);
-    let ends = [at_low - rise * first, at_low + rise * (1.0 - first)];
+    let [low_slope, high_slope] = t60.map(|(_, t60)| -3.0 * std::f64::consts::LN_10 / (t60 * rate));
+    let rise = (high_slope - low_slope) / (second - first);
+    let ends = [low_slope - rise * first, low_slope + rise * (1.0 - first)];
     // Without any loss, gains of 1 are allowed.
-    let is_lossless = at_low == 0.0 && at_high == 0.0;
+    let is_lossless = low_slope == 0.0 && high_slope == 0.0;
     (is_lossless || ends.iter().all(|&end| end < 0.0)).then_some(ends)
 }
 
 /// Lengths of the lines [frames]: different primes near a geometric series with the mean `mean`.
 fn lengths(mean: f64) -> [usize; LINES] {
-    let (least, most) = LENGTH_SPREAD;
+    let (least, greatest) = LENGTH_SPREAD;
     let row: [f64; LINES] =
-        std::array::from_fn(|i| least * pow(most / least, i as f64 / (LINES - 1) as f64));
-    let own = row.iter().sum::<f64>() / LINES as f64;
+        std::array::from_fn(|i| least * pow(greatest / least, i as f64 / (LINES - 1) as f64));
+    let mean_row = row.iter().sum::<f64>() / LINES as f64;
     let mut last = 1;
     row.map(|length| {
-        let mut frames = ((length / own * mean) as usize).max(last + 1);
+        let mut frames = ((length / mean_row * mean) as usize).max(last + 1);
         while !is_prime(frames) {
             frames += 1;
         }

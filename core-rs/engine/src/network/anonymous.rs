@@ -12,14 +12,14 @@ impl PartOrder {
     pub(crate) fn of<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
         let mut parts: Vec<usize> = Vec::new();
         for network in networks {
-            let mut own: Vec<usize> = network
+            let mut part_order: Vec<usize> = network
                 .mats
                 .part
                 .iter()
                 .map(|&part| part as usize)
                 .collect();
-            own.dedup(); // modules of a part are mostly adjacent
-            parts.extend(own);
+            part_order.dedup(); // modules of a part are mostly adjacent
+            parts.extend(part_order);
             parts.extend(network.runs.iter().map(|run| run.part));
         }
         parts.sort_unstable();
@@ -36,31 +36,31 @@ impl PartOrder {
 impl Network {
     /// The same modules without names and places on the bench, with parts by their rank in `order`.
     pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
-        let mut own = self.clone();
-        own.current = 0;
-        own.names = super::names::Names::default();
+        let mut renamed = self.clone();
+        renamed.current = 0;
+        renamed.names = super::names::Names::default();
         let parts = order.0.iter().filter_map(|&part| self.parts.get(part));
-        own.parts = parts
+        renamed.parts = parts
             .map(|part| Part {
                 name: String::new(),
                 ..part.clone()
             })
             .collect();
-        own.mats.place.clear();
-        for part in &mut own.mats.part {
+        renamed.mats.place.clear();
+        for part in &mut renamed.mats.part {
             *part = order.rank(*part as usize) as u32;
         }
-        for run in &mut own.runs {
+        for run in &mut renamed.runs {
             run.part = order.rank(run.part);
         }
-        let outputs = own.outputs.into_iter();
-        own.outputs = outputs
+        let outputs = renamed.outputs.into_iter();
+        renamed.outputs = outputs
             .map(|output| Output {
                 name: String::new(),
                 ..output
             })
             .collect();
-        own
+        renamed
     }
 }
 
@@ -73,9 +73,9 @@ mod tests {
     fn bell(before: &[&str], name: &str, f: f64) -> (Network, Vec<u32>) {
         let mut network = Network::new();
         let tie = Tie::Tuned { f, t60: None };
-        for (at, other) in before.iter().enumerate() {
+        for (index, other) in before.iter().enumerate() {
             network.part(other, None);
-            if at % 2 == 0 {
+            if index % 2 == 0 {
                 network.mas("m", 1e-3, 0.0, 0.0).unwrap();
             }
         }

@@ -63,8 +63,8 @@ impl Network {
         self.check_capacity(name, cells.len())?;
         let first = self.n_mat();
         let part = self.current();
-        for (at, (&m, cell)) in masses.iter().zip(cells).enumerate() {
-            if at.is_multiple_of(1024) {
+        for (mass_index, (&m, cell)) in masses.iter().zip(cells).enumerate() {
+            if mass_index.is_multiple_of(1024) {
                 interrupt::poll();
             }
             let (k, z) = self.tie(m, cell.f, Some(cell.t60));

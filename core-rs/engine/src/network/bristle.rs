@@ -154,12 +154,15 @@ mod tests {
 
     #[test]
     fn no_slope_is_steeper_than_the_certificate_takes() {
-        let most = BOW.steepest_damping();
+        let steepest = BOW.steepest_damping();
         let bent = BOW.static_level / BOW.stiffness;
         for i in -4000..4000 {
             let (v, z) = (f64::from(i) * 2e-5, if i % 2 == 0 { bent } else { -bent });
             let slope = (BOW.force(z, v + 1e-9) - BOW.force(z, v - 1e-9)) / 2e-9;
-            assert!(slope <= most * (1.0 + 1e-6), "{v}: {slope} above {most}");
+            assert!(
+                slope <= steepest * (1.0 + 1e-6),
+                "{v}: {slope} above {steepest}"
+            );
         }
     }
 
@@ -168,11 +171,11 @@ mod tests {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
             let by = 1e-7 * v;
             let slope = (BOW.wear(v + by) - BOW.wear(v - by)) / (2.0 * by);
-            let (wear, own) = BOW.wear_and_slope(v);
+            let (wear, wear_slope) = BOW.wear_and_slope(v);
             assert_eq!(wear, BOW.wear(v));
             assert!(
-                (own - slope).abs() < 1e-6 * slope.abs(),
-                "{v}: {own} {slope}"
+                (wear_slope - slope).abs() < 1e-6 * slope.abs(),
+                "{v}: {wear_slope} {slope}"
             );
         }
         assert_eq!(BOW.wear_and_slope(0.0), (0.0, 0.0));

@@ -142,7 +142,7 @@ impl Network {
             return Err(self.refused(name, &message));
         }
         for term in &terms {
-            let (first, len, weight, most) = match *term {
+            let (first, len, weight, count_max) = match *term {
                 Term::Position { first, len, weight } | Term::Ground { first, len, weight } => {
                     (first, len, weight, self.n_mat())
                 }
@@ -150,7 +150,7 @@ impl Network {
                     (first, len, weight, self.n_lia)
                 }
             };
-            if first.checked_add(len).is_none_or(|end| end > most) {
+            if first.checked_add(len).is_none_or(|end| end > count_max) {
                 return Err(self.refused(name, "listens to a module that does not exist"));
             }
             if !weight.is_finite() {

@@ -57,8 +57,8 @@ pub(super) fn is_coupled(body: &Body, modes: &[Mode]) -> bool {
     modes.iter().any(|mode| {
         interrupt::poll_for(n);
         let image = times(&body.dampers, &mode.vector);
-        let own = dot(&mode.vector, &image);
-        let rest = image.iter().zip(&mode.vector).map(|(z, v)| z - own * v);
+        let share = dot(&mode.vector, &image);
+        let rest = image.iter().zip(&mode.vector).map(|(z, v)| z - share * v);
         let rest: f64 = rest.map(|z| z * z).sum();
         rest > UNCOUPLED * UNCOUPLED * dot(&image, &image) && rest > least * least
     })
@@ -86,29 +86,32 @@ pub(super) fn damped_modes(
             times(&body.dampers, &mode.vector)
         })
         .collect();
-    let Some(mut found) = coupled(&modes, &images) else {
+    let Some(mut modes_coupled) = coupled(&modes, &images) else {
         return Vec::new();
     };
-    found.truncate(count);
+    modes_coupled.truncate(count);
     let matrices = NetworkMatrices::new(body);
-    let poles: Vec<Complex<f64>> = found.iter().map(|mode| mode.pole).collect();
-    for (i, mode) in found.iter_mut().enumerate() {
+    let poles: Vec<Complex<f64>> = modes_coupled.iter().map(|mode| mode.pole).collect();
+    for (i, mode) in modes_coupled.iter_mut().enumerate() {
         let others = poles.iter().enumerate().filter(|(j, _)| *j != i);
         let gap = others.fold(f64::INFINITY, |least, (_, other)| {
             least.min((other - mode.pole).norm())
         });
         matrices.correct(mode, gap);
     }
-    for i in 0..found.len() {
+    for i in 0..modes_coupled.len() {
         interrupt::poll();
         for j in 0..i {
-            let (before, now) = (poles[i] - poles[j], found[i].pole - found[j].pole);
+            let (before, now) = (
+                poles[i] - poles[j],
+                modes_coupled[i].pole - modes_coupled[j].pole,
+            );
             if now.norm() < MERGED * before.norm() {
-                (found[i].is_known, found[j].is_known) = (false, false);
+                (modes_coupled[i].is_known, modes_coupled[j].is_known) = (false, false);
             }
         }
     }
-    found
+    modes_coupled
 }
 
 /// The pole of a mode that damping couples with no other: s² + ζs + λ = 0.
@@ -137,15 +140,15 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let basis = |modes: &[Mode]| -> Vec<Vec<f64>> {
         modes.iter().map(|mode| mode.vector.clone()).collect()
     };
-    let mut kept = basis(modes);
+    let mut vectors = basis(modes);
     for mode in modes {
         let image = times(&body.dampers, &mode.vector);
-        push_new(&mut kept, &mut rests, image);
+        push_new(&mut vectors, &mut rests, image);
     }
     rests.truncate(room);
     // Static responses, then responses at half the highest λ: two for each damped point, if there are few.
     let middle = modes.last().map_or(0.0, |mode| 0.5 * mode.lambda);
-    let mut kept = basis(modes);
+    let mut vectors = basis(modes);
     let mut responses: Vec<Vec<f64>> = Vec::new();
     for mut shift in [-1e-9 * body.springs.scale(), middle] {
         if rests.is_empty() {
@@ -154,7 +157,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
         let factor = body.springs.factor(&mut shift);
         for rest in &rests {
             if responses.len() < room {
-                push_new(&mut kept, &mut responses, factor.solve(rest));
+                push_new(&mut vectors, &mut responses, factor.solve(rest));
             }
         }
     }
@@ -169,13 +172,13 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
         .map(|own| body.springs.times(own))
         .collect();
     let small = (0..k * k)
-        .map(|at| dot(&responses[at / k], &images[at % k]))
+        .map(|entry| dot(&responses[entry / k], &images[entry % k]))
         .collect();
     if let Some((lambdas, seen)) = whole(small, &units(k)) {
-        for (at, lambda) in lambdas.into_iter().enumerate() {
+        for (entry, lambda) in lambdas.into_iter().enumerate() {
             let mut vector = vec![0.0; n];
             for (response, row) in responses.iter().zip(&seen) {
-                add(row[at], response, &mut vector);
+                add(row[entry], response, &mut vector);
             }
             all.push(Mode { lambda, vector });
         }
@@ -208,13 +211,13 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
             matrix[(n + i) * size + n + j] = -dot(&mode.vector, image);
         }
     }
-    let found = general(matrix)?;
-    let shape = |at: usize, is_pair: bool| -> Vec<Complex<f64>> {
-        let speeds = |row: usize| &found.vectors[row * size + n..(row + 1) * size];
+    let eigen = general(matrix)?;
+    let shape = |index: usize, is_pair: bool| -> Vec<Complex<f64>> {
+        let speeds = |row: usize| &eigen.vectors[row * size + n..(row + 1) * size];
         let mut shape = vec![Complex::from(0.0); modes[0].vector.len()];
         for (i, mode) in modes.iter().enumerate() {
-            let im = if is_pair { speeds(at + 1)[i] } else { 0.0 };
-            let weight = Complex::new(speeds(at)[i], im);
+            let im = if is_pair { speeds(index + 1)[i] } else { 0.0 };
+            let weight = Complex::new(speeds(index)[i], im);
             let each = shape.iter_mut().zip(&mode.vector);
             each.for_each(|(sum, x)| *sum += weight * x);
         }
@@ -222,26 +225,26 @@ fn coupled(modes: &[Mode], images: &[Vec<f64>]) -> Option<Vec<DampedMode>> {
     };
     // An overdamped mode has two real poles, of which the slower is kept: as many real poles as there are modes left.
     let (mut real, mut poles): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
-    for (at, (_, im)) in found.values.iter().enumerate() {
+    for (index, (_, im)) in eigen.values.iter().enumerate() {
         if *im > 0.0 {
-            poles.push(at);
+            poles.push(index);
         } else if *im == 0.0 {
-            real.push(at);
+            real.push(index);
         }
     }
-    real.sort_by(|&a, &b| found.values[b].0.total_cmp(&found.values[a].0));
+    real.sort_by(|&a, &b| eigen.values[b].0.total_cmp(&eigen.values[a].0));
     real.truncate(n.saturating_sub(poles.len()));
     poles.extend(real);
-    let square = |at: usize| {
-        let (re, im) = found.values[at];
+    let square = |index: usize| {
+        let (re, im) = eigen.values[index];
         re * re + im * im
     };
     poles.sort_by(|&a, &b| square(a).total_cmp(&square(b)));
-    let damped_mode = |at: usize| {
-        let (re, im) = found.values[at];
+    let damped_mode = |index: usize| {
+        let (re, im) = eigen.values[index];
         DampedMode {
             pole: Complex::new(re, im),
-            shape: shape(at, im != 0.0),
+            shape: shape(index, im != 0.0),
             is_known: true,
         }
     };
@@ -316,9 +319,9 @@ impl NetworkMatrices {
         }
         self.at(s).times(&self.pattern, &x, &mut image);
         let stiffest = self.stiffness.diagonal.iter();
-        let stiffest = stiffest.fold(0.0_f64, |most, k| most.max(k.abs()));
-        let most = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
-        mode.is_known = size(&image) <= most * size(&x);
+        let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
+        let stiffness_max = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;
+        mode.is_known = size(&image) <= stiffness_max * size(&x);
         slope(s).times(&self.pattern, &x, &mut image);
         let by = if s.im == 0.0 {
             Complex::from(1.0 / size(&x))
@@ -345,9 +348,9 @@ fn root(z: Complex<f64>) -> Complex<f64> {
 /// Z x.
 fn times(dampers: &[Spring], x: &[f64]) -> Vec<f64> {
     let mut y = vec![0.0; x.len()];
-    for &((a, at), other, z) in dampers {
-        let pull = z * (at * x[a] - other.map_or(0.0, |(b, there)| there * x[b]));
-        y[a] += at * pull;
+    for &((a, lever), other, z) in dampers {
+        let pull = z * (lever * x[a] - other.map_or(0.0, |(b, there)| there * x[b]));
+        y[a] += lever * pull;
         if let Some((b, there)) = other {
             y[b] -= there * pull;
         }

@@ -74,12 +74,12 @@ impl Network {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn elements(&self, parts: &[usize]) -> Elements {
-        let own: Vec<u32> = interrupt::steps(0..self.n_mat())
+        let part_mats: Vec<u32> = interrupt::steps(0..self.n_mat())
             .filter(|&i| parts.contains(&(self.mats.part[i] as usize)))
             .map(|i| i as u32)
             .collect();
         let links: Vec<u32> = (0..self.n_lia() as u32).collect();
-        let subset = self.subset(&own, &[], &links);
+        let subset = self.subset(&part_mats, &[], &links);
         let alone = &subset.network;
         let mats = alone.mats();
         let moving: Vec<usize> = (0..alone.n_mat())

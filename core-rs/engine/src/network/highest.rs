@@ -8,12 +8,15 @@ impl Network {
     /// without its links to other modules.
     pub fn highest_mode(&self, first: usize) -> f64 {
         let (mats, n) = (self.mats(), self.count(first));
-        let own = first..first + n;
-        let root: Vec<f64> = mats.m[own.clone()].iter().map(|m| m.sqrt()).collect();
-        let outside = |point: usize| !own.contains(&point) && mats.kind[point].moves();
+        let mats_range = first..first + n;
+        let root: Vec<f64> = mats.m[mats_range.clone()]
+            .iter()
+            .map(|m| m.sqrt())
+            .collect();
+        let outside = |point: usize| !mats_range.contains(&point) && mats.kind[point].moves();
         let mut apply = |v: &[f64], y: &mut [f64]| {
             y.fill(0.0);
-            let at = |point: usize| match own.contains(&point) {
+            let value = |point: usize| match mats_range.contains(&point) {
                 true => v[point - first] / root[point - first],
                 false => 0.0,
             };
@@ -29,12 +32,15 @@ impl Network {
                     | LinkKind::Pairwise(_) => continue,
                 };
                 for (a, b) in (0..run.len).map(|i| (run.a + i, run.b + i)) {
-                    if !(own.contains(&a) || own.contains(&b)) || outside(a) || outside(b) {
+                    if !(mats_range.contains(&a) || mats_range.contains(&b))
+                        || outside(a)
+                        || outside(b)
+                    {
                         continue;
                     }
-                    let pull = stiffness * (at(b) - at(a));
+                    let pull = stiffness * (value(b) - value(a));
                     for (end, pull) in [(a, -pull), (b, pull)] {
-                        if own.contains(&end) {
+                        if mats_range.contains(&end) {
                             y[end - first] += pull / root[end - first];
                         }
                     }

@@ -263,7 +263,7 @@ impl Network {
                 continue;
             };
             let Some(rows) = law.rows() else { continue };
-            let at = *known.entry(rows).or_insert_with_key(|rows| {
+            let law_index = *known.entry(rows).or_insert_with_key(|rows| {
                 laws.push(LawUse {
                     rows: rows.clone(),
                     alone: 0,
@@ -272,8 +272,8 @@ impl Network {
                 laws.len() - 1
             });
             match run.len {
-                1 => laws[at].alone += 1,
-                len => laws[at].in_runs += len,
+                1 => laws[law_index].alone += 1,
+                len => laws[law_index].in_runs += len,
             }
         }
         laws

@@ -9,7 +9,7 @@ use crate::spectrum::{self, Found};
 use crate::units::LN_1000;
 
 /// Most numbers in all shapes together.
-const KEPT: usize = 100_000_000;
+const ENTRIES_MAX: usize = 100_000_000;
 
 /// A mode of the network.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +78,8 @@ impl Network {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn tones(&self, part: usize, n_tones: usize) -> Result<Vec<Tone>, TooManyModes> {
-        let found = self.part_modes(part, ModeRange::Lowest(n_tones))?;
-        Ok(found.tones)
+        let modes = self.part_modes(part, ModeRange::Lowest(n_tones))?;
+        Ok(modes.tones)
     }
 
     /// Modes of a part and their shapes, without its links to other parts, with contacts open and laws at their slope
@@ -92,54 +92,62 @@ impl Network {
         let n = body.mats.len();
         // Damping couples each mode with others, so more undamped modes are needed than are asked for.
         let search = |count: usize, find: &dyn Fn(usize) -> Found| {
-            let found = find(count);
-            let is_coupled = damped::is_coupled(&body, &found.modes);
+            let part_modes = find(count);
+            let is_coupled = damped::is_coupled(&body, &part_modes.modes);
             match is_coupled {
                 true => (find((2 * count + 20).min(n)), is_coupled),
-                false => (found, is_coupled),
+                false => (part_modes, is_coupled),
             }
         };
         let lowest = |count| spectrum::lowest_modes(&body.springs, count);
         let frequency = |mode: &DampedMode| Tone::of(body.continuous(mode.pole)).f;
         let checked_count = |count: usize| -> Result<usize, TooManyModes> {
-            let (count, most) = (count.min(n), KEPT / n);
-            if count <= most {
+            let (count, count_max) = (count.min(n), ENTRIES_MAX / n);
+            if count <= count_max {
                 return Ok(count);
             }
             Err(TooManyModes {
                 count,
                 n_masses: n,
-                most,
+                most: count_max,
             })
         };
         let (mut poles, is_certified) = match range {
             _ if n == 0 => (Vec::new(), true),
             ModeRange::Lowest(count) => {
                 let count = checked_count(count)?;
-                let (found, is_coupled) = search(count, &lowest);
-                let lowest = damped::damped_modes(&body, &found.modes, is_coupled, count);
+                let (part_modes, is_coupled) = search(count, &lowest);
+                let lowest = damped::damped_modes(&body, &part_modes.modes, is_coupled, count);
                 let is_all = lowest.len() == count;
-                (lowest, found.is_certified && is_all)
+                (lowest, part_modes.is_certified && is_all)
             }
             ModeRange::Below(f) => {
                 let count = checked_count(spectrum::n_below(&body.springs, body.lambda(f)))?;
-                let (found, is_coupled) = search(count, &lowest);
-                let mut all =
-                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                let (part_modes, is_coupled) = search(count, &lowest);
+                let mut all = damped::damped_modes(
+                    &body,
+                    &part_modes.modes,
+                    is_coupled,
+                    part_modes.modes.len(),
+                );
                 all.retain(|mode| frequency(mode) <= f);
-                (all, found.is_certified)
+                (all, part_modes.is_certified)
             }
             ModeRange::Around(f, count) => {
                 let count = checked_count(count)?;
                 let centre = body.lambda(f);
                 let around = |count| spectrum::modes_around(&body.springs, centre, count);
-                let (found, is_coupled) = search(count, &around);
-                let mut all =
-                    damped::damped_modes(&body, &found.modes, is_coupled, found.modes.len());
+                let (part_modes, is_coupled) = search(count, &around);
+                let mut all = damped::damped_modes(
+                    &body,
+                    &part_modes.modes,
+                    is_coupled,
+                    part_modes.modes.len(),
+                );
                 let distance = |mode: &DampedMode| (frequency(mode) - f).abs();
                 all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
                 all.truncate(count);
-                (all, found.is_certified)
+                (all, part_modes.is_certified)
             }
         };
         let is_certified = is_certified && poles.iter().all(|mode| mode.is_known);
@@ -148,8 +156,8 @@ impl Network {
         let shape = |mode: &DampedMode| -> Vec<Complex<f64>> {
             interrupt::poll_for(n);
             let large = |x: &Complex<f64>, y: &Complex<f64>| x.re.abs().total_cmp(&y.re.abs());
-            let most = mode.shape.iter().copied().max_by(large);
-            let sign = if most.is_some_and(|x| x.re < 0.0) {
+            let count_max = mode.shape.iter().copied().max_by(large);
+            let sign = if count_max.is_some_and(|x| x.re < 0.0) {
                 -1.0
             } else {
                 1.0

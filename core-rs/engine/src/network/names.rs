@@ -27,8 +27,8 @@ pub(super) struct Names {
 }
 
 fn find(groups: &[Group], index: usize) -> Option<&Group> {
-    let at = groups.partition_point(|group| group.first + group.len <= index);
-    groups.get(at).filter(|group| group.first <= index)
+    let group_index = groups.partition_point(|group| group.first + group.len <= index);
+    groups.get(group_index).filter(|group| group.first <= index)
 }
 
 fn full_name(groups: &[Group], index: usize) -> String {
@@ -46,11 +46,11 @@ fn full_name(groups: &[Group], index: usize) -> String {
     name
 }
 
-/// The groups of the modules `kept` (rising indices), renumbered.
-fn renumbered(groups: &[Group], kept: &[u32]) -> Vec<Group> {
+/// The groups of the modules `indices` (rising indices), renumbered.
+fn renumbered(groups: &[Group], indices: &[u32]) -> Vec<Group> {
     let mut cut: Vec<Group> = Vec::new();
     let mut before: Option<usize> = None;
-    for (local, &index) in kept.iter().enumerate() {
+    for (local, &index) in indices.iter().enumerate() {
         let index = index as usize;
         let Some(group) = find(groups, index) else {
             continue;

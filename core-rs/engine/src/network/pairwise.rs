@@ -171,20 +171,20 @@ impl Network {
         name: &str,
         groups: [PointGroup; 2],
         n_axes: usize,
-        own: PairLaw,
+        law: PairLaw,
         [k, z, gap]: [f64; 3],
     ) -> Result<usize, Error> {
-        let (measure, friction) = (own.measure.clone(), own.friction);
+        let (measure, friction) = (law.measure.clone(), law.friction);
         self.check(name, &[("friction", friction, Rule::NotNegative)])?;
         // The gap to a plane may have either sign: the plane may lie beside the point that carries it.
         let length = match &measure {
             Measure::Plane(_) if gap.is_finite() => 0.0,
             _ => gap,
         };
-        self.check_space(name, n_axes, &own.law, [k, z, length])?;
+        self.check_space(name, n_axes, &law.law, [k, z, length])?;
         let [a, b] = groups;
         let is_within = a == b;
-        if let Some(message) = refusal(groups, n_axes, &own, gap) {
+        if let Some(message) = refusal(groups, n_axes, &law, gap) {
             return Err(self.refused(name, message));
         }
         if !groups
@@ -195,13 +195,13 @@ impl Network {
         }
         self.check_capacity(name, b.n)?;
         let first = self.n_lia;
-        let reach = own.law.reach();
+        let reach = law.law.reach();
         let rest = reach
             + match measure {
                 Measure::Within => -gap,
                 Measure::Distance | Measure::Plane(_) | Measure::Surface(_) => gap,
             };
-        let link = SpaceLink::new(own.law, measure, n_axes, [a.first, b.first]);
+        let link = SpaceLink::new(law.law, measure, n_axes, [a.first, b.first]);
         let pairs = Pairwise {
             link,
             n_first: a.n,
@@ -220,10 +220,10 @@ impl Network {
 fn refusal(
     [a, b]: [PointGroup; 2],
     n_axes: usize,
-    own: &PairLaw,
+    pair_law: &PairLaw,
     gap: f64,
 ) -> Option<&'static str> {
-    let (law, measure, friction) = (&own.law, &own.measure, own.friction);
+    let (law, measure, friction) = (&pair_law.law, &pair_law.measure, pair_law.friction);
     let is_contact = law.is_contact();
     let attracts = matches!(law, SpaceLaw::Attraction { .. });
     let length = |normal: &[f64; AXES_MAX]| super::distance(normal[0], normal[1], normal[2]);

@@ -38,26 +38,26 @@ impl Body {
         let root: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
         let end = |slot: usize| -> End { (slot, 1.0 / root[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
-        for one in interrupt::each(&elements.each) {
+        for element in interrupt::each(&elements.each) {
             if matches!(
-                one.kind,
+                element.kind,
                 ElementKind::But | ElementKind::Dry | ElementKind::Space
             ) {
                 continue;
             }
-            let [a, b] = one.ends;
+            let [a, b] = element.ends;
             let (Some(a), other) = (if a.is_some() { (a, b) } else { (b, a) }) else {
                 continue;
             };
             let other = other.map(end);
-            springs.push((end(a), other, one.k));
+            springs.push((end(a), other, element.k));
             // x[n+1] − 2x[n] + x[n−1] = −K x[n] − Z (x[n] − x[n−1]) is w² + (Z + K) w + K = 0 at w = z − 1.
             let more = if elements.ca_rate.is_some() {
-                one.k
+                element.k
             } else {
                 0.0
             };
-            dampers.push((end(a), other, one.z + more));
+            dampers.push((end(a), other, element.z + more));
         }
         dampers.retain(|damper| damper.2 != 0.0);
         Self {

@@ -50,16 +50,16 @@ impl Along {
     /// The MAT before the proxy among `n`, and the share of the next MAT.
     fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
         let last = (n - 1) as f64;
-        let at = match self {
-            Self::At(at) => at,
+        let place = match self {
+            Self::At(place) => place,
             Self::Following { mat, offset, span } => {
                 ((x(mat) + offset) / span).clamp(0.0, 1.0) * last
             }
         };
         // If the position of a MAT is NaN, the proxy is at the first MAT.
-        let at = at.clamp(0.0, last).max(0.0);
-        let low = at as usize;
-        (low, at - low as f64)
+        let place = place.clamp(0.0, last).max(0.0);
+        let low = place as usize;
+        (low, place - low as f64)
     }
 
     fn moved_to(self, local: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
@@ -158,10 +158,10 @@ impl Proxy {
     pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
-                let own = shares
+                let weights = shares
                     .iter()
                     .map(|&(mat, share)| Some((local(mat)?, share)));
-                Shares::Fixed(own.collect::<Option<_>>()?)
+                Shares::Fixed(weights.collect::<Option<_>>()?)
             }
             Shares::Moving {
                 mats,
@@ -189,8 +189,8 @@ impl Network {
     /// The masses of a proxy, each with its share at the initial positions; empty for any other MAT.
     pub fn shares(&self, mat: usize) -> Vec<(usize, f64)> {
         let mut shares = Vec::new();
-        if let Some(own) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
-            own.for_each_share(
+        if let Some(known_proxy) = self.proxies.iter().find(|proxy| proxy.mat == mat) {
+            known_proxy.for_each_share(
                 |mat| self.mats.x0[mat],
                 |mat, share| shares.push((mat, share)),
             );
@@ -221,27 +221,30 @@ impl Network {
     /// [`Error::Refused`] with the name of the module if it has no mass, a mass is missing or is itself a proxy, a row
     /// is not full, or a number is not finite.
     pub fn proxy(&mut self, name: &str, shares: Shares) -> Result<usize, Error> {
-        let mut own = Proxy {
+        let mut proxy = Proxy {
             mat: self.n_mat(),
             shares,
         };
         let is_known = |mat: usize| mat < self.n_mat() && !self.is_proxy(mat);
-        if own.masses().next().is_none() || !own.masses().all(is_known) {
+        if proxy.masses().next().is_none() || !proxy.masses().all(is_known) {
             return Err(self.refused(name, "a PROXY must lie between masses that exist"));
         }
-        if !own.guides().all(is_known) {
+        if !proxy.guides().all(is_known) {
             return Err(self.refused(name, "a PROXY must follow a MAT that exists"));
         }
-        self.check_shares(name, &own.shares)?;
-        own.fix_shares();
+        self.check_shares(name, &proxy.shares)?;
+        proxy.fix_shares();
         let mats = &self.mats;
-        let at = |mat: usize| mats.x0[mat];
-        let (x0, v0) = (own.sum(at, at), own.sum(at, |mat| mats.v0[mat]));
-        let place = [0, 1].map(|axis| own.sum(at, |mat| mats.place[mat][axis]));
+        let start_of = |mat: usize| mats.x0[mat];
+        let (x0, v0) = (
+            proxy.sum(start_of, start_of),
+            proxy.sum(start_of, |mat| mats.v0[mat]),
+        );
+        let place = [0, 1].map(|axis| proxy.sum(start_of, |mat| mats.place[mat][axis]));
         let numbers = [0.0, 0.0, 0.0, 0.0, x0, v0];
         let mat = self.add_mat(name, MatKind::Proxy, numbers)?;
         self.mats.place[mat] = place;
-        self.proxies.push(own);
+        self.proxies.push(proxy);
         Ok(mat)
     }
 

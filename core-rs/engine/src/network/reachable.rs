@@ -48,18 +48,18 @@ impl Network {
         let is_off = |link: usize| moment.without.contains(&link);
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
         let can_move = |other: usize| other == mat || self.mats.kind[other].moves();
-        let (mut joined, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
+        let (mut joined, mut components) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
         for (_, mats) in links(self).filter(|&(link, _)| !is_off(link)) {
             // A link in space joins all coordinates of its points.
             let mut movable = mats.all().iter().copied().filter(|&mat| can_move(mat));
             let Some(first) = movable.next() else {
                 continue;
             };
-            let mut own_first = (!is_held(first)).then_some(first);
+            let mut first_of = (!is_held(first)).then_some(first);
             for other in movable {
                 joined.join(first, other);
                 if !is_held(other) {
-                    own.join(*own_first.get_or_insert(other), other);
+                    components.join(*first_of.get_or_insert(other), other);
                 }
             }
         }
@@ -67,8 +67,10 @@ impl Network {
         let others = moment.held.iter();
         let others = others.filter(|&&other| other != mat && joined.root(other) == root);
         let others = others.count();
-        let root = own.root(mat);
-        let mut is_here: Vec<bool> = (0..self.n_mat()).map(|i| own.root(i) == root).collect();
+        let root = components.root(mat);
+        let mut is_here: Vec<bool> = (0..self.n_mat())
+            .map(|i| components.root(i) == root)
+            .collect();
         let all: Vec<_> = links(self)
             .filter(|(link, mats)| !is_off(*link) && mats.all().iter().any(|&mat| is_here[mat]))
             .collect();
@@ -78,31 +80,31 @@ impl Network {
         let mats: Vec<u32> = (0..self.n_mat() as u32)
             .filter(|&i| is_here[i as usize])
             .collect();
-        let own_links: Vec<u32> = all.iter().map(|&(link, _)| link as u32).collect();
-        let mut found = self.subset(&mats, &[], &own_links);
-        let local = |whole: usize| mats.binary_search(&(whole as u32)).ok();
-        for &(whole, tie) in &moment.ties {
-            if let Some(mat) = local(whole) {
-                found.network.retie(mat, tie);
+        let link_numbers: Vec<u32> = all.iter().map(|&(link, _)| link as u32).collect();
+        let mut reached = self.subset(&mats, &[], &link_numbers);
+        let local = |global: usize| mats.binary_search(&(global as u32)).ok();
+        for &(global, tie) in &moment.ties {
+            if let Some(mat) = local(global) {
+                reached.network.retie(mat, tie);
             }
         }
         for mat in moment.held.iter().filter(|mat| is_held(**mat)) {
             if let Some(mat) = local(*mat) {
-                found.network.mats.kind[mat] = MatKind::Sol;
+                reached.network.mats.kind[mat] = MatKind::Sol;
             }
         }
         // The MAT of the hand always belongs to them.
         let hand = local(mat).unwrap_or_default();
-        found.network.linearise(depth, rate, hand);
-        for run in &mut found.network.runs {
-            let whole = found.links[run.first] as usize;
-            let factors = moment.factors.iter().filter(|(link, _)| *link == whole);
+        reached.network.linearise(depth, rate, hand);
+        for run in &mut reached.network.runs {
+            let global = reached.links[run.first] as usize;
+            let factors = moment.factors.iter().filter(|(link, _)| *link == global);
             for (_, factor) in factors {
                 (run.k, run.z) = (run.k * factor, run.z * factor);
             }
         }
         ReachableNetwork {
-            network: found.network,
+            network: reached.network,
             mat: hand,
             others,
         }

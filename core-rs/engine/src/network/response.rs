@@ -15,7 +15,7 @@ use crate::spectrum::sparse::Factor;
 const REFINEMENTS: usize = 2;
 
 impl Network {
-    /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `heard` over
+    /// Mechanical admittance of some parts without the rest of the network: the velocity of each point of `listened` over
     /// a force at `forced`   (n_heard · n_frequencies) [(m/s)/N]. Contacts are open, and laws have their slope at rest.
     /// The admittance is infinite at an undamped pole.
     ///
@@ -38,37 +38,37 @@ impl Network {
         &self,
         parts: &[usize],
         forced: &[usize],
-        heard: &[Vec<usize>],
+        listened: &[Vec<usize>],
         frequencies: &[f64],
     ) -> Vec<Complex<f64>> {
         let body = Body::new(self.elements(parts));
         let n = body.mats.len();
-        let own = |mats: &[usize]| -> Vec<usize> {
+        let local_mats = |mats: &[usize]| -> Vec<usize> {
             let slots = mats.iter().map(|mat| body.mats.binary_search(mat));
             slots.filter_map(Result::ok).collect()
         };
-        let heard: Vec<Vec<usize>> = heard.iter().map(|mats| own(mats)).collect();
+        let listened: Vec<Vec<usize>> = listened.iter().map(|mats| local_mats(mats)).collect();
         let mut force = vec![Complex::from(0.0); n];
-        for slot in own(forced) {
+        for slot in local_mats(forced) {
             force[slot] += 1.0 / body.root[slot];
         }
         let matrices = NetworkMatrices::new(&body);
-        let mut found = vec![Complex::from(0.0); heard.len() * frequencies.len()];
-        for (at, &f) in frequencies.iter().enumerate() {
+        let mut response = vec![Complex::from(0.0); listened.len() * frequencies.len()];
+        for (column, &f) in frequencies.iter().enumerate() {
             interrupt::poll();
             let (s, gain) = point(&body, f);
             let answer = answer(&matrices, s, &force);
-            for (row, slots) in heard.iter().enumerate() {
+            for (row, slots) in listened.iter().enumerate() {
                 let position = |x: &Vec<Complex<f64>>| -> Complex<f64> {
                     slots.iter().map(|&slot| x[slot] / body.root[slot]).sum()
                 };
-                found[row * frequencies.len() + at] = match &answer {
+                response[row * frequencies.len() + column] = match &answer {
                     Some(x) => position(x) * Complex::new(0.0, TAU * f) * gain,
                     None => Complex::from(f64::INFINITY),
                 };
             }
         }
-        found
+        response
     }
 }
 

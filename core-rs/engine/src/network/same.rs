@@ -6,19 +6,19 @@ impl Network {
     /// Whether modules, parameters, names and outputs are those of `other`. Initial positions and velocities may
     /// differ, and so may parts without modules.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let (own, their) = (&self.mats, &other.mats);
+        let (mats, their) = (&self.mats, &other.mats);
         let parts = |a: usize, b: usize| self.part_at(a) == other.part_at(b);
-        let run = |(own, their): (&Run, &Run)| {
+        let run = |(mats, their): (&Run, &Run)| {
             let ends = |run: &Run| (run.a, run.b, run.len, run.first);
             let numbers = |run: &Run| [run.k, run.z, run.rest];
-            ends(own) == ends(their)
-                && numbers(own) == numbers(their)
-                && own.kind == their.kind
-                && parts(own.part, their.part)
+            ends(mats) == ends(their)
+                && numbers(mats) == numbers(their)
+                && mats.kind == their.kind
+                && parts(mats.part, their.part)
         };
-        let mut pairs = own.part.iter().zip(&their.part);
-        own.kind == their.kind
-            && [&own.m, &own.k, &own.z, &own.rest, &own.weight]
+        let mut pairs = mats.part.iter().zip(&their.part);
+        mats.kind == their.kind
+            && [&mats.m, &mats.k, &mats.z, &mats.rest, &mats.weight]
                 == [&their.m, &their.k, &their.z, &their.rest, &their.weight]
             && pairs.all(|(&a, &b)| parts(a as usize, b as usize))
             && self.proxies == other.proxies
@@ -31,8 +31,8 @@ impl Network {
 
     /// Whether initial positions and velocities are also those of `other`.
     pub(crate) fn is_same_from_start(&self, other: &Self) -> bool {
-        let (own, their) = (&self.mats, &other.mats);
-        [&own.x0, &own.v0] == [&their.x0, &their.v0] && self.is_same(other)
+        let (mats, their) = (&self.mats, &other.mats);
+        [&mats.x0, &mats.v0] == [&their.x0, &their.v0] && self.is_same(other)
     }
 
     fn part_at(&self, part: usize) -> Option<&Part> {

@@ -45,11 +45,13 @@ impl Sliding {
     }
 }
 
-/// Shorten a vector to the length `most` if it is longer.
-fn shorten(vector: &mut Vector, most: f64) {
+/// Shorten a vector to the length `length_max` if it is longer.
+fn shorten(vector: &mut Vector, length_max: f64) {
     let length = distance(vector[0], vector[1], vector[2]);
-    if length > most {
-        vector.iter_mut().for_each(|part| *part *= most / length);
+    if length > length_max {
+        vector
+            .iter_mut()
+            .for_each(|part| *part *= length_max / length);
     }
 }
 

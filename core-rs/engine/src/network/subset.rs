@@ -113,19 +113,19 @@ impl Network {
     pub(crate) fn scale(
         &mut self,
         links: std::ops::Range<usize>,
-        [of_k, of_z]: [f64; 2],
+        [k_factor, z_factor]: [f64; 2],
     ) -> Result<(), Error> {
         for run in self
             .runs
             .iter_mut()
             .filter(|run| links.contains(&run.first))
         {
-            (run.k, run.z) = (run.k * of_k, run.z * of_z);
+            (run.k, run.z) = (run.k * k_factor, run.z * z_factor);
             let LinkKind::Lnl(law) = &run.kind else {
                 continue;
             };
             if let Some(Hardening { k, q, z }) = law.hardening_spring() {
-                let law = Law::hardening(of_k * k, q, of_z * z.unwrap_or(0.0));
+                let law = Law::hardening(k_factor * k, q, z_factor * z.unwrap_or(0.0));
                 run.kind = LinkKind::Lnl(Arc::new(law.map_err(|error| Error::Refused {
                     module: self.names.link(run.first),
                     message: error.to_string(),
@@ -137,9 +137,12 @@ impl Network {
 
     /// The network with undifferentiated outputs: SOV and SOA give the positions from which they are derived.
     pub fn undifferentiated(&self) -> Self {
-        let mut own = self.clone();
-        own.outputs.iter_mut().for_each(|output| output.order = 0);
-        own
+        let mut undifferentiated = self.clone();
+        undifferentiated
+            .outputs
+            .iter_mut()
+            .for_each(|output| output.order = 0);
+        undifferentiated
     }
 
     /// The network with other macrosteps of its parts: `macrostep` returns the frames from pull to pull for a part's
@@ -148,11 +151,11 @@ impl Network {
         &self,
         macrostep: impl Fn(&str, Option<u32>) -> Option<u32>,
     ) -> Self {
-        let mut own = self.clone();
-        for part in &mut own.parts {
+        let mut changed = self.clone();
+        for part in &mut changed.parts {
             part.macrostep = macrostep(&part.name, part.macrostep);
         }
-        own
+        changed
     }
 
     fn mat_at(&self, i: usize) -> Mat {
@@ -215,9 +218,9 @@ impl LinkRange {
 impl Subset {
     /// Whether any MAT of a range of the whole belongs to the subset.
     fn has_any(&self, first: usize, len: usize) -> bool {
-        let at = self.mats.partition_point(|&mat| (mat as usize) < first);
+        let index = self.mats.partition_point(|&mat| (mat as usize) < first);
         self.mats
-            .get(at)
+            .get(index)
             .is_some_and(|&mat| (mat as usize) < first + len)
     }
 
@@ -236,13 +239,13 @@ impl Subset {
         ends: (usize, usize),
     ) -> Option<(usize, usize, Option<SpaceLink>)> {
         let (a, b) = (self.mat(ends.0)?, self.mat(ends.1)?);
-        let mut own = space.clone();
+        let mut local_space = space.clone();
         for axis in 1..space.n_axes {
             let (other_a, other_b) = space.pair(ends, axis);
-            own.offsets[0][axis - 1] = self.mat(other_a)? as isize - a as isize;
-            own.offsets[1][axis - 1] = self.mat(other_b)? as isize - b as isize;
+            local_space.offsets[0][axis - 1] = self.mat(other_a)? as isize - a as isize;
+            local_space.offsets[1][axis - 1] = self.mat(other_b)? as isize - b as isize;
         }
-        Some((a, b, Some(own)))
+        Some((a, b, Some(local_space)))
     }
 
     /// Add a run of pairwise links if all its points and links belong to the subset.
@@ -275,9 +278,9 @@ impl Subset {
 
     /// Whether all MATs of a range of the whole belong to the subset.
     fn has_all(&self, range: std::ops::RangeInclusive<usize>) -> bool {
-        let at = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
+        let index = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
         let (first, last) = range.into_inner();
-        self.mat(last).is_some() && at(last) - at(first) == last - first
+        self.mat(last).is_some() && index(last) - index(first) == last - first
     }
 
     fn push(&mut self, run: &Run, range: Option<LinkRange>) {
@@ -329,10 +332,11 @@ impl Subset {
         // Indices rise, so those in the range are adjacent.
         let local = |whole: usize| known.partition_point(|&index| (index as usize) < whole);
         let (first, stop) = (local(first), local(first + len));
-        let own: Vec<usize> = (first..stop)
+        let local_indices: Vec<usize> = (first..stop)
             .filter(|&local| guests.binary_search(&known[local]).is_err())
             .collect();
-        own.chunk_by(|before, after| before + 1 == *after)
+        local_indices
+            .chunk_by(|before, after| before + 1 == *after)
             .map(|range| term.over(range[0], range.len()))
             .collect()
     }

@@ -25,8 +25,8 @@ pub(crate) struct Costs;
 impl Costs {
     /// Nanoseconds of one unit of a kind of work.
     pub(crate) fn of(kind: &str) -> f64 {
-        let found = COSTS.iter().find(|(name, _)| *name == kind);
-        found.map_or(0.0, |(_, ns)| *ns)
+        let known_cost = COSTS.iter().find(|(name, _)| *name == kind);
+        known_cost.map_or(0.0, |(_, ns)| *ns)
     }
 }
 
@@ -120,10 +120,10 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     if laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let most = contact_substeps / Budget::STEPS_MIN;
+    let finest = contact_substeps / Budget::STEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
-    let parts = if most > 1 {
-        1.0 + PARTS * most as f64
+    let parts = if finest > 1 {
+        1.0 + PARTS * finest as f64
     } else {
         1.0
     };
@@ -135,7 +135,7 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
                 .filter(|&mat| mats.kind[mat].moves());
             let mobility: f64 = moving.map(|mat| 1.0 / mats.m[mat]).sum();
             let steps = dry.steps(mobility * island_plan.timeline.rate.step());
-            (most as f64 * steps).ceil() * Costs::of("located_friction")
+            (finest as f64 * steps).ceil() * Costs::of("located_friction")
         }
         LinkKind::Bristle(_) => {
             parts * (Costs::of("collocation") + Costs::of("collocated_bristle"))
@@ -176,15 +176,15 @@ const PARTS: f64 = 0.25;
 /// contacts beyond one solution a step. First their own, then that of the bodies that they touch.
 pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
     let (fine, exact) = (island.fine_work(), island.exact_work());
-    let own = [
+    let amounts = [
         ("kick", fine.instants),
         ("coupling", fine.couplings),
         ("contact", exact.solved_again),
         ("power_law", exact.evaluations),
     ];
-    let own = own.map(|(kind, amount)| Costs::of(kind) * amount as f64);
+    let amounts = amounts.map(|(kind, amount)| Costs::of(kind) * amount as f64);
     [
-        own.into_iter().sum(),
+        amounts.into_iter().sum(),
         Costs::of("port") * fine.products as f64,
     ]
 }
@@ -291,9 +291,9 @@ mod tests {
         network.spring("s", 0, 1, 500.0, 0.0, 0.0).unwrap();
         assert_eq!(lone_laws_cost(&network), 0.0);
         network.lnl("a", 1, 2, law.clone(), 0.0).unwrap();
-        let one = lone_laws_cost(&network);
+        let lone_cost = lone_laws_cost(&network);
         network.lnl("b", 2, 3, law, 0.0).unwrap();
-        assert!(one > 10.0 && lone_laws_cost(&network) == 2.0 * one);
+        assert!(lone_cost > 10.0 && lone_laws_cost(&network) == 2.0 * lone_cost);
     }
 
     /// Cost of stepping 50 points in front of a wall [ns].
@@ -351,8 +351,8 @@ mod tests {
             "{few} {many}"
         );
         let each = Costs::of("surface") - Costs::of("pairwise_wall");
-        let own = |crowding: f64| 50.0 * (each + crowding * Costs::of("surface_triangle"));
-        assert!((coarse - plane - own(few)).abs() < 1e-6);
-        assert!((fine - plane - own(many)).abs() < 1e-6);
+        let surface_cost = |crowding: f64| 50.0 * (each + crowding * Costs::of("surface_triangle"));
+        assert!((coarse - plane - surface_cost(few)).abs() < 1e-6);
+        assert!((fine - plane - surface_cost(many)).abs() < 1e-6);
     }
 }

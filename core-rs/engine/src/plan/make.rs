@@ -127,13 +127,14 @@ pub(super) fn make(
     if !loose.is_empty() {
         island_plans.push(network.subset(&loose, &[], &[]));
     }
-    for (at, (subset, own)) in split(island_plans, timeline).into_iter().enumerate() {
-        let made = if at < n_islands {
-            maker.island(subset, own)
+    for (index, (subset, island_timeline)) in split(island_plans, timeline).into_iter().enumerate()
+    {
+        let unit = if index < n_islands {
+            maker.island(subset, island_timeline)
         } else {
-            maker.cells(&subset, &own)
+            maker.cells(&subset, &island_timeline)
         };
-        if let Err(error) = made {
+        if let Err(error) = unit {
             // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
             maker.allowance = Allowance::new(network.n_mat() + network.n_lia(), 0.0);
             refused.push(error);
@@ -197,18 +198,18 @@ impl<'a> Maker<'a> {
             .network
             .subset(&island.mats, &island.guests, &island.links);
         let scheme = Scheme::new(&subset.network, self.plan.timeline_rate)?;
-        let mut heard = vec![0.0; subset.outputs.len()];
-        crate::island::at_rest(&subset.network, &scheme, &mut heard);
-        for (&output, heard) in subset.outputs.iter().zip(heard) {
-            self.plan.still[output as usize] += heard;
+        let mut levels = vec![0.0; subset.outputs.len()];
+        crate::island::at_rest(&subset.network, &scheme, &mut levels);
+        for (&output, levels) in subset.outputs.iter().zip(levels) {
+            self.plan.still[output as usize] += levels;
         }
         Ok(())
     }
 
     /// Isolated CELs.
-    fn cells(&mut self, subset: &Subset, own: &OwnTimeline) -> Result<(), Error> {
-        let banks = cells::oscillators(subset, &own.timeline, &mut self.plan.still)?;
-        let mut rows = row::cells(&self.plan.network, &banks, &own.timeline);
+    fn cells(&mut self, subset: &Subset, island_timeline: &OwnTimeline) -> Result<(), Error> {
+        let banks = cells::oscillators(subset, &island_timeline.timeline, &mut self.plan.still)?;
+        let mut rows = row::cells(&self.plan.network, &banks, &island_timeline.timeline);
         let refused_slow = multirate::refuse_all(subset, "its poles need none");
         rows.iter_mut()
             .for_each(|row| row.stays = stay_reasons(&refused_slow, row));
@@ -219,21 +220,30 @@ impl<'a> Maker<'a> {
     }
 
     /// Plans an island: as a bank of modes if it has them, else stepped.
-    fn island(&mut self, subset: Subset, own: OwnTimeline) -> Result<(), Error> {
+    fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
         let pin = self.pins.next(modules)?;
         let mut why = None;
         if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
-            let kept = pin.as_ref().map(|pin| &pin.kept[..]);
-            let bank = body::bank(&subset, &own.timeline, self.budget, kept, &self.memo);
+            let pinned_modes = pin.as_ref().map(|pin| &pin.kept[..]);
+            let bank = body::bank(
+                &subset,
+                &island_timeline.timeline,
+                self.budget,
+                pinned_modes,
+                &self.memo,
+            );
             self.allowance.spend(self.memo.take_work());
             match bank {
-                Ok(mut found) => {
-                    label_bank(&mut found, &subset, &own);
-                    self.seen_units
-                        .extend(self.silent_modes(&subset, &own, &found.bank.kept));
-                    for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
+                Ok(mut solved_bank) => {
+                    label_bank(&mut solved_bank, &subset, &island_timeline);
+                    self.seen_units.extend(self.silent_modes(
+                        &subset,
+                        &island_timeline,
+                        &solved_bank.bank.kept,
+                    ));
+                    for (&output, rest) in subset.outputs.iter().zip(&solved_bank.rest) {
                         self.plan.still[output as usize] += rest;
                     }
                     self.plan.choices.push(Choice {
@@ -241,14 +251,14 @@ impl<'a> Maker<'a> {
                         oversampling: 1,
                         contact_substeps: 0,
                         counted_cost: None,
-                        kept: vec![found.kept.numbers()],
+                        kept: vec![solved_bank.kept.numbers()],
                     });
-                    let mut row = Row::modal(&subset, &found, &own.timeline);
+                    let mut row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
                     row.stays = stay_reasons(&refused_slow, &row);
                     self.plan.stay.extend(refused_slow);
                     self.plan.rows.push(row);
-                    self.plan.units.push(Unit::Bank(found.bank));
+                    self.plan.units.push(Unit::Bank(solved_bank.bank));
                     return Ok(());
                 }
                 Err(reason) => why = Some(reason),
@@ -258,27 +268,33 @@ impl<'a> Maker<'a> {
             return Err(wrong_plan_error());
         }
         if self.every > 1 {
-            return self.plan_at_lower_rate(&subset, &own, modules, why);
+            return self.plan_at_lower_rate(&subset, &island_timeline, modules, why);
         }
-        self.stepped(&subset, &own, modules, pin.as_ref(), why)
+        self.stepped(&subset, &island_timeline, modules, pin.as_ref(), why)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
-    fn silent_modes(&self, subset: &Subset, own: &OwnTimeline, heard: &[u32]) -> Option<Unit> {
+    fn silent_modes(
+        &self,
+        subset: &Subset,
+        island_timeline: &OwnTimeline,
+        listened: &[u32],
+    ) -> Option<Unit> {
         if !seen::is_any(&subset.network.moving_parts(), self.seen) {
             return None;
         }
         let probed = seen::with_probe_output(subset.clone(), &subset.mats).ok()?;
         let memo = Memo::new(&[]);
-        let bank = |kept| body::bank(&probed, &own.timeline, self.budget, kept, &memo).ok();
+        let bank =
+            |kept| body::bank(&probed, &island_timeline.timeline, self.budget, kept, &memo).ok();
         let mut silent = bank(None)?.kept.numbers();
-        silent.retain(|mode| heard.binary_search(mode).is_err());
+        silent.retain(|mode| listened.binary_search(mode).is_err());
         if silent.is_empty() {
             return None;
         }
-        let mut found = bank(Some(&[silent]))?;
-        label_bank(&mut found, subset, own);
-        Some(Unit::Bank(found.bank))
+        let mut solved_bank = bank(Some(&[silent]))?;
+        label_bank(&mut solved_bank, subset, island_timeline);
+        Some(Unit::Bank(solved_bank.bank))
     }
 
     /// Plans an island that is stepped: bodies by methods of their own, the rest module by module, at the oversampling
@@ -286,19 +302,20 @@ impl<'a> Maker<'a> {
     fn stepped(
         &mut self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         modules: usize,
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        ported::check_supported(&subset.network, &own.timeline, self.budget)?;
+        ported::check_supported(&subset.network, &island_timeline.timeline, self.budget)?;
         let n_refused = self.allowance.n_refused();
-        let solved = match self.solve(subset, own, pin) {
+        let solved = match self.solve(subset, island_timeline, pin) {
             Ok(solved) if pin.is_none() => {
-                let solved = self.without_rates(subset, own, solved);
-                self.offered(subset, own, solved)
+                let solved = self.without_rates(subset, island_timeline, solved);
+                self.offered(subset, island_timeline, solved)
             }
-            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, own, pin)) {
+            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, island_timeline, pin))
+            {
                 Some(solved) => solved,
                 None => return Err(error),
             },
@@ -320,7 +337,7 @@ impl<'a> Maker<'a> {
         check_method(self.budget, subset, &island)?;
         let first_row = self.plan.rows.len();
         let harder_at = error.and_then(|error| {
-            horizon::harder_event(&island.island_plan, &own.timeline, error.over)
+            horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.over)
         });
         let Assembled {
             island_plan,
@@ -385,13 +402,15 @@ impl<'a> Maker<'a> {
     fn solve(
         &self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         pin: Option<&Choice>,
     ) -> Result<Solved, Error> {
-        let (mut subset, mut refused_slow) = multirate::settle(subset, own, self.budget);
-        let (found, growth) = loop {
+        let (mut subset, mut refused_slow) =
+            multirate::settle(subset, island_timeline, self.budget);
+        let (solved, growth) = loop {
             let assemble = |how: How<'_>| {
-                let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
+                let island =
+                    Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
                 island
             };
@@ -403,20 +422,20 @@ impl<'a> Maker<'a> {
                 _ => Ok(None),
             };
             if judged.is_ok() {
-                let found = match pin {
+                let solved = match pin {
                     Some(pin) => pilot_result::pinned(
                         assemble(How::fine(pin.oversampling.max(1), MethodChoice::ByBudget))?,
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
-                    None => self.choose_by_pilot(&subset, own, &assemble)?,
+                    None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.
-                if found.island.island_plan.oversampling > 1 {
-                    judged = multirate::certify(&found.island, &self.allowance);
+                if solved.island.island_plan.oversampling > 1 {
+                    judged = multirate::certify(&solved.island, &self.allowance);
                 }
                 if let Ok(growth) = judged {
-                    break (found, growth);
+                    break (solved, growth);
                 }
             }
             if let Err(why) = judged {
@@ -426,14 +445,14 @@ impl<'a> Maker<'a> {
             }
         };
         let slow_error = match growth {
-            Some(_) if pin.is_none() && !own.timeline.is_open => {
+            Some(_) if pin.is_none() && !island_timeline.timeline.is_open => {
                 let known = (&self.memo, &self.allowance, self.store);
-                multirate::error(&subset, own, self.budget, &found.island, known)?
+                multirate::error(&subset, island_timeline, self.budget, &solved.island, known)?
             }
             _ => None,
         };
         Ok(Solved {
-            found,
+            found: solved,
             growth,
             slow_error,
             refused_slow,
@@ -443,12 +462,12 @@ impl<'a> Maker<'a> {
 }
 
 /// Notes on a bank which body it is of, and which of its modes.
-fn label_bank(found: &mut Found, subset: &Subset, own: &OwnTimeline) {
-    found.bank.is_open = own.timeline.is_open;
-    found.bank.kept = found.kept.numbers();
+fn label_bank(solved_bank: &mut Found, subset: &Subset, island_timeline: &OwnTimeline) {
+    solved_bank.bank.is_open = island_timeline.timeline.is_open;
+    solved_bank.bank.kept = solved_bank.kept.numbers();
     // A takeover needs normal modes.
-    let is_normal = found.kind == ModeKind::Normal;
-    found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
+    let is_normal = solved_bank.kind == ModeKind::Normal;
+    solved_bank.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
 }
 
 /// Refuses an island with a law that the method asked for by name would leave to CA.
@@ -468,8 +487,8 @@ fn check_method(budget: &Budget, subset: &Subset, island: &Assembled) -> Result<
                 | LinkKind::Pairwise(_)
         )
     };
-    let own = subset.network.runs().iter().find(law);
-    match (method.mesh_method(), own) {
+    let law_run = subset.network.runs().iter().find(law);
+    match (method.mesh_method(), law_run) {
         (Some(mesh_method), Some(run)) if !island.island_plan.bodies.iter().any(is_mesh) => {
             Err(Error::Refused {
                 module: subset.network.link_name(run.first),

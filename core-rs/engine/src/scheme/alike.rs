@@ -21,20 +21,20 @@ impl Scheme {
     /// All MATs as ranges with equal coefficients; empty if the ranges are too short to save time.
     pub(super) fn equal_ranges(&self) -> Vec<Alike> {
         let n = self.n_mat();
-        let (mut found, mut start) = (Vec::new(), 0);
+        let (mut ranges, mut start) = (Vec::new(), 0);
         while start < n {
-            if (found.len() + 1) * LEAST > n {
+            if (ranges.len() + 1) * LEAST > n {
                 return Vec::new();
             }
             let is_same = |mat: &usize| self.ties().iter().all(|all| same(all[*mat], all[start]));
             let end = start + (start..n).take_while(is_same).count();
-            found.push(Alike {
+            ranges.push(Alike {
                 mats: start..end,
                 numbers: self.ties().map(|all| all[start]),
             });
             start = end;
         }
-        found
+        ranges
     }
 
     /// A copy in which the coefficients of MATs may change: without ranges of equal ones.
@@ -50,9 +50,9 @@ impl Scheme {
         self.alike.iter().all(|alike| {
             let all = ties.iter().zip(alike.numbers);
             alike.mats.end <= self.n_mat()
-                && all.into_iter().all(|(all, one)| {
-                    let mut own = all[alike.mats.clone()].iter();
-                    own.all(|&number| same(number, one))
+                && all.into_iter().all(|(all, first_number)| {
+                    let mut numbers = all[alike.mats.clone()].iter();
+                    numbers.all(|&number| same(number, first_number))
                 })
         })
     }
@@ -84,8 +84,8 @@ mod tests {
     #[test]
     fn stretches_are_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
-        let found: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
-        assert_eq!(found, [0..100, 100..101, 101..501]);
+        let ranges: Vec<_> = scheme.alike.iter().map(|one| one.mats.clone()).collect();
+        assert_eq!(ranges, [0..100, 100..101, 101..501]);
         assert!(scheme.are_alike() && scheme.changing().alike.is_empty());
     }
 

@@ -78,11 +78,11 @@ fn weight(run: &Run, c: f64) -> f64 {
         // The stiffest law that it can become: each constant at one end of its range.
         Kind::Followed { by, rate, .. } => {
             let weights = by.corners().map(|law| law_weight(&law, *rate, c));
-            weights.fold(0.0, |most, own| {
-                if own > most || own.is_nan() {
-                    own
+            weights.fold(0.0, |greatest, weight_here| {
+                if weight_here > greatest || weight_here.is_nan() {
+                    weight_here
                 } else {
-                    most
+                    greatest
                 }
             })
         }
@@ -212,17 +212,17 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
     // (Σshare·x)² ≤ Σ|share|·Σ|share|·x², and no share of a moving proxy is above 1.
     let mut proxied_mats = Vec::new();
     for proxy in interrupt::each(&scheme.proxies) {
-        let own = sums[proxy.mat];
+        let mat_sum = sums[proxy.mat];
         if proxy.is_moving() {
             for mat in proxy.masses() {
-                sums[mat] += own;
+                sums[mat] += mat_sum;
                 proxied_mats.push(mat);
             }
         } else {
             proxy.for_each_share(
                 |_| 0.0,
                 |mat, share| {
-                    sums[mat] += own * share.abs();
+                    sums[mat] += mat_sum * share.abs();
                     proxied_mats.push(mat);
                 },
             );
@@ -237,20 +237,20 @@ fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Resul
             message: "a force on it is not a finite number at rest".to_owned(),
         });
     }
-    let at = |i: usize| sums[i] * scheme.w[i];
+    let weighted = |i: usize| sums[i] * scheme.w[i];
     let edges = joined().flat_map(|(run, _)| {
         let pairs = interrupt::steps(0..run.len).flat_map(|i| run.pairs(i));
-        pairs.map(|(a, b)| at(a) + at(b))
+        pairs.map(|(a, b)| weighted(a) + weighted(b))
     });
     // Any two points of a pairwise run may touch.
     let pairwise = links().flat_map(|(run, weight)| pairwise_weights(run, *weight));
-    let pairwise = pairwise.map(|(mat, _)| 2.0 * at(mat));
+    let pairwise = pairwise.map(|(mat, _)| 2.0 * weighted(mat));
     let ends = joined().flat_map(|(run, _)| (0..run.len).flat_map(|i| run.pairs(i)));
     let ends = ends.filter(|&(a, b)| scheme.is_proxy(a) || scheme.is_proxy(b));
     proxied_mats.extend(ends.flat_map(|(a, b)| [a, b]));
-    let proxied = proxied_mats.iter().map(|&mat| 2.0 * at(mat));
+    let proxied = proxied_mats.iter().map(|&mat| 2.0 * weighted(mat));
     Ok((0..n)
-        .map(at)
+        .map(weighted)
         .chain(edges)
         .chain(pairwise)
         .chain(proxied)
@@ -329,11 +329,11 @@ fn by_eigenvalue(
         matrix.column_mut(i).copy_from_slice(&column);
     }
     let eigen = matrix.symmetric_eigen();
-    let at = eigen.eigenvalues.imax();
+    let index = eigen.eigenvalues.imax();
     LargestEigenvalue {
-        lambda: eigen.eigenvalues[at],
+        lambda: eigen.eigenvalues[index],
         means: Means::Dense,
-        worst: worst(&|i| eigen.eigenvectors[(i, at)]),
+        worst: worst(&|i| eigen.eigenvectors[(i, index)]),
     }
 }
 
@@ -349,14 +349,14 @@ pub(crate) enum Refusal {
 /// The lowest multiple of the rate at which the scheme is stable. Springs need a factor of √(λmax/4), dampers of
 /// λmax/4, and for CELs it depends on their poles at that rate; so multiples are tried.
 fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u32 {
-    const MOST: u32 = 1 << 20;
-    let own: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
+    const MULTIPLE_MAX: u32 = 1 << 20;
+    let first_links: HashSet<usize> = scheme.runs.iter().map(|run| run.first).collect();
     let is_stable = |times: u32| {
         let Ok(rate) = Rate::new(scheme.rate * f64::from(times)) else {
             return false;
         };
         Scheme::new(network, rate).is_ok_and(|mut finer| {
-            finer.runs.retain(|run| own.contains(&run.first));
+            finer.runs.retain(|run| first_links.contains(&run.first));
             let top = top_up_to(&finer, network, 2.0, LIMIT, LIMIT);
             top.is_ok_and(|top| top.lambda < LIMIT)
         })
@@ -366,7 +366,7 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
         return high;
     }
     let mut low = high;
-    while high < MOST {
+    while high < MULTIPLE_MAX {
         high *= 2;
         if is_stable(high) {
             break;

@@ -60,20 +60,20 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 (w, ratios)
             }
             None => {
-                let own = Cell::new(m, k, z);
-                too_high.extend(above_nyquist(network, i, own.frequency(), rate));
-                (rate.step() * rate.step() / m, own.ratios(rate))
+                let cell = Cell::new(m, k, z);
+                too_high.extend(above_nyquist(network, i, cell.frequency(), rate));
+                (rate.step() * rate.step() / m, cell.ratios(rate))
             }
-            Some(at) => {
+            Some(design_rate) => {
                 // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
-                let step = at.hertz() / rate.hertz();
-                let own = Ratios {
+                let step = design_rate.hertz() / rate.hertz();
+                let cell = Ratios {
                     kappa: k / m,
                     zeta: z / m,
                 };
-                let f = own.pitch(at).map_or(0.0, |(f, _)| f);
+                let f = cell.pitch(design_rate).map_or(0.0, |(f, _)| f);
                 too_high.extend(above_nyquist(network, i, f, rate));
-                (step * step / m, at_rate(own, at, rate))
+                (step * step / m, at_rate(cell, design_rate, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
@@ -245,16 +245,16 @@ fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Er
 
 /// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
 /// z/T.
-fn at_rate(own: Ratios, at: Rate, rate: Rate) -> Ratios {
-    if at.hertz() == rate.hertz() {
-        return own;
+fn at_rate(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
+    if design_rate.hertz() == rate.hertz() {
+        return ratios;
     }
-    let step = at.hertz() / rate.hertz();
-    match own.pitch(at) {
+    let step = design_rate.hertz() / rate.hertz();
+    match ratios.pitch(design_rate) {
         Some((f, t60)) => cell::tune(f, t60.is_finite().then_some(t60), rate),
         None => Ratios {
-            kappa: own.kappa * step * step,
-            zeta: own.zeta * step,
+            kappa: ratios.kappa * step * step,
+            zeta: ratios.zeta * step,
         },
     }
 }

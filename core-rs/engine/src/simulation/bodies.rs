@@ -66,43 +66,50 @@ impl<'a> BodyCandidate<'a> {
         without: &HashSet<(UnitIndex, usize)>,
     ) -> Vec<Self> {
         let step = side.rate.step();
-        let mut found = Vec::new();
-        for (&(at, _, island_plan), _) in unmatched(&side.islands, islands) {
+        let mut candidates = Vec::new();
+        for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
             let bodies = island_plan.bodies.iter().enumerate();
-            for (index, body) in bodies.filter(|(index, _)| !without.contains(&(at, *index))) {
+            for (index, body) in bodies.filter(|(index, _)| !without.contains(&(unit, *index))) {
                 let place = Place {
-                    at,
+                    at: unit,
                     body: Some(index),
                 };
-                let (network, kept, own): (&Network, Option<_>, Vec<usize>) = match body {
-                    BodyPlan::Modal(modal) => {
-                        let kept = (&modal.kept[..], modal.turned.as_deref());
-                        (&modal.of, Some((kept, modal.rate)), Vec::new())
-                    }
-                    BodyPlan::Mesh(mesh) => {
-                        (&mesh.network, None, (0..mesh.network.n_mat()).collect())
-                    }
-                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
-                };
+                let (network, modes_kept, local_mats): (&Network, Option<_>, Vec<usize>) =
+                    match body {
+                        BodyPlan::Modal(modal) => {
+                            let modes_kept = (&modal.kept[..], modal.turned.as_deref());
+                            (&modal.of, Some((modes_kept, modal.rate)), Vec::new())
+                        }
+                        BodyPlan::Mesh(mesh) => {
+                            (&mesh.network, None, (0..mesh.network.n_mat()).collect())
+                        }
+                        BodyPlan::Slow(slow) => {
+                            (&slow.network, None, (0..slow.free.len()).collect())
+                        }
+                    };
                 let mats: Vec<usize> = match body {
                     BodyPlan::Slow(slow) => slow.free.clone(),
-                    BodyPlan::Mesh(_) => own.clone(),
+                    BodyPlan::Mesh(_) => local_mats.clone(),
                     BodyPlan::Modal(_) => moving(network),
                 };
-                let source = kept.map_or(MassSource::Masses(own), |(kept, rate)| {
-                    MassSource::Modes(network, kept, rate)
-                });
-                found.push(Self::new(place, network, &mats, source, step));
+                let source = modes_kept
+                    .map_or(MassSource::Masses(local_mats), |(modes_kept, rate)| {
+                        MassSource::Modes(network, modes_kept, rate)
+                    });
+                candidates.push(Self::new(place, network, &mats, source, step));
             }
         }
-        for (&(at, bank), _) in unmatched(&side.banks, banks) {
+        for (&(unit, bank), _) in unmatched(&side.banks, banks) {
             let Some(network) = &bank.of else { continue };
-            let place = Place { at, body: None };
-            let kept = (&bank.kept[..], bank.turned.as_deref());
-            let source = MassSource::Modes(network, kept, side.rate);
-            found.push(Self::new(place, network, &moving(network), source, step));
+            let place = Place {
+                at: unit,
+                body: None,
+            };
+            let modes_kept = (&bank.kept[..], bank.turned.as_deref());
+            let source = MassSource::Modes(network, modes_kept, side.rate);
+            candidates.push(Self::new(place, network, &moving(network), source, step));
         }
-        found
+        candidates
     }
 
     fn new(
@@ -112,13 +119,13 @@ impl<'a> BodyCandidate<'a> {
         source: MassSource<'a>,
         step: f64,
     ) -> Self {
-        let own = network.mats();
+        let network_mats = network.mats();
         Self {
             place,
             names: mats.iter().map(|&mat| network.mat_name(mat)).collect(),
             start: mats
                 .iter()
-                .map(|&mat| (own.x0[mat], own.v0[mat] * step))
+                .map(|&mat| (network_mats.x0[mat], network_mats.v0[mat] * step))
                 .collect(),
             source,
         }
@@ -128,8 +135,8 @@ impl<'a> BodyCandidate<'a> {
     fn body(self, transform: ModalTransform, workspace: &mut Workspace) -> Option<Body> {
         let first = workspace.mats.len();
         let source = match self.source {
-            MassSource::Modes(network, kept, rate) => {
-                let seen = ModeShapes::new(network, kept, rate, transform)?;
+            MassSource::Modes(network, modes_kept, rate) => {
+                let seen = ModeShapes::new(network, modes_kept, rate, transform)?;
                 let n = workspace.now.len().max(seen.n_modes());
                 workspace.now.resize(n, 0.0);
                 workspace.before.resize(n, 0.0);
@@ -169,7 +176,7 @@ pub(super) fn bodies(
     transform: ModalTransform,
     workspace: &mut Workspace,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
-    let (mut locations, mut found) = (Vec::new(), Vec::new());
+    let (mut locations, mut bodies) = (Vec::new(), Vec::new());
     for known in BodyCandidate::all(side, same, without) {
         if !known.names.iter().any(|name| wanted(name)) {
             continue;
@@ -180,9 +187,9 @@ pub(super) fn bodies(
         };
         let slots = names.into_iter().zip(body.first..);
         locations.extend(slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
-        found.push(body);
+        bodies.push(body);
     }
-    (locations, found)
+    (locations, bodies)
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.

@@ -51,20 +51,20 @@ pub(super) enum SoundSource {
 impl SoundSource {
     /// Copies the next samples to `sound`; false if they are not known or too few are left.
     fn recall(&mut self, sound: &mut [f64]) -> bool {
-        let Self::Recalled(known, at) = self else {
+        let Self::Recalled(known, position) = self else {
             return false;
         };
-        let Some(next) = known.get(*at..*at + sound.len()) else {
+        let Some(next) = known.get(*position..*position + sound.len()) else {
             return false;
         };
         sound.copy_from_slice(next);
-        *at += sound.len();
+        *position += sound.len();
         true
     }
 
     fn keep(&mut self, sound: &[f64]) {
-        if let Self::Recorded(kept) = self {
-            kept.extend_from_slice(sound);
+        if let Self::Recorded(record) = self {
+            record.extend_from_slice(sound);
         }
     }
 }
@@ -122,8 +122,8 @@ impl Group {
             }
             Unit::Bank(bank) => {
                 let strikes = bank.strikes.clone();
-                let (own, is_open) = (&bank.oscillators, bank.is_open);
-                RunningUnit::Bank(Bank::new(own, strikes, rate, UNIT_BLOCK, is_open))
+                let (oscillators, is_open) = (&bank.oscillators, bank.is_open);
+                RunningUnit::Bank(Bank::new(oscillators, strikes, rate, UNIT_BLOCK, is_open))
             }
         });
         Ok(())
@@ -148,7 +148,7 @@ impl Group {
         let units = self.units.iter_mut().zip(&mut self.sources);
         for ((running, source), unit) in units.zip(&plan.units[self.first..]) {
             let team = if running.is_shared() { self.team } else { 1 };
-            let found = ThreadTeam::with(team, |team| {
+            let new_fault = ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(UNIT_BLOCK).find_map(|from| {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
@@ -163,7 +163,7 @@ impl Group {
                 })
             });
             let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
-            fault = found.filter(is_first).or(fault);
+            fault = new_fault.filter(is_first).or(fault);
         }
         fault
     }
@@ -183,9 +183,9 @@ impl RunningUnit {
         match (self, unit) {
             (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
             (Self::Island(island), Unit::IslandPlan(island_plan)) => {
-                let own = island.n_out();
+                let n_out_here = island.n_out();
                 let n_frames = island.due_frames(done, n_frames);
-                let sound = &mut sound[..own * n_frames];
+                let sound = &mut sound[..n_out_here * n_frames];
                 if !source.recall(sound) {
                     if let Err(fault) = island.process(sound, n_frames, team) {
                         return Some(fault.in_scene(island));
@@ -193,7 +193,7 @@ impl RunningUnit {
                     source.keep(sound);
                 }
                 if !island.is_slow() {
-                    add(sound, own, island_plan, out, n_out);
+                    add(sound, n_out_here, island_plan, out, n_out);
                 }
             }
             (Self::Island(_), Unit::Bank(_)) => {}
@@ -272,13 +272,22 @@ pub(super) fn run_on_threads(
 }
 
 /// Add an island's sound (n_frames · own) to the outputs that hear it (n_frames · n_out).
-fn add(sound: &[f64], own: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
-    if n_out == 0 || own == 0 {
+fn add(
+    sound: &[f64],
+    n_island_out: usize,
+    island_plan: &IslandPlan,
+    out: &mut [f64],
+    n_out: usize,
+) {
+    if n_out == 0 || n_island_out == 0 {
         return;
     }
-    for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {
-        for (local, heard) in heard.iter().enumerate() {
-            frame[whole(&island_plan.to_whole.outputs, local)] += heard;
+    for (frame, samples) in out
+        .chunks_exact_mut(n_out)
+        .zip(sound.chunks_exact(n_island_out))
+    {
+        for (local, samples) in samples.iter().enumerate() {
+            frame[whole(&island_plan.to_whole.outputs, local)] += samples;
         }
     }
 }

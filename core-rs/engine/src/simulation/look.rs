@@ -119,10 +119,10 @@ impl Look {
     fn of(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
         let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
-        for (at, unit) in plan.units.iter().enumerate() {
+        for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
-                Unit::IslandPlan(island) => maker.island(at, island),
-                Unit::Bank(bank) => maker.bank(at, bank),
+                Unit::IslandPlan(island) => maker.island(unit_index, island),
+                Unit::Bank(bank) => maker.bank(unit_index, bank),
             }
         }
         maker.finish(plan.clone())
@@ -158,12 +158,12 @@ impl Simulation {
     pub fn written(&self, timeline: &Timeline) -> Vec<Record> {
         let network = &*self.plan.network;
         let mass = |mat: u32| {
-            let own = network.mats().m[mat as usize];
+            let mass_now = network.mats().m[mat as usize];
             let part = network
                 .parts()
                 .get(network.mats().part[mat as usize] as usize);
             let rate = part.and_then(|part| part.ca_rate).map_or(1.0, Rate::hertz);
-            own / (rate * rate)
+            mass_now / (rate * rate)
         };
         let strikes = timeline.strikes.iter().map(|strike| {
             let (struck, mat) = (mass(strike.mat), strike.mat as usize);
@@ -203,8 +203,8 @@ impl Simulation {
                     let Source::Bank(pairs) = source else {
                         continue;
                     };
-                    for &(own, track) in pairs {
-                        let motion = bank.motion(own as usize);
+                    for &(index, track) in pairs {
+                        let motion = bank.motion(index as usize);
                         (now[track as usize], before[track as usize]) = motion;
                     }
                 }
@@ -242,26 +242,26 @@ impl Simulation {
 impl Simulation {
     /// The running unit of this index in the plan.
     fn running(&self, unit: usize) -> &RunningUnit {
-        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
-        &self.groups[at].units[unit - self.groups[at].first]
+        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
+        &self.groups[group_index].units[unit - self.groups[group_index].first]
     }
 
     fn running_mut(&mut self, unit: usize) -> &mut RunningUnit {
-        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
-        let group = &mut self.groups[at];
+        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
+        let group = &mut self.groups[group_index];
         &mut group.units[unit - group.first]
     }
 
     /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
-        let most = look
+        let sparks = look
             .played
             .iter()
             .map(|(unit, _)| match self.running(*unit) {
                 RunningUnit::Island(island) => island.sparks_max(),
                 RunningUnit::Bank(_) => 0,
             });
-        most.sum()
+        sparks.sum()
     }
 
     /// Calls `tell` for the ergons of written gestures since the last call, as they are drawn. A throw or a grain is
@@ -307,22 +307,22 @@ impl Source {
         match self {
             Self::Masses(all) => {
                 let (x, step) = (island.positions(), island.steps());
-                for &(own, track, rest) in all {
-                    now[track as usize] = then(x[own as usize], step[own as usize]) - rest;
+                for &(index, track, rest) in all {
+                    now[track as usize] = then(x[index as usize], step[index as usize]) - rest;
                 }
             }
             Self::Mesh(body, all) => {
                 if let Some(RunningBody::Mesh(mesh)) = island.bodies().get(*body) {
-                    for &(own, track, rest) in all {
-                        let (x, step) = mesh.motion(own as usize);
+                    for &(index, track, rest) in all {
+                        let (x, step) = mesh.motion(index as usize);
                         now[track as usize] = then(x, step) - rest;
                     }
                 }
             }
             Self::Slow(body, all) => {
                 if let Some(RunningBody::Slow(slow)) = island.bodies().get(*body) {
-                    for &(own, track, rest) in all {
-                        let (x, step) = slow.motion(own as usize);
+                    for &(index, track, rest) in all {
+                        let (x, step) = slow.motion(index as usize);
                         now[track as usize] = then(x, step) - rest;
                     }
                 }
@@ -337,10 +337,10 @@ impl Source {
                             return;
                         }
                         (now[track], before[track]) = if island.is_slow() {
-                            let own = look.oscillation(track);
-                            let phase = own.phase(x, was, step);
-                            let at = |t: f64| own.later(phase, t).0;
-                            (at(since), at(since - 1.0 / rate))
+                            let index = look.oscillation(track);
+                            let phase = index.phase(x, was, step);
+                            let position = |t: f64| index.later(phase, t).0;
+                            (position(since), position(since - 1.0 / rate))
                         } else {
                             (x, was)
                         };

@@ -33,9 +33,9 @@ impl ReachableNetwork {
         every: u32,
         ticks: [usize; 2],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let found = self.response_in_steps(rate, every, 1, ticks)?;
-        if found.is_some() || self.is_discrete() {
-            return Ok(found);
+        let response = self.response_in_steps(rate, every, 1, ticks)?;
+        if response.is_some() || self.is_discrete() {
+            return Ok(response);
         }
         // A performance computes frames that are too stiff in finer steps as well.
         match Scheme::new(&self.network, rate)?.certify(&self.network) {
@@ -49,8 +49,8 @@ impl ReachableNetwork {
     /// Whether the network is defined at its rate (algorithmic parts), so that finer steps would change it.
     fn is_discrete(&self) -> bool {
         let parts = self.network.parts();
-        let of = &self.network.mats().part;
-        of.iter().any(|&part| {
+        let mat_parts = &self.network.mats().part;
+        mat_parts.iter().any(|&part| {
             parts
                 .get(part as usize)
                 .is_some_and(|part| part.ca_rate.is_some())
@@ -87,27 +87,32 @@ impl ReachableNetwork {
         let plan = Plan::plain(network, &timeline, true)?;
         let mut simulation = Simulation::planned(Arc::new(plan), options)?;
         let frames = u64::from(every * steps);
-        let [least, most] = ticks;
-        let most = most.min(WORK_MAX / self.network.n_mat().max(1)).max(least);
-        let mut felt = Vec::with_capacity(most);
+        let [least, ticks_max] = ticks;
+        let ticks_max = ticks_max
+            .min(WORK_MAX / self.network.n_mat().max(1))
+            .max(least);
+        let mut response = Vec::with_capacity(ticks_max);
         // Faults are muted.
         let _ = simulation.skip(frames);
-        while felt.len() < least || (felt.len() < most && rings(&felt)) {
-            for _ in 0..least.min(most - felt.len()) {
+        while response.len() < least || (response.len() < ticks_max && rings(&response)) {
+            for _ in 0..least.min(ticks_max - response.len()) {
                 let _ = simulation.skip(frames);
-                felt.push(-simulation.felt(0) / DISPLACEMENT);
+                response.push(-simulation.felt(0) / DISPLACEMENT);
             }
         }
-        let is_whole = simulation.n_muted() == 0 && felt.iter().all(|force| force.is_finite());
-        Ok(is_whole.then_some(felt))
+        let is_whole = simulation.n_muted() == 0 && response.iter().all(|force| force.is_finite());
+        Ok(is_whole.then_some(response))
     }
 }
 
 /// Whether the last quarter of a response still holds a force above `DECAYED` of the largest after the first two ticks.
-fn rings(felt: &[f64]) -> bool {
-    let most = |part: &[f64]| part.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
-    let end = felt.len() - felt.len() / 4;
-    felt.len() > 2 && most(&felt[end..]) > DECAYED * most(&felt[2..])
+fn rings(response: &[f64]) -> bool {
+    let greatest = |part: &[f64]| {
+        part.iter()
+            .fold(0.0, |greatest, x| f64::max(greatest, x.abs()))
+    };
+    let end = response.len() - response.len() / 4;
+    response.len() > 2 && greatest(&response[end..]) > DECAYED * greatest(&response[2..])
 }
 
 #[cfg(test)]
@@ -191,22 +196,22 @@ mod tests {
         };
         let mut other = Network::new();
         other.part("keys", None);
-        let own = other.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let key = other.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let tie = Tie::Physical { k: 10.0, z: 0.3 };
         let m = other.cel("m", 0.02, tie, 0.0, 0.0, 0.0).unwrap();
         let b = other.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let n = other.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
-        other.spring("am", own, m, 300.0, 0.1, 0.0).unwrap();
-        other.spring("ab", own, b, 1_500.0, 0.0, 0.0).unwrap();
+        other.spring("am", key, m, 300.0, 0.1, 0.0).unwrap();
+        other.spring("ab", key, b, 1_500.0, 0.0, 0.0).unwrap();
         other.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
-        let (found, expected) = (
+        let (answered, expected) = (
             response(&network, a, &moment),
-            response(&other, own, &NetworkMoment::default()),
+            response(&other, key, &NetworkMoment::default()),
         );
-        for (found, expected) in found.iter().zip(&expected) {
-            assert!((found - expected).abs() < 1e-6 * expected.abs() + 1e-9);
+        for (answered, expected) in answered.iter().zip(&expected) {
+            assert!((answered - expected).abs() < 1e-6 * expected.abs() + 1e-9);
         }
-        assert_ne!(found, response(&network, a, &NetworkMoment::default()));
+        assert_ne!(answered, response(&network, a, &NetworkMoment::default()));
     }
 
     /// The same numbers give the same bytes; a change of any number changes the bytes.
@@ -214,13 +219,13 @@ mod tests {
     fn numbers_tell_networks_apart() {
         let (network, [a, _, b, ..]) = scene();
         let plain = NetworkMoment::default();
-        let of = |moment: &NetworkMoment| {
+        let key_of = |moment: &NetworkMoment| {
             network
                 .reachable_network(a, moment, 1e-3, RATE)
                 .network
                 .numbers()
         };
-        assert_eq!(of(&plain), of(&plain));
+        assert_eq!(key_of(&plain), key_of(&plain));
         let softer = NetworkMoment {
             factors: vec![(2, 0.5)],
             ..NetworkMoment::default()
@@ -229,8 +234,8 @@ mod tests {
             held: vec![b],
             ..NetworkMoment::default()
         };
-        assert_ne!(of(&plain), of(&softer));
-        assert_ne!(of(&plain), of(&held));
+        assert_ne!(key_of(&plain), key_of(&softer));
+        assert_ne!(key_of(&plain), key_of(&held));
     }
 
     /// With its contacts closed, this network needs finer steps than a frame.
@@ -241,9 +246,9 @@ mod tests {
         let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
         let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
         network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
-        let felt = response(&network, a, &NetworkMoment::default());
+        let forces = response(&network, a, &NetworkMoment::default());
         // In the end the mass moves with the key, and only the spring of its own tie pushes back.
-        let sum: f64 = felt.iter().sum();
+        let sum: f64 = forces.iter().sum();
         assert!((sum - 60.0).abs() < 10.0, "{sum}");
     }
 }

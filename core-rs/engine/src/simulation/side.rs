@@ -66,8 +66,8 @@ pub(super) fn mat_locations(
     side: &Side<'_>,
     [islands, banks]: [&[bool]; 2],
 ) -> Vec<(String, MatLocation)> {
-    let mut found = Vec::new();
-    for (&(at, _, island_plan), _) in unmatched(&side.islands, islands) {
+    let mut locations = Vec::new();
+    for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
         let mut ports: Vec<usize> = island_plan
             .bodies
             .iter()
@@ -76,21 +76,21 @@ pub(super) fn mat_locations(
         ports.sort_unstable();
         let kinds = island_plan.network.mats().kind.iter().enumerate();
         let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
-        found.extend(free.map(|(mat, _)| {
+        locations.extend(free.map(|(mat, _)| {
             (
                 island_plan.network.mat_name(mat),
-                MatLocation::Island(at, mat),
+                MatLocation::Island(unit, mat),
             )
         }));
     }
-    for (&(at, bank), _) in unmatched(&side.banks, banks) {
+    for (&(unit, bank), _) in unmatched(&side.banks, banks) {
         let mats = bank.mats.iter().enumerate();
-        found.extend(mats.map(|(own, &(mat, rest))| {
+        locations.extend(mats.map(|(index, &(mat, rest))| {
             (
                 side.network.mat_name(mat as usize),
-                MatLocation::Bank(at, own, rest),
+                MatLocation::Bank(unit, index, rest),
             )
         }));
     }
-    found
+    locations
 }

@@ -90,11 +90,11 @@ impl Simulation {
     /// [`Fault`] with the part that becomes non-finite.
     pub fn advance(&mut self, island: &StorableIsland, n_frames: usize) -> Result<Vec<f64>, Fault> {
         let team = self.threads;
-        let Some(own) = self.island(island) else {
+        let Some(running) = self.island(island) else {
             return Ok(Vec::new());
         };
-        let n_out = own.n_out();
-        let team = if own.is_shared() { team } else { 1 };
+        let n_out = running.n_out();
+        let team = if running.is_shared() { team } else { 1 };
         let mut sound = vec![0.0; n_out * n_frames];
         flushed(|| {
             ThreadTeam::with(team, |team| {
@@ -102,17 +102,17 @@ impl Simulation {
                     interrupt::poll();
                     let n_frames = UNIT_BLOCK.min(n_frames - from);
                     let out = &mut sound[n_out * from..n_out * (from + n_frames)];
-                    own.process(out, n_frames, team)
+                    running.process(out, n_frames, team)
                 })
             })
         })
-        .map_err(|fault| fault.in_scene(own))?;
+        .map_err(|fault| fault.in_scene(running))?;
         Ok(sound)
     }
 
     fn group(&mut self, unit: usize) -> (&mut Group, usize) {
-        let at = self.groups.partition_point(|group| group.first <= unit) - 1;
-        let group = &mut self.groups[at];
+        let group_index = self.groups.partition_point(|group| group.first <= unit) - 1;
+        let group = &mut self.groups[group_index];
         let place = unit - group.first;
         (group, place)
     }

@@ -83,10 +83,10 @@ impl Takeover {
         // The first MAT of several islands may be the same imposed point, such as a hand's key: one name, several
         // candidates.
         let mut by_name: HashMap<String, Vec<usize>> = HashMap::new();
-        for (at, (_, _, island_plan)) in there.islands.iter().enumerate() {
-            by_name.entry(first(island_plan)).or_default().push(at);
+        for (unit, (_, _, island_plan)) in there.islands.iter().enumerate() {
+            by_name.entry(first(island_plan)).or_default().push(unit);
         }
-        for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
+        for (unit, &(to, _, island_plan)) in here.islands.iter().enumerate() {
             let mut candidates = by_name.get(&first(island_plan)).into_iter().flatten();
             let is_same = |&&before: &&usize| {
                 !same[0][before] && are_same_islands(island_plan, there.islands[before].2)
@@ -94,7 +94,7 @@ impl Takeover {
             let Some(&before) = candidates.find(is_same) else {
                 continue;
             };
-            (same[0][before], same[1][at]) = (true, true);
+            (same[0][before], same[1][unit]) = (true, true);
             self.units.push((there.islands[before].0, to));
         }
         same
@@ -114,9 +114,9 @@ impl Takeover {
             };
         let all = there.banks.iter().enumerate();
         let by_name: HashMap<String, usize> = all
-            .map(|(at, (_, bank))| (first(there, bank), at))
+            .map(|(unit, (_, bank))| (first(there, bank), unit))
             .collect();
-        for (at, &(to, bank)) in here.banks.iter().enumerate() {
+        for (unit, &(to, bank)) in here.banks.iter().enumerate() {
             let Some(&before) = by_name.get(&first(here, bank)) else {
                 continue;
             };
@@ -144,7 +144,7 @@ impl Takeover {
             } else {
                 continue;
             }
-            (same[0][before], same[1][at]) = (true, true);
+            (same[0][before], same[1][unit]) = (true, true);
         }
         same
     }
@@ -152,8 +152,8 @@ impl Takeover {
     /// Finds bodies that are the same, in islands that are not.
     fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
         for (&(to, _, island_plan), _) in unmatched(&here.islands, &same[1]) {
-            let mut found = false;
-            for (own, body) in island_plan.bodies.iter().enumerate() {
+            let mut is_matched = false;
+            for (body_index, body) in island_plan.bodies.iter().enumerate() {
                 let before =
                     unmatched(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
                         let same = |their: &crate::island::inside::BodyPlan| {
@@ -163,11 +163,12 @@ impl Takeover {
                         Some((from, other.bodies.iter().position(same)?))
                     });
                 if let Some((from, their)) = before {
-                    self.items.push((from, to, ItemTakeover::Body(their, own)));
-                    found = true;
+                    self.items
+                        .push((from, to, ItemTakeover::Body(their, body_index)));
+                    is_matched = true;
                 }
             }
-            if found {
+            if is_matched {
                 self.placed.push(to);
             }
         }
@@ -176,15 +177,15 @@ impl Takeover {
     /// Finds links with memory in islands that are not the same, by link name; links of one name are matched by their
     /// order.
     fn memory(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let found =
+        let links_by_name =
             |side: &Side<'_>, same: &[bool]| -> Vec<((String, usize), (UnitIndex, usize))> {
                 let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let links = others.flat_map(|(&(at, _, island_plan), _)| {
+                let links = others.flat_map(|(&(unit, _, island_plan), _)| {
                     let network = &island_plan.network;
                     let runs = network.runs().iter();
-                    let own = runs.filter(|run| run.kind.remembers());
-                    let links = own.flat_map(|run| run.first..run.first + run.len);
-                    links.map(move |link| (network.link_name(link), (at, link)))
+                    let remembering = runs.filter(|run| run.kind.remembers());
+                    let links = remembering.flat_map(|run| run.first..run.first + run.len);
+                    links.map(move |link| (network.link_name(link), (unit, link)))
                 });
                 let mut known: HashMap<String, usize> = HashMap::new();
                 let numbered = links.map(|(name, place)| {
@@ -194,11 +195,11 @@ impl Takeover {
                 });
                 numbered.collect()
             };
-        let by_name: HashMap<_, _> = found(there, &islands[0]).into_iter().collect();
-        for (name, (to, own)) in found(here, &islands[1]) {
+        let by_name: HashMap<_, _> = links_by_name(there, &islands[0]).into_iter().collect();
+        for (name, (to, remembering)) in links_by_name(here, &islands[1]) {
             if let Some(&(from, their)) = by_name.get(&name) {
                 self.items
-                    .push((from, to, ItemTakeover::Memory(their, own)));
+                    .push((from, to, ItemTakeover::Memory(their, remembering)));
             }
         }
     }
@@ -206,24 +207,24 @@ impl Takeover {
     /// Finds contacts of all pairs, in islands that are not the same, whose history of sliding continues: matched by
     /// link name and by the numbers of points.
     fn histories(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2]) {
-        let found =
+        let contact_runs =
             |side: &Side<'_>, same: &[bool]| -> HashMap<(String, [usize; 2]), (UnitIndex, usize)> {
                 let others = side.islands.iter().zip(same).filter(|(_, same)| !**same);
-                let runs = others.flat_map(|(&(at, _, island_plan), _)| {
+                let runs = others.flat_map(|(&(unit, _, island_plan), _)| {
                     let network = &island_plan.network;
                     network.runs().iter().filter_map(move |run| {
                         let pairs = run.pairwise()?.pairs;
                         let counts = [pairs.n_first, run.len];
-                        Some(((network.link_name(run.first), counts), (at, run.first)))
+                        Some(((network.link_name(run.first), counts), (unit, run.first)))
                     })
                 });
                 runs.collect()
             };
-        let before = found(there, &islands[0]);
-        for (name, (to, own)) in found(here, &islands[1]) {
+        let before = contact_runs(there, &islands[0]);
+        for (name, (to, run_index)) in contact_runs(here, &islands[1]) {
             if let Some(&(from, their)) = before.get(&name) {
                 self.items
-                    .push((from, to, ItemTakeover::History(their, own)));
+                    .push((from, to, ItemTakeover::History(their, run_index)));
             }
         }
     }
@@ -303,7 +304,13 @@ fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.
-fn have_same_poles(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
+fn have_same_poles(
+    oscillators: &[crate::bank::Oscillator],
+    other: &[crate::bank::Oscillator],
+) -> bool {
     let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
-    own.iter().map(numbers).eq(other.iter().map(numbers))
+    oscillators
+        .iter()
+        .map(numbers)
+        .eq(other.iter().map(numbers))
 }

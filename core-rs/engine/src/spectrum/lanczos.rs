@@ -35,7 +35,7 @@ pub(crate) fn largest(n: usize, apply: Apply<'_>) -> Largest {
 
 /// As [`largest`], but stops as soon as the largest eigenvalue is known to be at least `beyond`.
 pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest {
-    let most = STEPS_MAX.min(n).min((STORED_MAX / n.max(1)).max(8));
+    let steps_max = STEPS_MAX.min(n).min((STORED_MAX / n.max(1)).max(8));
     let mut next = start_vector(n, 0);
     normalise(&mut next);
     let mut basis: Vec<Vec<f64>> = Vec::new();
@@ -52,7 +52,7 @@ pub(crate) fn largest_up_to(n: usize, apply: Apply<'_>, beyond: f64) -> Largest 
         let steps = basis.len();
         // Only rounding is left: the Krylov space of the start vector is exhausted.
         let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
-        let last = exhausted || steps == most;
+        let last = exhausted || steps == steps_max;
         if last || steps.is_multiple_of(CHECK_EVERY) {
             let beta = if exhausted { 0.0 } else { beta };
             let (theta, s) = jacobi::largest(tridiagonal(&alphas, &betas));

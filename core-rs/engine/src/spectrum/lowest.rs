@@ -102,7 +102,7 @@ impl Tridiagonal {
     fn build(start: &[f64], apply: Apply<'_>, null: &[Vec<f64>]) -> Self {
         let n = start.len();
         // In exact arithmetic n steps span the whole space; loss of orthogonality costs a few times as many.
-        let most = 4 * n + 100;
+        let steps_max = 4 * n + 100;
         let (mut q, mut before, mut image) = (start.to_vec(), vec![0.0; n], vec![0.0; n]);
         let mut tridiagonal = Self {
             alphas: Vec::new(),
@@ -119,11 +119,11 @@ impl Tridiagonal {
             tridiagonal.scale = f64::max(tridiagonal.scale, alpha.abs() + beta);
             let steps = tridiagonal.alphas.len();
             let exhausted = beta <= 1e-13 * tridiagonal.scale;
-            if exhausted || steps as f64 >= next_check || steps == most {
+            if exhausted || steps as f64 >= next_check || steps == steps_max {
                 next_check *= CHECK_RATIO;
                 let theta = tridiagonal.lowest_pair();
                 let residual = (beta * tridiagonal.lowest[steps - 1]).abs();
-                if exhausted || residual <= 0.5 * CONVERGED * theta || steps == most {
+                if exhausted || residual <= 0.5 * CONVERGED * theta || steps == steps_max {
                     return tridiagonal;
                 }
             }

@@ -79,12 +79,12 @@ impl Graph {
         let mut adjacent = self.neighbours(pivot);
         self.weight[p] = 0;
         let size: u32 = adjacent.iter().map(|&i| self.weight[i as usize]).sum();
-        let own = self.stamp;
+        let stamp = self.stamp;
         for &i in &adjacent {
             for &e in &self.elements[i as usize] {
                 let (outside, when) = &mut self.outside[e as usize];
-                if *when != own {
-                    (*outside, *when) = (self.size[e as usize], own);
+                if *when != stamp {
+                    (*outside, *when) = (self.size[e as usize], stamp);
                 }
                 if self.is_alive[e as usize] {
                     *outside -= self.weight[i as usize];
@@ -106,7 +106,7 @@ impl Graph {
                 stays
             });
             let (weight, seen) = (&self.weight, &self.seen);
-            self.nodes[i].retain(|&j| weight[j as usize] > 0 && seen[j as usize] != own);
+            self.nodes[i].retain(|&j| weight[j as usize] > 0 && seen[j as usize] != stamp);
             let others = size - weight[i];
             let apart = self.elements[i]
                 .iter()
@@ -140,8 +140,8 @@ impl Graph {
         let (stamp, weight, seen) = (self.stamp, &self.weight, &mut self.seen);
         seen[pivot as usize] = stamp;
         let mut adjacent = Vec::new();
-        let mut add_unseen = |of: Vec<u32>| {
-            for j in of {
+        let mut add_unseen = |nodes: Vec<u32>| {
+            for j in nodes {
                 if weight[j as usize] > 0 && seen[j as usize] != stamp {
                     seen[j as usize] = stamp;
                     adjacent.push(j);
@@ -160,12 +160,12 @@ impl Graph {
     fn merge(&mut self, alike: &mut [(u64, u32)]) {
         alike.sort_unstable();
         for group in alike.chunk_by(|a, b| a.0 == b.0) {
-            for (at, &(_, node)) in group.iter().enumerate() {
+            for (index, &(_, node)) in group.iter().enumerate() {
                 let i = node as usize;
                 if self.weight[i] == 0 {
                     continue;
                 }
-                for &(_, other) in &group[at + 1..] {
+                for &(_, other) in &group[index + 1..] {
                     let j = other as usize;
                     let is_same = self.weight[j] > 0
                         && same(&mut self.elements, i, j)
@@ -193,16 +193,16 @@ impl Graph {
                 parts[into as usize].push(i as u32);
             }
         }
-        let mut found = Vec::with_capacity(n);
+        let mut order = Vec::with_capacity(n);
         let mut waiting = Vec::new();
         for &pivot in pivots {
             waiting.push(pivot);
             while let Some(node) = waiting.pop() {
-                found.push(node);
+                order.push(node);
                 waiting.extend(&parts[node as usize]);
             }
         }
-        found
+        order
     }
 }
 
@@ -237,15 +237,15 @@ impl Buckets {
     }
 
     fn insert(&mut self, node: u32, degree: u32) {
-        let (i, at) = (node as usize, degree as usize);
+        let (i, bucket) = (node as usize, degree as usize);
         self.degree[i] = degree;
-        let after = self.head[at];
+        let after = self.head[bucket];
         (self.next[i], self.before[i]) = (after, NONE);
         if after != NONE {
             self.before[after as usize] = node;
         }
-        self.head[at] = node;
-        self.least = self.least.min(at);
+        self.head[bucket] = node;
+        self.least = self.least.min(bucket);
     }
 
     fn remove(&mut self, node: u32) {

@@ -110,12 +110,12 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
         if modes.len() <= count {
             continue;
         }
-        let at = (count..modes.len())
+        let index = (count..modes.len())
             .find(|&i| distance(&modes[i]) - distance(&modes[i - 1]) > GAP * shift);
-        let Some(at) = at else { continue };
-        let radius = 0.5 * (distance(&modes[at]) + distance(&modes[at - 1]));
+        let Some(index) = index else { continue };
+        let radius = 0.5 * (distance(&modes[index]) + distance(&modes[index - 1]));
         let inside = n_below(springs, shift + radius) - n_below(springs, shift - radius);
-        is_counted = inside == at;
+        is_counted = inside == index;
     }
     modes.truncate(count);
     sort(&mut modes);
@@ -157,22 +157,22 @@ fn separator(modes: &[Mode], count: usize) -> Option<f64> {
         .map(middle)
 }
 
-/// The modes that one Lanczos run finds outside the span of `found`: from the nearest to the shift up to the first that
+/// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the first that
 /// has not converged.
 fn lanczos(
     springs: &Springs,
     factor: &Factor<'_, f64>,
-    found: &[Mode],
+    modes_known: &[Mode],
     wanted: usize,
     run: usize,
 ) -> Vec<Mode> {
     let n = springs.n();
-    let free = n - found.len();
-    let most = (4 * wanted + 80).min(free);
+    let free = n - modes_known.len();
+    let steps_max = (4 * wanted + 80).min(free);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let project_out = |x: &mut [f64]| {
-        for mode in found {
+        for mode in modes_known {
             let along = dot(&mode.vector, x);
             add(-along, &mode.vector, x);
         }
@@ -204,10 +204,11 @@ fn lanczos(
         scale = scale.max(alpha.abs() + beta);
         let steps = basis.len();
         let is_whole = steps == free || beta <= 1e-14 * scale;
-        if is_whole || steps == most || (steps >= wanted && steps.is_multiple_of(CHECK_EVERY)) {
+        if is_whole || steps == steps_max || (steps >= wanted && steps.is_multiple_of(CHECK_EVERY))
+        {
             let beta = if steps == free { 0.0 } else { beta };
             let (pairs, is_limited) = converged_pairs(&alphas, &betas, beta);
-            if is_whole || is_limited || steps == most || pairs.len() >= wanted {
+            if is_whole || is_limited || steps == steps_max || pairs.len() >= wanted {
                 break pairs;
             }
         }

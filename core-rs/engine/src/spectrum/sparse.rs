@@ -71,7 +71,7 @@ impl Pattern {
         for (k, &i) in order.iter().enumerate() {
             position[i as usize] = k as u32;
         }
-        let mut own = Self {
+        let mut pattern = Self {
             first,
             columns,
             order,
@@ -79,8 +79,8 @@ impl Pattern {
             parent: vec![NONE; n],
             column_starts: Vec::new(),
         };
-        own.build_elimination_tree();
-        own
+        pattern.build_elimination_tree();
+        pattern
     }
 
     pub(crate) fn n(&self) -> usize {
@@ -151,18 +151,18 @@ impl Values<f64> {
 impl<T: Scalar> Values<T> {
     /// Combines two matrices of one pattern element by element with `make`, and adds `more` to the diagonal.
     pub(crate) fn of<U: Copy>(
-        one: &Values<U>,
+        first: &Values<U>,
         other: &Values<U>,
         more: T,
         make: impl Fn(U, U) -> T,
     ) -> Self {
         let each =
             |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
-        let mut diagonal = each(&one.diagonal, &other.diagonal);
+        let mut diagonal = each(&first.diagonal, &other.diagonal);
         diagonal.iter_mut().for_each(|x| *x = *x + more);
         Self {
             diagonal,
-            off_diagonal: each(&one.off_diagonal, &other.off_diagonal),
+            off_diagonal: each(&first.off_diagonal, &other.off_diagonal),
         }
     }
 
@@ -203,13 +203,13 @@ impl<'a, T: Scalar> Factor<'a, T> {
             }
             seen[k] = k as u32;
             reach.clear();
-            let own = pattern.order[k] as usize;
-            for at in pattern.first[own]..pattern.first[own + 1] {
-                let start = pattern.position[pattern.columns[at] as usize] as usize;
+            let original = pattern.order[k] as usize;
+            for entry in pattern.first[original]..pattern.first[original + 1] {
+                let start = pattern.position[pattern.columns[entry] as usize] as usize;
                 if start >= k {
                     continue;
                 }
-                row[start] = row[start] + matrix.off_diagonal[at];
+                row[start] = row[start] + matrix.off_diagonal[entry];
                 let mut i = start;
                 while seen[i] != k as u32 {
                     seen[i] = k as u32;
@@ -219,7 +219,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 // Nearest to the root first. Read from the end, each column comes before those that it changes.
                 reach.extend(path.drain(..).rev());
             }
-            let mut pivot = matrix.diagonal[own] - shift;
+            let mut pivot = matrix.diagonal[original] - shift;
             for &i in reach.iter().rev() {
                 let i = i as usize;
                 let value = row[i];
@@ -255,18 +255,18 @@ impl<'a, T: Scalar> Factor<'a, T> {
         let mut x: Vec<T> = pattern.order.iter().map(|&i| right[i as usize]).collect();
         for k in 0..x.len() {
             let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
-            let own = x[k];
+            let value = x[k];
             for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
-                x[row as usize] = x[row as usize] - l * own;
+                x[row as usize] = x[row as usize] - l * value;
             }
         }
         for k in (0..x.len()).rev() {
             let column = pattern.column_starts[k]..pattern.column_starts[k + 1];
-            let mut own = x[k] / self.pivots[k];
+            let mut value = x[k] / self.pivots[k];
             for (&row, &l) in self.rows[column.clone()].iter().zip(&self.values[column]) {
-                own = own - l * x[row as usize];
+                value = value - l * x[row as usize];
             }
-            x[k] = own;
+            x[k] = value;
         }
         pattern.position.iter().map(|&k| x[k as usize]).collect()
     }

@@ -57,8 +57,8 @@ impl Springs {
     pub(crate) fn factor(&self, shift: &mut f64) -> Factor<'_, f64> {
         let step = 1e-13 * f64::max(shift.abs(), 1e-3 * self.scale());
         loop {
-            if let Some(found) = Factor::new(&self.pattern, &self.values, *shift) {
-                return found;
+            if let Some(factor) = Factor::new(&self.pattern, &self.values, *shift) {
+                return factor;
             }
             *shift += step;
         }
@@ -77,13 +77,13 @@ impl Springs {
     /// A lower bound of all eigenvalues, at most 0 (Gershgorin).
     pub(crate) fn bottom(&self) -> f64 {
         let mut least = vec![0.0; self.n()];
-        for &((a, at), other, k) in &self.each {
+        for &((a, lever), other, k) in &self.each {
             let Some((b, there)) = other else {
-                least[a] += k * at * at;
+                least[a] += k * lever * lever;
                 continue;
             };
-            let across = (k * at * there).abs();
-            least[a] += k * at * at - across;
+            let across = (k * lever * there).abs();
+            least[a] += k * lever * lever - across;
             least[b] += k * there * there - across;
         }
         least.into_iter().fold(0.0, f64::min)
@@ -99,11 +99,11 @@ pub(crate) fn pairs(each: &[Spring]) -> impl Iterator<Item = (usize, usize)> {
 /// The matrix of springs on a pattern.
 pub(crate) fn values(pattern: &Pattern, each: &[Spring]) -> Values<f64> {
     let mut values = Values::new(pattern);
-    for &((a, at), other, k) in each {
-        values.diagonal[a] += k * at * at;
+    for &((a, lever), other, k) in each {
+        values.diagonal[a] += k * lever * lever;
         if let Some((b, there)) = other {
             values.diagonal[b] += k * there * there;
-            values.add(pattern, a, b, -k * at * there);
+            values.add(pattern, a, b, -k * lever * there);
         }
     }
     values

@@ -40,16 +40,16 @@ impl ContactHistory {
 
     /// The pairs (first point, second point) and their anchors [m], in order.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = ([u32; 2], [f64; 3])> + '_ {
-        let of = |pair: &Anchored| ([pair.first, pair.second], pair.anchor);
-        self.pairs.iter().map(of)
+        let anchored = |pair: &Anchored| ([pair.first, pair.second], pair.anchor);
+        self.pairs.iter().map(anchored)
     }
 
     /// The anchor of a pair [m], if it touches.
     pub(crate) fn find(&self, [first, second]: [u32; 2]) -> Option<[f64; 3]> {
-        let found = self
+        let index = self
             .pairs
             .binary_search_by_key(&(first, second), |pair| (pair.first, pair.second));
-        found.ok().map(|at| self.pairs[at].anchor)
+        index.ok().map(|at| self.pairs[at].anchor)
     }
 
     /// Begin a pass over all pairs that touch, in the order of their indices.
@@ -63,8 +63,8 @@ impl ContactHistory {
         let is_before = |pair: &&Anchored| (pair.first, pair.second) < (first, second);
         let passed = self.pairs[self.cursor..].iter().take_while(is_before);
         self.cursor += passed.count();
-        let found = self.pairs.get(self.cursor)?;
-        (found.first == first && found.second == second).then_some(found.anchor)
+        let anchored = self.pairs.get(self.cursor)?;
+        (anchored.first == first && anchored.second == second).then_some(anchored.anchor)
     }
 
     /// Store the anchor of a pair that touches.

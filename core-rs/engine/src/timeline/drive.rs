@@ -118,7 +118,7 @@ impl Drive {
             DriveKind::Position => {
                 let x = match &self.source {
                     // The best known value: a device's position arrives at the beginning of a frame.
-                    Source::Hand(Hand { way, .. }) => match way {
+                    Source::Hand(Hand { way: mode, .. }) => match mode {
                         HandWay::Hold => body.x[self.mat],
                         HandWay::Line => body.x[self.mat] + body.d[self.mat],
                     },

@@ -150,13 +150,13 @@ impl GateContinuation {
 
     /// Factor of a gate at frame `n`, with its continuation, if it has one.
     pub(crate) fn open(continuation: Option<&Self>, gate: &Gate, n: u64) -> f64 {
-        let own = gate.open(n);
+        let opening = gate.open(n);
         match continuation {
             Some(continuation) if n < continuation.since + gate.fade => {
                 let share = gate.ramp(n, continuation.since);
-                continuation.from + (own - continuation.from) * share
+                continuation.from + (opening - continuation.from) * share
             }
-            _ => own,
+            _ => opening,
         }
     }
 }

@@ -112,12 +112,14 @@ impl Timeline {
             let (m, k, z) = (mats.m[mat], mats.k[mat], mats.z[mat]);
             let sigma = 0.5 * z / m;
             let square = (k / m - sigma * sigma).max(0.0);
-            let own = points.iter().map(|&(at, [of_square, of_sigma])| {
-                let sigma = of_sigma * sigma;
-                let k = m * (of_square * square + sigma * sigma);
-                (at, [k, 2.0 * m * sigma, m])
-            });
-            self.path(network, mat, &own.collect::<Vec<_>>())?;
+            let numbers = points
+                .iter()
+                .map(|&(instant, [square_ratio, sigma_ratio])| {
+                    let sigma = sigma_ratio * sigma;
+                    let k = m * (square_ratio * square + sigma * sigma);
+                    (instant, [k, 2.0 * m * sigma, m])
+                });
+            self.path(network, mat, &numbers.collect::<Vec<_>>())?;
         }
         Ok(())
     }
@@ -149,7 +151,11 @@ impl Timeline {
         {
             return refuse("a glide needs K and Z of 0 or more, and M above 0");
         }
-        if points.is_empty() || !points.iter().all(|&(at, _)| at.is_finite() && at >= 0.0) {
+        if points.is_empty()
+            || !points
+                .iter()
+                .all(|&(instant, _)| instant.is_finite() && instant >= 0.0)
+        {
             return refuse("a glide must begin and end at finite instants, at 0 s or later");
         }
         if points.windows(2).any(|pair| pair[1].0 < pair[0].0) {
@@ -157,8 +163,8 @@ impl Timeline {
         }
         let is_pair = points.len() == 2 && points[1].1.is_none();
         let mut placed: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
-        for &(at, ties) in points {
-            let frame = self.on_grid(at);
+        for &(instant, ties) in points {
+            let frame = self.on_grid(instant);
             if placed.last().is_some_and(|&(last, _)| last == frame) {
                 if is_pair {
                     return refuse("a glide must last 64 samples at least");

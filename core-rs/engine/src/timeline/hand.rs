@@ -77,7 +77,7 @@ impl Timeline {
         network: &Network,
         mat: usize,
         tick_frames: u32,
-        way: HandWay,
+        mode: HandWay,
         positions: &[f64],
     ) -> Result<usize, StrikeError> {
         super::movable(network, mat)?;
@@ -99,7 +99,7 @@ impl Timeline {
         let hand = Hand {
             index,
             tick_frames,
-            way,
+            way: mode,
             positions,
         };
         self.drive(mat, DriveKind::Position, Source::Hand(hand), false)?;

@@ -193,7 +193,7 @@ impl Timeline {
         let is_good = |x: &f64| x.is_finite() && *x >= 0.0;
         if !points
             .iter()
-            .all(|(at, factors)| is_good(at) && factors.iter().all(is_good))
+            .all(|(instant, factors)| is_good(instant) && factors.iter().all(is_good))
         {
             return refuse("a glide needs finite instants, and factors of 0 or more");
         }
@@ -201,8 +201,8 @@ impl Timeline {
             return refuse("the points of a glide must rise in time");
         }
         let mut placed: Vec<(u64, Factors)> = Vec::with_capacity(points.len());
-        for &(at, factors) in points {
-            let frame = self.on_grid(at);
+        for &(instant, factors) in points {
+            let frame = self.on_grid(instant);
             if placed.last().is_some_and(|&(last, _)| last == frame) {
                 placed.pop();
             }

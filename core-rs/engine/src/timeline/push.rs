@@ -40,12 +40,12 @@ pub(crate) fn pushes(
     }
     let mut pushes = Vec::with_capacity(timeline.strikes.len());
     for strike in &timeline.strikes {
-        let (mat, at, impulse) = (strike.mat as usize, strike.at, strike.impulse);
+        let (mat, instant, impulse) = (strike.mat as usize, strike.at, strike.impulse);
         let mut push = |frame: u64, force: f64, impulse: f64| {
             if force != 0.0 {
                 pushes.push(Push {
                     frame,
-                    at,
+                    at: instant,
                     mat: strike.mat,
                     source: strike.source,
                     force,
@@ -54,11 +54,11 @@ pub(crate) fn pushes(
             }
         };
         if is_whole[mats.part[mat] as usize] {
-            push(timeline.frame(at), impulse * rate.hertz(), impulse);
+            push(timeline.frame(instant), impulse * rate.hertz(), impulse);
             continue;
         }
-        let n = floor_frame(at * rate.hertz());
-        let alpha = (at * rate.hertz() - n as f64).clamp(0.0, 1.0);
+        let n = floor_frame(instant * rate.hertz());
+        let alpha = (instant * rate.hertz() - n as f64).clamp(0.0, 1.0);
         let [p0, p1] = if mats.kind[mat] == MatKind::Cel && is_alone(mat) {
             Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, rate)
         } else {

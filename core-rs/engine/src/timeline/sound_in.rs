@@ -76,10 +76,10 @@ impl Conditioner {
 
     /// The value of the next sample [m or N]; a sample that is not finite counts as silence.
     pub fn next(&mut self, sample: f64) -> f64 {
-        let heard = if sample.is_finite() { sample } else { 0.0 };
+        let finite = if sample.is_finite() { sample } else { 0.0 };
         let passed = match &mut self.section {
-            Some(section) => section.next(heard).high,
-            None => heard,
+            Some(section) => section.next(finite).high,
+            None => finite,
         };
         self.last = self.settings.scaled(passed);
         self.last
@@ -103,8 +103,8 @@ impl Conditioner {
         if self.settings.source != other.settings.source {
             return;
         }
-        if let (Some(own), Some(other)) = (&mut self.section, &other.section) {
-            own.take_over(other);
+        if let (Some(section), Some(other)) = (&mut self.section, &other.section) {
+            section.take_over(other);
         }
         self.last = other.last;
     }

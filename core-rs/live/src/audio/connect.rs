@@ -45,16 +45,16 @@ fn first(
     // Where there is no system backend, its absence is not worth a remark.
     backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
     for backend in backends {
-        let found = Spec {
+        let candidate = Spec {
             backend,
             ..spec.clone()
         };
-        match connect(&found, rate, channels, shared) {
-            Ok((mut opened, found)) => {
+        match connect(&candidate, rate, channels, shared) {
+            Ok((mut opened, candidate)) => {
                 opened.remarks.append(&mut unavailable);
-                return Ok((opened, found));
+                return Ok((opened, candidate));
             }
-            Err(error) => unavailable.push(format!("not {found}: {error}")),
+            Err(error) => unavailable.push(format!("not {candidate}: {error}")),
         }
     }
     Err(AudioError::Unavailable {
@@ -66,20 +66,20 @@ fn first(
 /// For each backend what it would play on, or why it is not available. Starts no server.
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
-    let as_text = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
-    let mut found = vec![
+    let as_text = |result: Result<String, AudioError>| result.map_err(|error| error.to_string());
+    let mut result = vec![
         ("jack".into(), as_text(jack::survey())),
         ("pulse".into(), as_text(pulse::survey())),
     ];
     if HAS_SYSTEM {
-        found.push(("system".into(), as_text(system::survey())));
+        result.push(("system".into(), as_text(system::survey())));
     }
-    found.extend([
+    result.extend([
         ("null".into(), Ok("in real time, without sound".into())),
         (
             "file".into(),
             Ok("file:PATH writes a WAVE file, clock:PATH writes one in real time".into()),
         ),
     ]);
-    found
+    result
 }

@@ -51,12 +51,12 @@ pub(super) fn open(
 
 /// A new file beside `path`: `.NAME.PID.part`, or `.NAME.PID-1.part` and so on where a file has that name.
 fn new_unfinished(path: &Path) -> io::Result<(PathBuf, File)> {
-    let own = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
+    let file_name = path.file_name().ok_or(io::ErrorKind::InvalidFilename)?;
     let process = std::process::id();
     let mut number = 0;
     loop {
         let mut name = std::ffi::OsString::from(".");
-        name.push(own);
+        name.push(file_name);
         name.push(match number {
             0 => format!(".{process}.part"),
             _ => format!(".{process}-{number}.part"),

@@ -246,8 +246,8 @@ impl InputState {
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(CHECK_INTERVAL);
             match &mut source {
-                Some(own) => {
-                    if own.alive() {
+                Some(stream) => {
+                    if stream.alive() {
                         continue;
                     }
                     self.shared.set_alive(false);
@@ -261,14 +261,14 @@ impl InputState {
                 None if Instant::now() < next => {}
                 None => {
                     next = Instant::now() + RETRY;
-                    let Some(own) = feed.take() else { break };
-                    match self.reopen(own) {
+                    let Some(stream) = feed.take() else { break };
+                    match self.reopen(stream) {
                         Ok(back) => {
                             source = Some(back);
                             self.shared.set_alive(true);
                             self.add_event(format!("the input {} is back", self.spec));
                         }
-                        Err(own) => feed = own.map(|own| *own),
+                        Err(stream) => feed = stream.map(|stream| *stream),
                     }
                 }
             }

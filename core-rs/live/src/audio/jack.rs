@@ -42,9 +42,9 @@ pub(super) fn open(
         None => format!("client {}, not connected", client.name()),
     };
     if !targets.is_empty() && targets.len() < channels {
-        let heard = targets.len();
+        let n_ports = targets.len();
         remarks.push(format!(
-            "there are {heard} ports to play on: the first {heard} channels are heard"
+            "there are {n_ports} ports to play on: the first {n_ports} channels are heard"
         ));
     }
     let (rate, block) = (client.rate(), client.block());

@@ -123,10 +123,10 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
         });
     }
     let shared = drain.shared().clone();
-    let (opened, found) = connect::connect(spec, rate, channels, &shared)?;
+    let (opened, connected) = connect::connect(spec, rate, channels, &shared)?;
     let state = OutputState {
         // If the server dies, the supervisor looks for the backend that `auto` found, not for any other.
-        spec: found,
+        spec: connected,
         score_rate: rate,
         channels,
         shared,

@@ -121,22 +121,23 @@ impl Filter {
                 std::thread::sleep(POLL);
                 continue;
             }
-            let mut made = self.convert(held)?;
+            let mut n_frames = self.convert(held)?;
             held = 0;
-            let skip = made.min(self.delay - skipped);
+            let skip = n_frames.min(self.delay - skipped);
             skipped += skip;
-            made -= skip;
+            n_frames -= skip;
             if ended {
-                made = made.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
+                n_frames =
+                    n_frames.min(usize::try_from(frames_due - frames_out).unwrap_or(usize::MAX));
             }
-            let mut out = &self.output[skip * channels..(skip + made) * channels];
+            let mut out = &self.output[skip * channels..(skip + n_frames) * channels];
             while !out.is_empty() && !stop.load(Ordering::Acquire) {
                 match feed.push(out) {
                     0 => std::thread::sleep(POLL),
                     frames => out = &out[frames * channels..],
                 }
             }
-            frames_out += made as u64;
+            frames_out += n_frames as u64;
         }
         Ok(())
     }

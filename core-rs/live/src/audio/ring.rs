@@ -250,8 +250,8 @@ impl Drain {
     /// Fill interleaved frames, for the card's callback. Silence before the first frames and after the end; at an
     /// underrun the sound falls to silence within 2 ms, and the underrun is counted.
     pub fn fill(&mut self, out: &mut [f32]) {
-        let whole = out.len() - out.len() % self.channels;
-        let (out, rest) = out.split_at_mut(whole);
+        let n_complete = out.len() - out.len() % self.channels;
+        let (out, rest) = out.split_at_mut(n_complete);
         rest.fill(0.0);
         let panicked = self.update_panic();
         if panicked && self.fades.request_hush() {
@@ -396,13 +396,13 @@ impl Drain {
         if !self.outermost {
             return;
         }
-        let given = &mut self.given;
+        let handed = &mut self.given;
         if frames > 0 {
-            let rate = f64::from(self.rate) * given.score_rate as f64 / given.card_rate as f64;
-            self.shared.set_block_start(given.score(), rate);
+            let rate = f64::from(self.rate) * handed.score_rate as f64 / handed.card_rate as f64;
+            self.shared.set_block_start(handed.score(), rate);
         }
-        given.frames += frames as u64;
-        self.shared.set_played(given.score());
+        handed.frames += frames as u64;
+        self.shared.set_played(handed.score());
         if ended {
             self.shared.set_finished();
         }
@@ -416,8 +416,8 @@ impl Drain {
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
-        let given = self.given;
-        let skipped = frames as u64 * given.score_rate / given.card_rate;
+        let handed = self.given;
+        let skipped = frames as u64 * handed.score_rate / handed.card_rate;
         self.shared.add_skipped(skipped);
         if self.outermost {
             self.shared.add_discarded(frames as u64);

@@ -188,7 +188,7 @@ impl Shared {
     #[must_use]
     pub fn edges(&self, from: u64) -> Vec<Edge> {
         let n = self.n_edges.load(Ordering::Acquire);
-        let of = |number: u64| {
+        let edge_of = |number: u64| {
             let edge = self.edges[number as usize % EDGES].load(Ordering::Relaxed);
             Edge {
                 frame: edge >> 1,
@@ -196,7 +196,7 @@ impl Shared {
             }
         };
         (from.max(n.saturating_sub(EDGES as u64))..n)
-            .map(of)
+            .map(edge_of)
             .collect()
     }
 

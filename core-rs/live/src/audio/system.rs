@@ -74,8 +74,8 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
         return Ok(rate);
     }
-    let own = device.default_output_config().map_err(missing)?;
-    Ok(own.sample_rate())
+    let config = device.default_output_config().map_err(missing)?;
+    Ok(config.sample_rate())
 }
 
 fn start(

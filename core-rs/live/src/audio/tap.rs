@@ -94,20 +94,23 @@ pub(crate) fn open(
         channels,
         silence_samples: 0,
     };
-    let own = shared.clone();
+    let shared_state = shared.clone();
     let thread = std::thread::Builder::new()
         .name("ergon recording of sound".into())
         .spawn(move || {
-            let run = pump(&mut recording, &mut from, channels, &own);
+            let run = pump(&mut recording, &mut from, channels, &shared_state);
             if let Err(error) = run.and_then(|()| recording.end()) {
-                *own.error.lock().unwrap_or_else(PoisonError::into_inner) =
+                *shared_state
+                    .error
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner) =
                     Some(recording.failure_sentence(&error));
                 // Keep the ring alive until the tap is dropped: the physics thread must not free memory.
-                while !own.is_over(&from) {
+                while !shared_state.is_over(&from) {
                     std::thread::sleep(POLL);
                 }
             }
-            own.ended.store(true, Ordering::Release);
+            shared_state.ended.store(true, Ordering::Release);
         })
         .map_err(|error| AudioError::Broken(error.to_string()))?;
     let handle = TapHandle {
@@ -148,13 +151,13 @@ fn pump(
 }
 
 impl Tap {
-    /// Write frames, the first of which is frame `at` of the performance; zeros if `is_silent`.
-    pub(crate) fn push(&mut self, at: u64, samples: &[f32], is_silent: bool) {
+    /// Write frames, the first of which is frame `frame` of the performance; zeros if `is_silent`.
+    pub(crate) fn push(&mut self, frame: u64, samples: &[f32], is_silent: bool) {
         if samples.is_empty() {
             return;
         }
         if self.shared.first.load(Ordering::Relaxed) == NOT_BEGUN {
-            self.shared.first.store(at, Ordering::Release);
+            self.shared.first.store(frame, Ordering::Release);
         }
         let n = self.silence_samples + samples.len();
         let Ok(chunk) = self.to.write_chunk_uninit(n) else {
@@ -217,9 +220,9 @@ mod tests {
         let path = folder.join("a.wav");
         let (mut tap, handle) = open(&path, 44_100, 2).expect("a tap");
         assert_eq!(handle.status().first, None);
-        for at in 0..100_u64 {
-            let samples: Vec<f32> = (0..128).map(|i| (at * 128 + i) as f32).collect();
-            tap.push(640 + at * 64, &samples, at == 99);
+        for block in 0..100_u64 {
+            let samples: Vec<f32> = (0..128).map(|i| (block * 128 + i) as f32).collect();
+            tap.push(640 + block * 64, &samples, block == 99);
         }
         drop(tap);
         let status = ended(&handle);

@@ -91,8 +91,8 @@ pub fn with_calibration(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box
     }
     let mut axes = vec![Axis::plain(device.spec()); device.spec().dof];
     for &(number, axis) in known {
-        if let Some(own) = axes.get_mut(number) {
-            *own = axis;
+        if let Some(slot) = axes.get_mut(number) {
+            *slot = axis;
         }
     }
     Box::new(Calibrated::new(device, axes))

@@ -151,19 +151,19 @@ impl Device for FireFader {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         if self.waiting > 1 {
             // The firmware answers only the newest of the requests that it finds.
             self.stats.lost += u64::from(self.waiting - 1);
             self.waiting = 1;
         }
-        self.put([of(0), of(1)])
+        self.put([axis_force(0), axis_force(1)])
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
-        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
         let mut carried = [0.0; MAX_AXES];
-        carried[..2].copy_from_slice(&wire::carried([of(0), of(1)]));
+        carried[..2].copy_from_slice(&wire::carried([axis_force(0), axis_force(1)]));
         carried
     }
 

@@ -248,12 +248,12 @@ fn patience(url: &Url) -> Result<Duration, DeviceError> {
 
 /// Longest wait for the first reply.
 fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
-    let own = if url.lockstep {
+    let limit = if url.lockstep {
         patience(url)?
     } else {
         Duration::ZERO
     };
-    Ok(own.max(FIRST_REPLY))
+    Ok(limit.max(FIRST_REPLY))
 }
 
 /// Ask for the device's information until it answers; `None` if it does not.

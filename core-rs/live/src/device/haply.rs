@@ -130,7 +130,7 @@ impl Haply {
                 line,
                 sent,
                 answered,
-                position: at,
+                position: place,
                 let_go: freed,
                 gone,
                 stats,
@@ -144,7 +144,7 @@ impl Haply {
                     let_go,
                 } => {
                     sent.answered(number, now, stats);
-                    (*answered, *at, *freed, fresh) = (number, position, let_go, true);
+                    (*answered, *place, *freed, fresh) = (number, position, let_go, true);
                 }
                 GuardianReply::Gone(why) => *gone = Some(why),
             });
@@ -171,8 +171,8 @@ impl Device for Haply {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
-        self.put([of(0), of(1), of(2)])
+        let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        self.put([axis_force(0), axis_force(1), axis_force(2)])
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {

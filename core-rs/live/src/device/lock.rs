@@ -105,17 +105,17 @@ mod tests {
     fn a_board_has_one_owner_until_that_lets_go() {
         let folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let [one, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
-        let first = DeviceLock::within(&folder, one).unwrap();
+        let [address, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
+        let first = DeviceLock::within(&folder, address).unwrap();
         assert_eq!(
-            DeviceLock::within(&folder, one).unwrap_err(),
+            DeviceLock::within(&folder, address).unwrap_err(),
             "this program has the device open already"
         );
         DeviceLock::within(&folder, other).unwrap();
         drop(first);
-        DeviceLock::within(&folder, one).unwrap();
+        DeviceLock::within(&folder, address).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
-        DeviceLock::within(&folder, one).unwrap();
+        DeviceLock::within(&folder, address).unwrap();
     }
 
     #[test]

@@ -77,8 +77,8 @@ impl Port {
     /// A socket connected to one address; datagrams from other addresses are ignored.
     pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
         let closed = |error: std::io::Error| url.closed(error);
-        let mut found = url.target.to_socket_addrs().map_err(closed)?;
-        let peer = found
+        let mut addresses = url.target.to_socket_addrs().map_err(closed)?;
+        let peer = addresses
             .next()
             .ok_or_else(|| url.closed("the address cannot be resolved"))?;
         if peer.ip().is_multicast() || matches!(peer, SocketAddr::V4(at) if at.ip().is_broadcast())
@@ -270,8 +270,8 @@ pub(super) mod unix {
 
     /// Wait for something to read.
     pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
-        let [found] = poll([fd], left);
-        if found & libc::POLLIN == 0 && found & (libc::POLLHUP | libc::POLLNVAL) != 0 {
+        let [ready] = poll([fd], left);
+        if ready & libc::POLLIN == 0 && ready & (libc::POLLHUP | libc::POLLNVAL) != 0 {
             return Err(Gone::Closed);
         }
         Ok(())

@@ -63,11 +63,11 @@ fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<
         } = usb;
         (!serial.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial}"))
     };
-    let found = name(ports.iter().find(|port| is_it(&port.path))?)?;
+    let identity = name(ports.iter().find(|port| is_it(&port.path))?)?;
     let alike = ports
         .iter()
-        .filter(|port| name(port).as_ref() == Some(&found));
-    (alike.count() == 1).then_some(found)
+        .filter(|port| name(port).as_ref() == Some(&identity));
+    (alike.count() == 1).then_some(identity)
 }
 
 fn usb(kind: SerialPortType) -> Option<Usb> {
@@ -109,9 +109,9 @@ mod tests {
             port("/dev/ttyUSB2", 0x0403, Some("0001")),
             port("/dev/ttyS0", 0, None),
         ];
-        let of = |path: &str| identity_among(&ports, |own| own == path);
-        assert_eq!(of("/dev/ttyACM0").unwrap(), "usb:2341:0042:85439303");
-        assert_eq!(of("/dev/ttyACM1").unwrap(), "usb:16c0:0042:85439303");
+        let identity = |path: &str| identity_among(&ports, |own| own == path);
+        assert_eq!(identity("/dev/ttyACM0").unwrap(), "usb:2341:0042:85439303");
+        assert_eq!(identity("/dev/ttyACM1").unwrap(), "usb:16c0:0042:85439303");
         for unsure in [
             "/dev/ttyUSB0",
             "/dev/ttyUSB1",
@@ -119,7 +119,7 @@ mod tests {
             "/dev/ttyS0",
             "/dev/pts/3",
         ] {
-            assert_eq!(of(unsure), None, "{unsure}");
+            assert_eq!(identity(unsure), None, "{unsure}");
         }
     }
 }

@@ -223,8 +223,8 @@ impl Url {
 
     /// The text of an option.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
-        let found = self.values.iter().find(|(known, _)| known == key);
-        found.map(|(_, value)| value.as_str())
+        let entry = self.values.iter().find(|(known, _)| known == key);
+        entry.map(|(_, value)| value.as_str())
     }
 
     /// The number of an option.
@@ -315,8 +315,8 @@ mod tests {
             ("frame:127.0.0.1:9999", "frame+udp:127.0.0.1:9999"),
             ("firefader:board.local:80", "takes a serial port"),
         ] {
-            let said = Url::parse(text).unwrap_err().to_string();
-            assert!(said.contains(word), "{text}: {said}");
+            let message = Url::parse(text).unwrap_err().to_string();
+            assert!(message.contains(word), "{text}: {message}");
         }
     }
 }

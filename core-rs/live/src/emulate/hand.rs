@@ -42,9 +42,9 @@ impl Hand {
         else {
             return None;
         };
-        let at = usize::try_from(period).ok()?;
-        let &to = path.get(at)?;
-        let before = at.checked_sub(1).map_or(to, |before| path[before]);
+        let index = usize::try_from(period).ok()?;
+        let &to = path.get(index)?;
+        let before = index.checked_sub(1).map_or(to, |before| path[before]);
         Some(stiffness * (to - x) + damping * rate.hertz() * ((to - before) - d))
     }
 }

@@ -109,7 +109,7 @@ fn wave(seconds: f64) -> f64 {
 
 /// Make a fault on a device, and measure its effect.
 pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
-    let found = |outcome, greatest, rise| Measurement {
+    let measurement = |outcome, greatest, rise| Measurement {
         fault,
         emulator,
         outcome,
@@ -118,11 +118,11 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
         rise,
     };
     if let Some(why) = fault.excluded(emulator) {
-        return Ok(found(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
+        return Ok(measurement(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
     }
     let (mut device, shared) = open_device(emulator)?;
     let spec = device.spec().clone();
-    let most = spec.force_max_peak;
+    let peak_max = spec.force_max_peak;
     let allowed = |spec: &Spec| Limits::of(spec).slew + 2.0 * spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
@@ -130,10 +130,10 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
         } else {
             Outcome::Persists
         };
-        return Ok(found(outcome, [0.0, most], [0.0, allowed(&spec)]));
+        return Ok(measurement(outcome, [0.0, peak_max], [0.0, allowed(&spec)]));
     }
     if fault == Fault::WrongTravel {
-        let is_weak = most < WEAK_FORCE;
+        let is_weak = peak_max < WEAK_FORCE;
         device.report_travel(if is_weak {
             REPORTED_TRAVEL_WEAK
         } else {
@@ -165,10 +165,10 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
         Fault::HostResumed => 0.0,
         _ => 1.0,
     };
-    let most = part * (most + spec.force_lsb);
-    Ok(found(
+    let peak_max = part * (peak_max + spec.force_lsb);
+    Ok(measurement(
         outcome,
-        [motor.greatest, most],
+        [motor.greatest, peak_max],
         [motor.rise, allowed(&spec)],
     ))
 }

@@ -193,8 +193,8 @@ impl Device for HaplyHost {
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
-        self.order([of(0), of(1), of(2)]);
+        let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        self.order([axis_force(0), axis_force(1), axis_force(2)]);
         Ok(())
     }
 

@@ -180,8 +180,8 @@ impl World {
         if self.trouble.board_stalled {
             self.unread.push(packet);
         } else if self.trouble.jitter > 0 {
-            if let Some(at) = self.arrival() {
-                self.requests.push((at, packet));
+            if let Some(instant) = self.arrival() {
+                self.requests.push((instant, packet));
             }
         } else {
             self.deliver(&packet);
@@ -207,8 +207,8 @@ impl World {
             };
             match &mut self.guardian {
                 None if self.trouble.jitter > 0 => {
-                    if let Some(at) = self.arrival() {
-                        self.replies.push((at, reply));
+                    if let Some(instant) = self.arrival() {
+                        self.replies.push((instant, reply));
                     }
                 }
                 None => self.to_host.extend(reply),
@@ -236,9 +236,9 @@ impl World {
 
     /// Pass a force command of the host to its guardian.
     pub(super) fn order(&mut self, command: ForceCommand) {
-        let at = self.epoch + self.now();
+        let instant = self.epoch + self.now();
         if let Some(guardian) = &mut self.guardian {
-            guardian.rules.order(command, at);
+            guardian.rules.order(command, instant);
         }
         self.guard();
     }
@@ -256,9 +256,9 @@ impl World {
 
     /// Perform the due actions of the guardian.
     fn guard(&mut self) {
-        let at = self.epoch + self.now();
+        let instant = self.epoch + self.now();
         while let Some(guardian) = &mut self.guardian {
-            match guardian.rules.due(at) {
+            match guardian.rules.due(instant) {
                 Action::Nothing => return,
                 Action::Send(force) => {
                     let text = haply::command(crate::emulate::HAPLY_ID, force);
@@ -308,7 +308,7 @@ impl World {
 
 /// Remove the packets that have arrived by `now`, in the order of arrival.
 fn arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
-    let mut found: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
-    found.sort_by_key(|(at, _)| *at);
-    found
+    let mut packets: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
+    packets.sort_by_key(|(at, _)| *at);
+    packets
 }

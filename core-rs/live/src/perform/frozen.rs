@@ -67,9 +67,9 @@ pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (Pa
     };
     for stem in stems {
         let width = stem.outputs.len();
-        let at = stem.offset + start * (width * size_of::<f64>()) as u64;
+        let offset = stem.offset + start * (width * size_of::<f64>()) as u64;
         let file = regular::open(&stem.path).and_then(|mut file| {
-            file.seek(SeekFrom::Start(at))?;
+            file.seek(SeekFrom::Start(offset))?;
             Ok(file)
         });
         let file = file.map_err(|error| (stem.path.clone(), error))?;
@@ -156,24 +156,24 @@ impl Drop for Reader {
 }
 
 impl Frozen {
-    /// Whether `n` frames from frame `at` on are in the ring, or the reader has ended.
-    pub(super) fn is_ready(&self, at: u64, n: usize) -> bool {
-        let behind = at.saturating_sub(self.next) as usize;
+    /// Whether `n` frames from frame `frame` on are in the ring, or the reader has ended.
+    pub(super) fn is_ready(&self, frame: u64, n: usize) -> bool {
+        let behind = frame.saturating_sub(self.next) as usize;
         self.ring.slots() >= (behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
-    /// Write the frozen outputs from frame `at` on into `frames` (n_frames, n_out). Frames that were not read in time
+    /// Write the frozen outputs from frame `first_frame` on into `frames` (n_frames, n_out). Frames that were not read in time
     /// are left unchanged; return their number.
-    pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, at: u64) -> u64 {
+    pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, first_frame: u64) -> u64 {
         let width = self.outputs.len();
         let wanted = frames.len() / n_out.max(1);
         let ready = self.ring.slots() / width.max(1);
-        let stale = (at.saturating_sub(self.next)).min(ready as u64) as usize;
+        let stale = (first_frame.saturating_sub(self.next)).min(ready as u64) as usize;
         if let Ok(chunk) = self.ring.read_chunk(stale * width) {
             chunk.commit_all();
             self.next += stale as u64;
         }
-        let n = if self.next == at {
+        let n = if self.next == first_frame {
             wanted.min(ready - stale)
         } else {
             0

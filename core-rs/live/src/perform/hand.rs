@@ -45,9 +45,9 @@ pub(super) struct HandSource {
 impl Hand {
     /// Position of the stand-in at a tick [m].
     pub(super) fn standin_position(&self, tick: u64) -> f64 {
-        let at = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
+        let index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last = self.standin.len().saturating_sub(1);
-        self.standin.get(at.min(last)).copied().unwrap_or(0.0)
+        self.standin.get(index.min(last)).copied().unwrap_or(0.0)
     }
 }
 

@@ -45,12 +45,12 @@ pub struct HandKey {
 impl HandKey {
     /// The keys of all hands on a keyboard.
     pub(super) fn all(board: &Keyboard, hands: &[Hand]) -> Vec<Self> {
-        let of = |&(_, hand): &(usize, usize)| Self {
+        let hand_key = |&(_, hand): &(usize, usize)| Self {
             hand,
             key: board.key(hands[hand].measured),
             guidance: hands[hand].guidance,
         };
-        board.axes().iter().map(of).collect()
+        board.axes().iter().map(hand_key).collect()
     }
 
     /// The limit for a piece with this response; see [`Hand::response`].

@@ -198,11 +198,14 @@ impl DeviceConfig {
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
-        let own = Limits::of(device.spec());
+        let device_limits = Limits::of(device.spec());
         let force = self
             .force_limit
-            .map_or(own.force, |limit| limit.min(own.force));
-        let limits = Limits { force, ..own };
+            .map_or(device_limits.force, |limit| limit.min(device_limits.force));
+        let limits = Limits {
+            force,
+            ..device_limits
+        };
         Box::new(Guarded::new(device, limits, self.period).watched())
     }
 }

@@ -226,18 +226,18 @@ impl Performance {
     ///
     /// # Errors
     /// [`ChangeError`]: nothing was scheduled.
-    pub fn change(&mut self, at: u64, mut change: Change) -> Result<u64, ChangeError> {
+    pub fn change(&mut self, due_frame: u64, mut change: Change) -> Result<u64, ChangeError> {
         self.free();
-        if !at.is_multiple_of(self.tick_frames as u64) {
-            return Err(ChangeError::Frame(at, self.tick_frames));
+        if !due_frame.is_multiple_of(self.tick_frames as u64) {
+            return Err(ChangeError::Frame(due_frame, self.tick_frames));
         }
         let n_out = change
             .simulation
             .as_ref()
             .map(|(own, _)| (own.n_out(), own.frame()));
         if let Some((n_out, frame)) = n_out {
-            if frame != at {
-                return Err(ChangeError::Begins(frame, at));
+            if frame != due_frame {
+                return Err(ChangeError::Begins(frame, due_frame));
             }
             if self.frozen_outputs.is_some_and(|own| own != n_out) {
                 return Err(ChangeError::Frozen);
@@ -257,7 +257,7 @@ impl Performance {
         self.tickets += 1;
         let ticket = self.tickets;
         let due = ScheduledChange {
-            at,
+            at: due_frame,
             ticket,
             change,
             outputs,

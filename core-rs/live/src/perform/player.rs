@@ -122,8 +122,8 @@ impl Player {
             scales[one.hand] = Scale::new(one.scale, period);
         }
         let mut axis_of = vec![None; n];
-        for (slot, own) in slots.iter().enumerate() {
-            for &(axis, hand) in &own.axes {
+        for (slot, slot_config) in slots.iter().enumerate() {
+            for &(axis, hand) in &slot_config.axes {
                 axis_of[hand] = Some((slot, axis));
             }
         }
@@ -321,8 +321,8 @@ impl Player {
     /// Perform the acts of this tick: strike points of the simulation and set its inputs. A simulation that took over
     /// at this frame already receives them.
     fn act(&mut self) {
-        for at in 0..self.acts.len() {
-            let (ticket, act) = self.acts[at];
+        for index in 0..self.acts.len() {
+            let (ticket, act) = self.acts[index];
             let has_acted = match act {
                 Act::Strike(point, impulse) => self.strike(point, impulse),
                 Act::SetInput(number, value) => self.stage.simulation.tell(number, value),

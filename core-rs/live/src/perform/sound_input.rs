@@ -96,8 +96,8 @@ pub(super) fn open(
     status.input = Some(input);
     let mut tap = None;
     if let Some(path) = &config.record {
-        let (own, handle) = audio::tap(path, rate, channels)?;
-        (tap, status.recorded) = (Some(own), Some(handle));
+        let (sound_tap, handle) = audio::tap(path, rate, channels)?;
+        (tap, status.recorded) = (Some(sound_tap), Some(handle));
     }
     let samples = vec![0.0; tick_frames * channels];
     let sound_input = SoundInput {

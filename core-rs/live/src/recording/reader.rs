@@ -201,30 +201,30 @@ pub(crate) fn decode(
     if version != VERSION {
         return Err(RecordingError::Version(version));
     }
-    let mut at = prefix.len() as u64;
+    let mut offset = prefix.len() as u64;
     let mut payload = Vec::new();
-    let header = match chunk::next(from, length - at, &mut payload)? {
+    let header = match chunk::next(from, length - offset, &mut payload)? {
         ChunkState::Whole(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
     let mut collected = Collected::new(header, ticks);
-    at += (chunk::FRAME + payload.len()) as u64;
-    while at < length {
-        let found = chunk::next(from, length - at, &mut payload)?;
-        let size = match found {
-            ChunkState::Cut => length - at,
+    offset += (chunk::FRAME + payload.len()) as u64;
+    while offset < length {
+        let chunk = chunk::next(from, length - offset, &mut payload)?;
+        let size = match chunk {
+            ChunkState::Cut => length - offset,
             _ => (chunk::FRAME + payload.len()) as u64,
         };
-        let kept = match found {
+        let is_known = match chunk {
             ChunkState::Whole(kind) => collected.take(kind, &payload)?,
             _ => false,
         };
-        if !kept {
+        if !is_known {
             collected.recording.lost_bytes += size;
         }
-        at += size;
-        if found == ChunkState::Cut {
+        offset += size;
+        if chunk == ChunkState::Cut {
             break;
         }
     }

@@ -155,8 +155,8 @@ impl RowSink {
         head[..8].copy_from_slice(&tick.to_le_bytes());
         head[8..].copy_from_slice(&(length as u32).to_le_bytes());
         let event = &buffer[..EVENT_HEAD + length];
-        let kept = fits && self.events.push_entire_slice(event).is_ok();
-        self.count_dropped(kept)
+        let is_stored = fits && self.events.push_entire_slice(event).is_ok();
+        self.count_dropped(is_stored)
     }
 
     /// Whether there is room for a row now.
@@ -169,11 +169,11 @@ impl RowSink {
         self.shared.dropped.load(Ordering::Relaxed)
     }
 
-    fn count_dropped(&self, kept: bool) -> bool {
-        if !kept {
+    fn count_dropped(&self, is_stored: bool) -> bool {
+        if !is_stored {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
         }
-        kept
+        is_stored
     }
 }
 
@@ -319,8 +319,8 @@ fn drain(from: &mut Consumer<u8>, n: usize, to: &mut Vec<u8>) -> bool {
     let Ok(chunk) = from.read_chunk(n) else {
         return false;
     };
-    let (one, two) = chunk.as_slices();
-    to.extend_from_slice(one);
+    let (first, two) = chunk.as_slices();
+    to.extend_from_slice(first);
     to.extend_from_slice(two);
     chunk.commit_all();
     n > 0
@@ -367,9 +367,9 @@ mod tests {
         writer.file = OpenOptions::new().append(true).open(&path).unwrap();
         writer.append_all(true).unwrap();
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
-        let found = found(&path);
-        assert_eq!(found.ticks, [0, 1, 2]);
-        assert!(found.whole() && found.finished);
+        let recording = found(&path);
+        assert_eq!(recording.ticks, [0, 1, 2]);
+        assert!(recording.whole() && recording.finished);
     }
 
     #[test]
@@ -377,15 +377,15 @@ mod tests {
         let (header, beginning, path) = file("room");
         let plain = OpenOptions::new().append(true).open(&path).unwrap();
         let (mut sink, mut writer) = channel(&header, plain, beginning.len() as u64);
-        let one = [Sample::default()];
-        assert!(sink.row(5, &one));
-        assert!(!sink.row(5, &one), "a tick comes once");
-        assert!(!sink.row(6, &one.repeat(2)), "every axis has its place");
+        let sample = [Sample::default()];
+        assert!(sink.row(5, &sample));
+        assert!(!sink.row(5, &sample), "a tick comes once");
+        assert!(!sink.row(6, &sample.repeat(2)), "every axis has its place");
         assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
         // Nothing empties the ring in this test.
         let room = (header.rate * PATIENCE) as u64;
         for tick in 0..room + 2 {
-            assert_eq!(sink.row(10 + tick, &one), tick < room - 1, "{tick}");
+            assert_eq!(sink.row(10 + tick, &sample), tick < room - 1, "{tick}");
         }
         assert_eq!(sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();

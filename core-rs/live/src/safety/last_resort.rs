@@ -221,8 +221,8 @@ mod unix {
         else {
             return;
         };
-        let own = &WATCHED[index];
-        let stops = Stop::of(own.stops.load(Ordering::SeqCst));
+        let watched = &WATCHED[index];
+        let stops = Stop::of(watched.stops.load(Ordering::SeqCst));
         if stops != Stop::Nothing {
             let errno = errno();
             // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
@@ -234,7 +234,7 @@ mod unix {
                 unsafe { *errno = number };
             }
         }
-        let handler = own.handler.load(Ordering::SeqCst);
+        let handler = watched.handler.load(Ordering::SeqCst);
         match handler {
             libc::SIG_IGN => {}
             libc::SIG_DFL => {
@@ -245,7 +245,7 @@ mod unix {
                     libc::raise(signal);
                 }
             }
-            _ if own.has_info.load(Ordering::SeqCst) => {
+            _ if watched.has_info.load(Ordering::SeqCst) => {
                 type WithInfo = extern "C" fn(i32, *mut libc::siginfo_t, *mut libc::c_void);
                 // SAFETY: sigaction gave this address for a handler of three arguments.
                 let handler = unsafe { std::mem::transmute::<usize, WithInfo>(handler) };
@@ -301,10 +301,10 @@ mod unix {
             if libc::sigpending(&raw mut set) != 0 {
                 return;
             }
-            for (signal, own) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
-                let ends = !OTHERS.contains(&signal) || own.is_watched.load(Ordering::SeqCst);
+            for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
+                let ends = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
                 if ends && libc::sigismember(&raw const set, signal) == 1 {
-                    stop::stop(Stop::of(own.stops.load(Ordering::SeqCst)));
+                    stop::stop(Stop::of(watched.stops.load(Ordering::SeqCst)));
                 }
             }
         }
@@ -319,8 +319,8 @@ mod unix {
 
     /// Install our handler in front of the present one.
     fn watch_termination_signal(signal: i32) {
-        static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-        let _one = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        static EXCLUSIVE: Mutex<()> = Mutex::new(());
+        let _guard = EXCLUSIVE.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(index) = TERMINATION_SIGNALS
             .iter()
             .position(|&known| known == signal)
@@ -338,11 +338,12 @@ mod unix {
             if OTHERS.contains(&signal) && old.sa_sigaction != libc::SIG_DFL {
                 return;
             }
-            let own = &WATCHED[index];
-            own.is_watched.store(true, Ordering::SeqCst);
-            own.has_info
+            let watched = &WATCHED[index];
+            watched.is_watched.store(true, Ordering::SeqCst);
+            watched
+                .has_info
                 .store(old.sa_flags & libc::SA_SIGINFO != 0, Ordering::SeqCst);
-            own.handler.store(old.sa_sigaction, Ordering::SeqCst);
+            watched.handler.store(old.sa_sigaction, Ordering::SeqCst);
             let mut new = old;
             new.sa_sigaction = ours;
             // Whether interrupted system calls restart is decided by the flags of the former handler.

@@ -192,16 +192,16 @@ mod tests {
     fn the_transform_is_the_sum() {
         let circle = unit_circle(16);
         let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
-        let mut found: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
-        transform(&mut found, &circle);
-        for (place, found) in found.iter().enumerate() {
+        let mut transformed: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
+        transform(&mut transformed, &circle);
+        for (place, transformed) in transformed.iter().enumerate() {
             let term = |(j, x): (usize, &f64)| {
                 let (c, s) = circle[place * j % 16];
                 (x * c, -x * s)
             };
             let sum = x.iter().enumerate().map(term);
             let sum = sum.fold((0.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));
-            assert!((sum.0 - found.0).abs() + (sum.1 - found.1).abs() < 1e-12);
+            assert!((sum.0 - transformed.0).abs() + (sum.1 - transformed.1).abs() < 1e-12);
         }
     }
 
@@ -231,12 +231,12 @@ mod tests {
                     q += dt * pull / key.mass;
                     p += dt * q;
                 }
-                let found = [
+                let state = [
                     a[0][0] * x + a[0][1] * v + b[0] * force,
                     a[1][0] * x + a[1][1] * v + b[1] * force,
                 ];
                 assert!(
-                    (found[0] - p).abs() < 1e-8 && (found[1] - q).abs() < 1e-5,
+                    (state[0] - p).abs() < 1e-8 && (state[1] - q).abs() < 1e-5,
                     "{hand:?}"
                 );
             }
@@ -253,11 +253,11 @@ mod tests {
         let fine = 400;
         let response: Vec<f64> = (0..n)
             .map(|tick| {
-                let at = if tick == 0 { 1.0 } else { 0.0 };
+                let pulse = if tick == 0 { 1.0 } else { 0.0 };
                 let mut sum = 0.0;
                 for _ in 0..fine {
                     let dt = period / f64::from(fine);
-                    let force = coupling * (at - x);
+                    let force = coupling * (pulse - x);
                     v += dt * (force - k * x - z * v) / mass;
                     x += dt * v;
                     sum += force;
@@ -292,8 +292,8 @@ mod tests {
         let (mut x, mut force, mut v) = (vec![0.0], Vec::new(), 1.0);
         let mut swing = [0.0_f64; 4];
         for k in 0..4_096 {
-            let felt = response.iter().take(k + 1).enumerate();
-            let scene: f64 = felt.map(|(j, h)| h * x[k - j]).sum();
+            let responses = response.iter().take(k + 1).enumerate();
+            let scene: f64 = responses.map(|(j, h)| h * x[k - j]).sum();
             force.push(-part * scene);
             let late = k.checked_sub(key.delay).map_or(0.0, |k| force[k]);
             let next = a[0][0] * x[k] + a[0][1] * v + b[0] * late;

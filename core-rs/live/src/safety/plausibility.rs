@@ -361,9 +361,10 @@ impl PlausibilityChecks {
             energy: 0.0,
             power: 0.0,
         };
-        let of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
+        let checks_of =
+            |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
         Self {
-            axes: std::array::from_fn(of),
+            axes: std::array::from_fn(checks_of),
             n: built.len().min(MAX_AXES),
             sent: [0.0; MAX_AXES],
             positions: None,
@@ -387,10 +388,10 @@ impl PlausibilityChecks {
     pub(super) fn pass(&mut self, asked: &[f64]) -> [f64; MAX_AXES] {
         let positions = self.positions.take();
         let mut out = [0.0; MAX_AXES];
-        for (axis, own) in self.axes[..self.n].iter_mut().enumerate() {
+        for (axis, checks) in self.axes[..self.n].iter_mut().enumerate() {
             let asked = asked.get(axis).copied().unwrap_or(0.0);
             let position = positions.map(|positions| positions[axis]);
-            out[axis] = own.tick(asked, self.sent[axis], position);
+            out[axis] = checks.tick(asked, self.sent[axis], position);
         }
         out
     }

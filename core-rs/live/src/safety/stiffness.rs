@@ -99,13 +99,17 @@ mod tests {
             (0.3, 1e4, 1, 2074.0),
             (1.0, 44_100.0, 1, 30_078.0),
         ] {
-            let (formula, found) = (
+            let (formula, simulated) = (
                 limit(b, 1.0 / rate, delay),
                 numerically(b, 1.0 / rate, delay as usize),
             );
-            let text = format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {found}");
-            assert!(formula <= found && formula > 0.88 * found, "{text}");
-            assert!((found / known - 1.0).abs() < 0.1, "{text}, known {known}");
+            let text =
+                format!("b {b}, {rate} Hz, delay {delay}: said {formula}, found {simulated}");
+            assert!(formula <= simulated && formula > 0.88 * simulated, "{text}");
+            assert!(
+                (simulated / known - 1.0).abs() < 0.1,
+                "{text}, known {known}"
+            );
             // At the limit the spring takes as much energy from the key as the delay gives: b = kT(½ + d).
             let gives = formula / rate * (0.5 + f64::from(delay));
             assert!((gives / b - 1.0).abs() < 1e-3, "{text}");

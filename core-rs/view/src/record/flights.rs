@@ -23,7 +23,7 @@ impl Recorder {
     /// Writes new flights for points and modes that differ from those that a reader has.
     pub(super) fn write_flights(&mut self, seen: &[f64], now: f64, is_first: bool) {
         let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
-        let mut found: Vec<(f64, usize, Flight)> = Vec::new();
+        let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
             let actual = (track.own).phase(seen[track.number], seen[n + track.number], step);
             let flight = &self.flights[track.number];
@@ -60,10 +60,10 @@ impl Recorder {
             };
             let (a, b) = track.own.later(actual, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
-            found.push((since, track.number, Flight { a, b, since }));
+            flights.push((since, track.number, Flight { a, b, since }));
         }
-        found.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
-        for (since, number, flight) in found {
+        flights.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+        for (since, number, flight) in flights {
             self.flights[number] = flight;
             // A flight that begins now is in the key state.
             if !(is_first && since == now) {
@@ -97,10 +97,10 @@ impl Recorder {
             let flight = &mut self.flights[track.number];
             let (a, b) = track.own.later((flight.a, flight.b), now - flight.since);
             let is_faint = amplitude(a, b) <= FAINT;
-            let kept = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
+            let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *flight = Flight {
-                a: kept(a),
-                b: kept(b),
+                a: value_or_zero(a),
+                b: value_or_zero(b),
                 since: now,
             };
             if !is_faint {

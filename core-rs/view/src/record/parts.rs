@@ -26,7 +26,7 @@ pub struct Run {
 /// The runs of all points, in order.
 pub fn runs(look: &Look) -> Vec<Run> {
     let mut all: Vec<Run> = Vec::new();
-    for (at, point) in look.points.iter().enumerate() {
+    for (index, point) in look.points.iter().enumerate() {
         let (kind, why, body) = match point.how {
             How::Free(_) => ("free", None, None),
             How::Sampled => ("sampled", None, None),
@@ -38,11 +38,11 @@ pub fn runs(look: &Look) -> Vec<Run> {
             Some(run)
                 if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) =>
             {
-                run.points.end = at + 1;
+                run.points.end = index + 1;
             }
             _ => all.push(Run {
                 part: point.part,
-                points: at..at + 1,
+                points: index..index + 1,
                 kind,
                 why,
                 body,
@@ -64,24 +64,24 @@ pub(super) struct Track {
 /// All free points and modes, run by run.
 pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
     let mut all = Vec::new();
-    for (run, own) in runs.iter().enumerate() {
-        for number in own.points.clone() {
-            if let How::Free(own) = look.points[number].how {
+    for (run, run_tracks) in runs.iter().enumerate() {
+        for number in run_tracks.points.clone() {
+            if let How::Free(run_tracks) = look.points[number].how {
                 all.push(Track {
                     number,
-                    own,
+                    own: run_tracks,
                     struck: number,
                     run,
                 });
             }
         }
-        if let Some(body) = own.body {
+        if let Some(body) = run_tracks.body {
             let modes = look.bodies[body].modes.iter();
-            for (number, own) in (look.points.len() + look.bodies[body].first..).zip(modes) {
+            for (number, run_tracks) in (look.points.len() + look.bodies[body].first..).zip(modes) {
                 let struck = look.points.len() + body;
                 all.push(Track {
                     number,
-                    own: *own,
+                    own: *run_tracks,
                     struck,
                     run,
                 });
@@ -102,10 +102,10 @@ pub(super) fn strike_times(
     let n = look.points.len();
     let mut all = vec![Vec::new(); n + look.bodies.len()];
     for ergon in ergons {
-        let Some(&at) = points.get(&(ergon.mat as usize)) else {
+        let Some(&index) = points.get(&(ergon.mat as usize)) else {
             continue;
         };
-        let point = &look.points[at];
+        let point = &look.points[index];
         let is_discrete = network.parts()[point.part].ca_rate.is_some();
         let frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
         let instant = if is_discrete {
@@ -114,7 +114,7 @@ pub(super) fn strike_times(
             ergon.time
         };
         match point.how {
-            How::Free(_) => all[at].push(instant),
+            How::Free(_) => all[index].push(instant),
             How::Modal(body) => all[n + body].push(instant),
             How::Sampled | How::NotComputed { .. } => {}
         }

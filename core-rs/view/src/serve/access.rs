@@ -17,10 +17,10 @@ impl Key {
         is_key.then(|| Self(digits.to_ascii_lowercase()))
     }
 
-    /// Whether `given` is this key; the time of the comparison does not depend on where they differ.
-    fn is(&self, given: &str) -> bool {
-        given.len() == self.0.len()
-            && given
+    /// Whether `text` is this key; the time of the comparison does not depend on where they differ.
+    fn is(&self, text: &str) -> bool {
+        text.len() == self.0.len()
+            && text
                 .bytes()
                 .zip(self.0.bytes())
                 .fold(0, |differ, (a, b)| differ | (a ^ b))
@@ -47,10 +47,10 @@ impl fmt::Debug for Key {
 pub(super) fn check<'a>(
     request: &'a Request,
     key: &Key,
-    at: SocketAddr,
+    address: SocketAddr,
 ) -> Result<&'a str, Status> {
     let host = request.host.as_deref().ok_or(Status::Malformed)?;
-    if !is_ours(host, at) {
+    if !is_ours(host, address) {
         return Err(Status::WrongHost);
     }
     let from_here = |origin: &str| origin.strip_prefix("http://") == Some(host);
@@ -68,12 +68,12 @@ pub(super) fn check<'a>(
 }
 
 /// Whether a `Host` is this machine: on loopback, a loopback address or `localhost`; otherwise, any address.
-fn is_ours(host: &str, at: SocketAddr) -> bool {
+fn is_ours(host: &str, address: SocketAddr) -> bool {
     let (name, port) = match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
         _ => (host, Some(80)),
     };
-    if port != Some(at.port()) {
+    if port != Some(address.port()) {
         return false;
     }
     if name.eq_ignore_ascii_case("localhost") {
@@ -81,5 +81,5 @@ fn is_ours(host: &str, at: SocketAddr) -> bool {
     }
     let bare = name.strip_prefix('[').and_then(|n| n.strip_suffix(']'));
     let ip: Option<IpAddr> = bare.unwrap_or(name).parse().ok();
-    ip.is_some_and(|ip| !at.ip().is_loopback() || ip.is_loopback())
+    ip.is_some_and(|ip| !address.ip().is_loopback() || ip.is_loopback())
 }

@@ -118,12 +118,12 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
             keys.as_bytes(),
         )?);
     }
-    let given = match name.as_str() {
+    let page = match name.as_str() {
         "motion" => Some((&options.file, "application/octet-stream")),
         "sound.wav" => Some((&options.sound, "audio/wav")),
         _ => None,
     };
-    if let Some((path, kind)) = given {
+    if let Some((path, kind)) = page {
         let path = path.as_ref().ok_or(Status::NotFound)?;
         let mut file = File::open(path).map_err(|_| Status::NotFound)?;
         let length = file.metadata()?.len();

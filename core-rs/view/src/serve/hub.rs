@@ -96,8 +96,8 @@ impl Hub {
         let number = inner.first + inner.held.len() as u64;
         if keep == Keep::Latest
             && let Some(before) = inner.latest.replace(number)
-            && let Some(at) = before.checked_sub(inner.first)
-            && let Some(frame) = inner.held[at as usize].take()
+            && let Some(offset) = before.checked_sub(inner.first)
+            && let Some(frame) = inner.held[offset as usize].take()
         {
             inner.bytes -= frame.len();
         }
@@ -180,11 +180,11 @@ mod tests {
     use super::*;
 
     fn all(hub: &Hub, cursor: &mut Cursor) -> Vec<Next> {
-        let mut found = Vec::new();
+        let mut frames = Vec::new();
         loop {
             match hub.take(cursor, Duration::ZERO) {
-                Next::Nothing => return found,
-                next => found.push(next),
+                Next::Nothing => return frames,
+                next => frames.push(next),
             }
         }
     }
@@ -221,9 +221,9 @@ mod tests {
             hub.publish(&event, Keep::All);
             assert!(hub.bytes() <= BYTES_MAX);
         }
-        let found = all(&hub, &mut stalled);
-        assert_eq!(found[0], Next::Lost(84));
-        assert_eq!(found.len(), 17);
+        let frames = all(&hub, &mut stalled);
+        assert_eq!(frames[0], Next::Lost(84));
+        assert_eq!(frames.len(), 17);
     }
 
     #[test]

@@ -75,12 +75,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
     }
     let target = head.path.unwrap_or_default();
     let once = |name: &str| -> Result<Option<&str>, Status> {
-        let mut found = head
+        let mut header_lines = head
             .headers
             .iter()
             .filter(|h| h.name.eq_ignore_ascii_case(name));
-        let value = found.next().map(|h| str::from_utf8(h.value));
-        match (value, found.next()) {
+        let value = header_lines.next().map(|h| str::from_utf8(h.value));
+        match (value, header_lines.next()) {
             (None, _) => Ok(None),
             (Some(Ok(value)), None) => Ok(Some(value.trim())),
             _ => Err(Status::Malformed),

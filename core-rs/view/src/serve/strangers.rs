@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn the_oldest_of_the_address_with_most_places_is_sent_away() {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
-        let at = listener.local_addr().expect("an address");
-        let stream = Arc::new(TcpStream::connect(at).expect("a connection"));
+        let address = listener.local_addr().expect("an address");
+        let stream = Arc::new(TcpStream::connect(address).expect("a connection"));
         let [crowded, calm] = [1, 2].map(|last| IpAddr::from([10, 0, 0, last]));
         let strangers = Arc::new(Strangers::default());
         let admit = |ip| strangers.admit(&stream, ip, 4);

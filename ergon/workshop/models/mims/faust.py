@@ -16,7 +16,7 @@ def script(text: str) -> str:
     """The lines of a program's script, with their line numbers kept. Raises ModelError if there is
     none.
     """
-    scripts = [found for found in _COMMENT.finditer(text) if _is_script(found[0])]
+    scripts = [match for match in _COMMENT.finditer(text) if _is_script(match[0])]
     if not scripts:
         message = (
             "this Faust program has no MIMS script: a comment with lines such as @m mass 1 0 0"
@@ -25,16 +25,16 @@ def script(text: str) -> str:
     if len(scripts) > 1:
         line = text.count("\n", 0, scripts[1].start()) + 1
         raise ModelError("a second MIMS script begins here; leave one", line)
-    (found,) = scripts
-    before = "\n" * text.count("\n", 0, found.start())
-    return before + "\n".join(map(_said, found[0].split("\n")))
+    (match,) = scripts
+    before = "\n" * text.count("\n", 0, match.start())
+    return before + "\n".join(map(_line_text, match[0].split("\n")))
 
 
 def _is_script(comment: str) -> bool:
     return any(found[1] in _KEYWORDS for found in _STATEMENT.finditer(comment))
 
 
-def _said(line: str) -> str:
+def _line_text(line: str) -> str:
     """A line of a script; headings and comment delimiters become empty."""
     line = line.replace("/*", "").replace("*/", "").strip()
     return line if line.startswith(("@", "~")) else ""

@@ -17,40 +17,40 @@ def _ending(own: Writing, name: str) -> Iterator[Statement]:
     return (one for one in own.model.of("link") if any(point.name == name for point in one.points))
 
 
-def heard_ends(own: Writing) -> dict[int, str]:
+def heard_ends(writing: Writing) -> dict[int, str]:
     """Links whose force is heard, and for each the mass on which it is heard. Raises ModelError."""
-    heard: dict[int, str] = {}
-    for one in own.model.of("output"):
-        name = one.points[0].name
-        if one.keyword != "frcOutput":
+    names_by_link: dict[int, str] = {}
+    for statement in writing.model.of("output"):
+        name = statement.points[0].name
+        if statement.keyword != "frcOutput":
             continue
-        if name in own.macros:
-            raise ModelError(REFUSED["macro force"], one.line)
-        pushes = (i for i in own.model.of("input") if i.name in own.inputs)
+        if name in writing.macros:
+            raise ModelError(REFUSED["macro force"], statement.line)
+        pushes = (i for i in writing.model.of("input") if i.name in writing.inputs)
         if any(point.name == name for push in pushes for point in push.points):
-            raise ModelError(REFUSED["pushed force"], one.line)
-        links = list(_ending(own, name))
+            raise ModelError(REFUSED["pushed force"], statement.line)
+        links = list(_ending(writing, name))
         if not links:
-            raise ModelError(REFUSED["still force"], one.line)
+            raise ModelError(REFUSED["still force"], statement.line)
         for link in links:
-            if heard.setdefault(id(link), name) != name:
+            if names_by_link.setdefault(id(link), name) != name:
                 message = REFUSED["both ends"].format(link=quote(link.name))
-                raise ModelError(message, one.line)
-    return heard
+                raise ModelError(message, statement.line)
+    return names_by_link
 
 
-def output(own: Writing, one: Statement) -> None:
+def output(writing: Writing, statement: Statement) -> None:
     """An output."""
-    channel = int(one.name.removeprefix("out"))
-    if one.keyword == "posOutput":
-        found = points(own, one, one.points[0])
-        for nth, (share, target) in enumerate(found, 1):
-            name = one.name if len(found) == 1 else f"{one.name}_{nth}"
-            own.outs.append(Out(name, f"SOX: {target}", channel, gain(share)))
+    channel = int(statement.name.removeprefix("out"))
+    if statement.keyword == "posOutput":
+        targets = points(writing, statement, statement.points[0])
+        for nth, (share, target) in enumerate(targets, 1):
+            name = statement.name if len(targets) == 1 else f"{statement.name}_{nth}"
+            writing.outs.append(Out(name, f"SOX: {target}", channel, gain(share)))
         return
-    mass = one.points[0].name
-    of = [name for link, name in own.links if any(p.name == mass for p in link.points)]
-    kinds = {each.name: each.kind for each in own.modules}
-    for nth, name in enumerate(of, 1):
-        out = one.name if len(of) == 1 else f"{one.name}_{nth}"
-        own.outs.append(Out(out, f"SOF: {{{kinds[name]}: {name}}}", channel))
+    mass = statement.points[0].name
+    link_names = [name for link, name in writing.links if any(p.name == mass for p in link.points)]
+    kinds = {each.name: each.kind for each in writing.modules}
+    for nth, name in enumerate(link_names, 1):
+        out = statement.name if len(link_names) == 1 else f"{statement.name}_{nth}"
+        writing.outs.append(Out(out, f"SOF: {{{kinds[name]}: {name}}}", channel))

@@ -35,8 +35,8 @@ def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
     step, jump = b.step - a.step, b.jump - a.jump
     if law.kind == "LNL":
         constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}
-        own = _core.Law(law.law or None, law.damping or None, constants)
-        return own.force(d, step + jump) - own.force(d, step)
+        compiled_law = _core.Law(law.law or None, law.damping or None, constants)
+        return compiled_law.force(d, step + jump) - compiled_law.force(d, step)
     if law.kind == "BUT" and d >= 0.0:
         return 0.0
     return values.get("Z", 0.0) * jump

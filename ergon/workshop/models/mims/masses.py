@@ -18,16 +18,16 @@ from ergon.workshop.models.refused import REFUSED
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
 
 
-def push(own: Writing, one: Statement) -> None:
+def push(writing: Writing, statement: Statement) -> None:
     """Apply a force from outside."""
-    if one.keyword != "frcInput":
+    if statement.keyword != "frcInput":
         return
-    for share, target in points(own, one, one.points[0]):
-        if one.name in own.inputs:
-            name = own.names.new(f"{one.name}_push")
+    for share, target in points(writing, statement, statement.points[0]):
+        if statement.name in writing.inputs:
+            name = writing.names.new(f"{statement.name}_push")
             scale = "" if share == 1.0 else f", scale: {share!r}"
-            start = own.inputs[one.name].start
-            own.add(name, f"ENF: {{to: {target}, from: {one.name}{start}{scale}}}")
+            start = writing.inputs[statement.name].start
+            writing.add(name, f"ENF: {{to: {target}, from: {statement.name}{start}{scale}}}")
 
 
 def not_negative(value: Value, name: str, line: int) -> None:
@@ -39,76 +39,82 @@ def not_negative(value: Value, name: str, line: int) -> None:
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _mass(own: Writing, one: Statement) -> None:
-    name = own.targets[one.name] = own.names.new(one.name)
-    if one.keyword == "ground":
-        x0 = own.value(one, "x0")
-        _within(one, "x0", x0, _FARTHEST)
-        own.begins[one.name] = Begin(x0)
-        own.held.add(name)
-        own.add(name, f"SOL: {{X0: {metres(own.text(one, 'x0'))}}}" if x0 else "SOL: {}")
+def _mass(writing: Writing, statement: Statement) -> None:
+    name = writing.targets[statement.name] = writing.names.new(statement.name)
+    if statement.keyword == "ground":
+        x0 = writing.value(statement, "x0")
+        _within(statement, "x0", x0, _FARTHEST)
+        writing.begins[statement.name] = Begin(x0)
+        writing.held.add(name)
+        writing.add(
+            name, f"SOL: {{X0: {metres(writing.text(statement, 'x0'))}}}" if x0 else "SOL: {}"
+        )
         return
-    mass = _heavy(own, one)
-    ties = {tie: value_of(own, one, tie) for tie in ("K", "Z") if tie in one.values}
+    mass = _heavy(writing, statement)
+    ties = {tie: value_of(writing, statement, tie) for tie in ("K", "Z") if tie in statement.values}
     for tie, value in ties.items():
-        not_negative(value, tie, one.line)
+        not_negative(value, tie, statement.line)
     follows = any(value.along for value in ties.values())
     fields = [f"M: {mass.text}"]
     if mass.along is not None:
         follows = bool(ties)  # what a mass of its own is tied by is no pole any more
         lightest = mass.least
-        fields = [f"M: {lightest!r}", f"follows: {{M: {following(own, mass, is_ahead=True)}}}"]
+        fields = [f"M: {lightest!r}", f"follows: {{M: {following(writing, mass, is_ahead=True)}}}"]
     if not follows:
         fields += [f"{tie}: {value.text}" for tie, value in ties.items()]
     k, z = (ties[tie].first if tie in ties else 0.0 for tie in ("K", "Z"))
-    fields += [text for text in _start(own, one, (mass.first, k, z)) if text]
+    fields += [text for text in _start(writing, statement, (mass.first, k, z)) if text]
     kind = "CEL" if ties and not follows else "MAS"
-    own.add(name, f"{kind}: {{{', '.join(fields)}}}")
+    writing.add(name, f"{kind}: {{{', '.join(fields)}}}")
     if follows:
-        _tie(own, name, ties)
-    if gravity := _gravity(own, one):
-        weight = own.names.new(f"{name}_weight")
-        own.add(weight, f"ENF: {{to: {name}, from: {-gravity!r}N}}", f"gravity {gravity:g}")
+        _tie(writing, name, ties)
+    if gravity := _gravity(writing, statement):
+        weight = writing.names.new(f"{name}_weight")
+        writing.add(weight, f"ENF: {{to: {name}, from: {-gravity!r}N}}", f"gravity {gravity:g}")
 
 
-def _tie(own: Writing, name: str, ties: dict[str, Value]) -> None:
+def _tie(writing: Writing, name: str, ties: dict[str, Value]) -> None:
     """Tie a mass to 0 by values that follow a signal, taken from the next sample."""
-    ground = own.names.new(f"{name}_ground")
-    own.add(ground, "SOL: {}")
+    ground = writing.names.new(f"{name}_ground")
+    writing.add(ground, "SOL: {}")
     laws = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
-    said = [laws[tie] for tie in ties]
-    said += [f"{tie.lower()}: {value.text}" for tie, value in ties.items() if not value.along]
+    written_fields = [laws[tie] for tie in ties]
+    written_fields += [
+        f"{tie.lower()}: {value.text}" for tie, value in ties.items() if not value.along
+    ]
     follows = {
-        tie.lower(): following(own, value, is_ahead=True)
+        tie.lower(): following(writing, value, is_ahead=True)
         for tie, value in ties.items()
         if value.along
     }
     if follows:
-        said.append(_follows(follows))
-    tie = own.names.new(f"{name}_tie")
-    own.add(tie, f"LNL: {{between: [{ground}, {name}], {', '.join(said)}}}")
+        written_fields.append(_follows(follows))
+    tie = writing.names.new(f"{name}_tie")
+    writing.add(tie, f"LNL: {{between: [{ground}, {name}], {', '.join(written_fields)}}}")
 
 
 def _follows(values: dict[str, str]) -> str:
     return f"follows: {{{', '.join(f'{name}: {text}' for name, text in values.items())}}}"
 
 
-def _start(own: Writing, one: Statement, numbers: tuple[float, float, float]) -> tuple[str, str]:
+def _start(
+    writing: Writing, statement: Statement, numbers: tuple[float, float, float]
+) -> tuple[str, str]:
     """X0 and V0: a score begins where the model is after its first step, in which no link acts.
 
     `numbers` are M, K and Z of the mass in that step.
     """
-    (mass, k, z), gravity = numbers, _gravity(own, one)
-    x0 = own.value(one, "x0")
-    before = x0 - own.value(one, "v0") / RATE
-    if "before" in one.values:
-        before = own.value(one, "before")
+    (mass, k, z), gravity = numbers, _gravity(writing, statement)
+    x0 = writing.value(statement, "x0")
+    before = x0 - writing.value(statement, "v0") / RATE
+    if "before" in statement.values:
+        before = writing.value(statement, "before")
     first = (2.0 - (k + z) / mass) * x0 + (z / mass - 1.0) * before - gravity / mass
-    _within(one, "x0", first, _FARTHEST)
-    _within(one, "the first step", (first - x0) * RATE, _FASTEST)
-    own.begins[one.name] = Begin(first, first - x0)
+    _within(statement, "x0", first, _FARTHEST)
+    _within(statement, "the first step", (first - x0) * RATE, _FASTEST)
+    writing.begins[statement.name] = Begin(first, first - x0)
     if first == x0:
-        return (f"X0: {metres(own.text(one, 'x0'))}" if x0 else ""), ""
+        return (f"X0: {metres(writing.text(statement, 'x0'))}" if x0 else ""), ""
     return (f"X0: {first!r}m" if first else ""), f"V0: {(first - x0) * RATE!r}m/s"
 
 
@@ -117,100 +123,106 @@ def _within(one: Statement, name: str, value: float, most: float) -> None:
         raise ModelError(REFUSED["far"].format(name=name, value=value, most=most), one.line)
 
 
-def _gravity(own: Writing, one: Statement) -> float:
-    text = one.values.get("gravity")
-    if text is None or own.model.dialect == "v1":
-        return own.value(one, "gravity")
+def _gravity(writing: Writing, statement: Statement) -> float:
+    text = statement.values.get("gravity")
+    if text is None or writing.model.dialect == "v1":
+        return writing.value(statement, "gravity")
     # mi-gen appends its factor to the text, so of `a + b` it divides only b.
-    own.text(one, "gravity")
-    what = f"gravity of {quote(one.name)}"
-    return own.model.number(f"{text}/{RATE}", what, one.line)
+    writing.text(statement, "gravity")
+    what = f"gravity of {quote(statement.name)}"
+    return writing.model.number(f"{text}/{RATE}", what, statement.line)
 
 
-def _heavy(own: Writing, one: Statement) -> Value:
-    mass = value_of(own, one, "M")
+def _heavy(writing: Writing, statement: Statement) -> Value:
+    mass = value_of(writing, statement, "M")
     if mass.least <= 0.0:
-        of = "silent mass" if mass.text != own.params.written(one.values["M"]) else "no mass"
-        raise ModelError(REFUSED[of].format(value=mass.least), one.line)
+        refusal = (
+            "silent mass"
+            if mass.text != writing.params.written(statement.values["M"])
+            else "no mass"
+        )
+        raise ModelError(REFUSED[refusal].format(value=mass.least), statement.line)
     return mass
 
 
 # --- macros -------------------------------------------------------------------------------------
 
 
-def _macro(own: Writing, one: Statement) -> None:
-    values = {name: value_of(own, one, name) for name in ("M", "K", "K2", "Z", "Zo")}
-    values = {name: value for name, value in values.items() if name in one.values}
-    _heavy(own, one)
+def _macro(writing: Writing, statement: Statement) -> None:
+    values = {name: value_of(writing, statement, name) for name in ("M", "K", "K2", "Z", "Zo")}
+    values = {name: value for name, value in values.items() if name in statement.values}
+    _heavy(writing, statement)
     for name, value in values.items():
         if name != "M":
-            not_negative(value, name, one.line)
-        if value.along and not (name in ("K", "Z") and one.keyword in ("string", "chain")):
-            message = REFUSED["signal"].format(name=quote(one.values[name]), value=name)
-            raise ModelError(message, one.line)
-    rows, columns = places.size(one)
-    name = own.names.new(one.name)
-    x0 = own.value(one, "x0")
-    _within(one, "x0", x0, _FARTHEST)
+            not_negative(value, name, statement.line)
+        if value.along and not (name in ("K", "Z") and statement.keyword in ("string", "chain")):
+            message = REFUSED["signal"].format(name=quote(statement.values[name]), value=name)
+            raise ModelError(message, statement.line)
+    rows, columns = places.size(statement)
+    name = writing.names.new(statement.name)
+    x0 = writing.value(statement, "x0")
+    _within(statement, "x0", x0, _FARTHEST)
     air = values["Zo"].first if "Zo" in values else 0.0
-    macro = own.macros[one.name] = places.Macro(
-        one,
+    macro = writing.macros[statement.name] = places.Macro(
+        statement,
         name,
         rows,
         columns,
         {value: "0" if own_value.along else own_value.text for value, own_value in values.items()},
-        _start(own, one, (values["M"].first, 0.0, air)),
-        own.text(one, "x0") if x0 else "0",
-        own.names.new(f"{name}_edge"),
+        _start(writing, statement, (values["M"].first, 0.0, air)),
+        writing.text(statement, "x0") if x0 else "0",
+        writing.names.new(f"{name}_edge"),
     )
-    own.held.add(macro.edge)
-    places.build(macro, own.laws == "2019")
-    _change(own, macro, {name: value for name, value in values.items() if value.along})
+    writing.held.add(macro.edge)
+    places.build(macro, writing.laws == "2019")
+    _change(writing, macro, {name: value for name, value in values.items() if value.along})
     for nth, (module, text) in enumerate(macro.modules):
-        own.names.taken.add(module)
-        own.add(module, text, "" if nth else f"{one.keyword} of {rows * columns} points")
-    if one.keyword in ("string", "stiffString") and own.value(one, "v0"):
-        _pull(own, macro, values["Z"])
+        writing.names.taken.add(module)
+        writing.add(module, text, "" if nth else f"{statement.keyword} of {rows * columns} points")
+    if statement.keyword in ("string", "stiffString") and writing.value(statement, "v0"):
+        _pull(writing, macro, values["Z"])
 
 
-def _change(own: Writing, macro: places.Macro, values: dict[str, Value]) -> None:
+def _change(writing: Writing, macro: places.Macro, values: dict[str, Value]) -> None:
     """Add links between neighbours of a row, for values that follow a signal."""
     if not values:
         return
     laws = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
-    said = [laws[name] for name in values]
-    said.append(_follows({name.lower(): following(own, one) for name, one in values.items()}))
+    written_fields = [laws[name] for name in values]
+    written_fields.append(
+        _follows({name.lower(): following(writing, one) for name, one in values.items()})
+    )
     for nth, (a, b) in enumerate(macro.neighbours()):
         name = f"{macro.name}_led{nth or ''}"
-        macro.modules.append((name, f"LNL: {{between: [{a}, {b}], {', '.join(said)}}}"))
+        macro.modules.append((name, f"LNL: {{between: [{a}, {b}], {', '.join(written_fields)}}}"))
 
 
-def _pull(own: Writing, macro: places.Macro, z: Value) -> None:
+def _pull(writing: Writing, macro: places.Macro, z: Value) -> None:
     """Add the force of a string's dampers on its fixed ends: with a v0 these do not move, but the
     dampers feel a constant speed.
     """
     if z.along:
         raise ModelError(REFUSED["pulling string"], macro.of.line)
-    force = z.first * own.value(macro.of, "v0") / RATE
+    force = z.first * writing.value(macro.of, "v0") / RATE
     ends = macro.at(0, 1), macro.at(0, macro.columns - 2)
     for nth, end in enumerate(ends):
         if force:
-            name = own.names.new(f"{macro.name}_pull{nth or ''}")
+            name = writing.names.new(f"{macro.name}_pull{nth or ''}")
             comment = "its fixed ends have a speed, which dampers feel" if nth == 0 else ""
-            own.add(name, f"ENF: {{to: {end}, from: {force!r}N}}", comment)
+            writing.add(name, f"ENF: {{to: {end}, from: {force!r}N}}", comment)
 
 
 # --- inputs -------------------------------------------------------------------------------------
 
 
-def _input(own: Writing, one: Statement) -> None:
-    if one.keyword == "frcInput":
+def _input(writing: Writing, statement: Statement) -> None:
+    if statement.keyword == "frcInput":
         return
-    source = own.inputs.get(one.name)
-    name = own.targets[one.name] = fed(own, one.name, one.name)
+    source = writing.inputs.get(statement.name)
+    name = writing.targets[statement.name] = fed(writing, statement.name, statement.name)
     first = 0.0 if source is None else source.first
-    own.held.add(name)
-    own.begins[one.name] = Begin(first, jump=first - own.value(one, "x0"))
+    writing.held.add(name)
+    writing.begins[statement.name] = Begin(first, jump=first - writing.value(statement, "x0"))
 
 
 MAKERS = {

@@ -55,8 +55,8 @@ class Model:
     @property
     def inputs(self) -> list[str]:
         """All inputs, of masses and of parameters."""
-        own = (one.name for one in self.of("input"))
-        return list(dict.fromkeys((*own, *self.signals.values())))
+        declared = (one.name for one in self.of("input"))
+        return list(dict.fromkeys((*declared, *self.signals.values())))
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value of a statement as a number; `default` where it is left out. Raises ModelError."""
@@ -75,9 +75,9 @@ class Model:
 def number(text: str, params: Mapping[str, Amount], what: str, line: int) -> float:
     """The value of an expression of parameters and functions. Raises ModelError."""
     try:
-        found = functions.value(text, params, "a parameter")
+        amount = functions.value(text, params, "a parameter")
     except TextError as error:
         raise ModelError(f"{what}: {error.message}", line, error.suggestion) from None
-    if found.unit:
+    if amount.unit:
         raise ModelError(f"{what}: {quote(text)} is neither a number nor a parameter", line)
-    return float(found.number)
+    return float(amount.number)

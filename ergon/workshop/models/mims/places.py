@@ -63,14 +63,14 @@ class Macro:
 
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
-        own, size = self.span(row)
-        name, at = self.row(row), first - own
+        first_column, size = self.span(row)
+        name, offset = self.row(row), first - first_column
         if self.is_whole:
             name = self.name
-            at += (row - (self.of.keyword == "closedMesh")) * size
+            offset += (row - (self.of.keyword == "closedMesh")) * size
         if size == 1 and (self.of.keyword == "chain" or not self.is_whole):
             return name  # a MAS
-        return f"{name}.{at}" if count == 1 else f"{name}.{at}..{at + count - 1}"
+        return f"{name}.{offset}" if count == 1 else f"{name}.{offset}..{offset + count - 1}"
 
     @property
     def moving(self) -> list[str]:
@@ -88,9 +88,9 @@ class Macro:
         """
         first, count = self.span(0)
         inner = [
-            (self.member(0, at, size), self.member(0, at + 1, size))
-            for at in range(first, first + count - 1, MAX_SPREAD)
-            if (size := min(MAX_SPREAD, first + count - 1 - at))
+            (self.member(0, offset, size), self.member(0, offset + 1, size))
+            for offset in range(first, first + count - 1, MAX_SPREAD)
+            if (size := min(MAX_SPREAD, first + count - 1 - offset))
         ]
         if not first:
             return inner
@@ -120,14 +120,14 @@ class Macro:
         along = []
         for share, count in zip(sides, counts, strict=True):
             if is_2019:
-                at = min(share * count, count - 1.0)
+                position = min(share * count, count - 1.0)
             else:
-                at = min(max(share, 0.0), 1.0) * (count - 1)
-            if at < 0.0:
+                position = min(max(share, 0.0), 1.0) * (count - 1)
+            if position < 0.0:
                 raise ModelError(f"a place on {quote(self.of.name)} is {share:g}, below 0", line)
-            low, part = int(at), at - int(at)
+            low, part = int(position), position - int(position)
             if min(part, 1.0 - part) < _NEAR:
-                along.append([(round(at), 1.0)])
+                along.append([(round(position), 1.0)])
             else:
                 along.append([(low, 1.0 - part), (low + 1, part)])
         if is_string:
@@ -140,115 +140,117 @@ class Macro:
         return [(share, name) for name, share in shares.items()]
 
 
-def size(one: Statement) -> tuple[int, int]:
+def size(statement: Statement) -> tuple[int, int]:
     """Rows and columns of a macro. Raises ModelError."""
-    if one.keyword in STRINGS:
-        rows, columns = 1, int(one.values["N"])
-        least = 1 if one.keyword == "chain" else 3
+    if statement.keyword in STRINGS:
+        rows, columns = 1, int(statement.values["N"])
+        least = 1 if statement.keyword == "chain" else 3
         if columns < least:
-            few = REFUSED["few"].format(keyword=one.keyword, least=least)
-            raise ModelError(few, one.line)
+            few = REFUSED["few"].format(keyword=statement.keyword, least=least)
+            raise ModelError(few, statement.line)
     else:
-        rows, columns = int(one.values["L"]), int(one.values["W"])
-        least = 1 if one.keyword == "mesh" else 3
+        rows, columns = int(statement.values["L"]), int(statement.values["W"])
+        least = 1 if statement.keyword == "mesh" else 3
         if min(rows, columns) < least:
-            few = REFUSED["few"].format(keyword=one.keyword, least=f"{least} by {least}")
-            raise ModelError(few, one.line)
-    if one.keyword in ("mesh", "closedMesh"):
-        sides = max(rows, columns) - 2 * (one.keyword == "closedMesh")
+            few = REFUSED["few"].format(keyword=statement.keyword, least=f"{least} by {least}")
+            raise ModelError(few, statement.line)
+    if statement.keyword in ("mesh", "closedMesh"):
+        sides = max(rows, columns) - 2 * (statement.keyword == "closedMesh")
         if sides > SIDE_MAX:
-            message = f"{one.keyword}: a side has {SIDE_MAX} masses at most in a score"
-            raise ModelError(message, one.line)
-    if rows * columns > MASSES_MAX or (one.keyword == "cornerMesh" and rows > ROWS_MAX):
-        message = f"{one.keyword}: {rows * columns:,} masses are more than a score holds"
-        raise ModelError(message, one.line)
+            message = f"{statement.keyword}: a side has {SIDE_MAX} masses at most in a score"
+            raise ModelError(message, statement.line)
+    if rows * columns > MASSES_MAX or (statement.keyword == "cornerMesh" and rows > ROWS_MAX):
+        message = f"{statement.keyword}: {rows * columns:,} masses are more than a score holds"
+        raise ModelError(message, statement.line)
     return rows, columns
 
 
-def build(own: Macro, is_2019: bool) -> None:
+def build(macro: Macro, is_2019: bool) -> None:
     """Add the modules of the macro."""
-    if own.is_whole:
-        _whole(own)
+    if macro.is_whole:
+        _single_macro(macro)
     else:
-        _rows(own)
-    if own.of.keyword == "stiffString":
-        _stiffness(own, is_2019)
-    if "Zo" in own.written:
-        own.is_joined = True
-        for count, where in enumerate(own.moving):
-            name = f"{own.name}_air{count or ''}"
-            ends = f"between: [{own.edge}, {where}]"
-            own.modules.append((name, f"FRO: {{{ends}, Z: {own.written['Zo']}}}"))
+        _rows(macro)
+    if macro.of.keyword == "stiffString":
+        _stiffness(macro, is_2019)
+    if "Zo" in macro.written:
+        macro.is_joined = True
+        for count, where in enumerate(macro.moving):
+            name = f"{macro.name}_air{count or ''}"
+            ends = f"between: [{macro.edge}, {where}]"
+            macro.modules.append((name, f"FRO: {{{ends}, Z: {macro.written['Zo']}}}"))
 
 
-def _body(own: Macro, name: str, count: int, form: str) -> None:
+def _body(macro: Macro, name: str, count: int, form: str) -> None:
     """Masses in a row, or a mesh; a single one is a MAS."""
-    start = "".join(f", {text}" for text in own.start if text)
+    start = "".join(f", {text}" for text in macro.start if text)
     if count == 1 and form.startswith("STRING") and "ends: free" in form:
-        own.modules.append((name, f"MAS: {{M: {own.written['M']}{start}}}"))
+        macro.modules.append((name, f"MAS: {{M: {macro.written['M']}{start}}}"))
         return
-    mass = times(count, own.written["M"])
-    k, z = own.written["K"], own.written["Z"]
-    own.modules.append((name, f"{form}, M: {mass}, K: {k}, Z: {z}{start}}}"))
+    mass = times(count, macro.written["M"])
+    k, z = macro.written["K"], macro.written["Z"]
+    macro.modules.append((name, f"{form}, M: {mass}, K: {k}, Z: {z}{start}}}"))
 
 
-def _whole(own: Macro) -> None:
-    keyword = own.of.keyword
-    if own.rows == 1 and keyword in STRINGS:
-        count = own.columns if keyword == "chain" else own.columns - 2
+def _single_macro(macro: Macro) -> None:
+    keyword = macro.of.keyword
+    if macro.rows == 1 and keyword in STRINGS:
+        count = macro.columns if keyword == "chain" else macro.columns - 2
         ends = "free" if keyword == "chain" else "fixed"
-        _body(own, own.name, count, f"STRING: {{masses: {count}, ends: {ends}")
+        _body(macro, macro.name, count, f"STRING: {{masses: {count}, ends: {ends}")
         return
     less, rim = (2, "fixed") if keyword == "closedMesh" else (0, "free")
-    across, up = own.columns - less, own.rows - less
+    across, up = macro.columns - less, macro.rows - less
     form = f"PLATE: {{shape: rectangle, sides: [{across}, {up}], rim: {rim}"
-    _body(own, own.name, across * up, form)
+    _body(macro, macro.name, across * up, form)
 
 
-def _rows(own: Macro) -> None:
+def _rows(macro: Macro) -> None:
     """Write a STRING for each row, and links that join it to the next row and to fixed points."""
-    for row in range(own.rows):
-        first, count = own.span(row)
+    for row in range(macro.rows):
+        first, count = macro.span(row)
         if not count:
             continue
-        name = own.row(row)
-        _body(own, name, count, f"STRING: {{masses: {count}, ends: free")
-        if count < own.columns:
-            _join(own, f"{name}_left", own.edge, own.member(row, first))
-            _join(own, f"{name}_right", own.member(row, first + count - 1), own.edge)
-    for row in range(own.rows - 1):
-        (a, n), (b, m) = own.span(row), own.span(row + 1)
+        name = macro.row(row)
+        _body(macro, name, count, f"STRING: {{masses: {count}, ends: free")
+        if count < macro.columns:
+            _join(macro, f"{name}_left", macro.edge, macro.member(row, first))
+            _join(macro, f"{name}_right", macro.member(row, first + count - 1), macro.edge)
+    for row in range(macro.rows - 1):
+        (a, n), (b, m) = macro.span(row), macro.span(row + 1)
         if n and m:
             low, high = max(a, b), min(a + n, b + m)
-            ends = (own.member(at, low, high - low) for at in (row, row + 1))
-            _join(own, f"{own.name}_rows{row}", *ends)
-        for column in (0, own.columns - 1):
-            fixed = own.is_fixed(row, column), own.is_fixed(row + 1, column)
+            ends = (macro.member(row_place, low, high - low) for row_place in (row, row + 1))
+            _join(macro, f"{macro.name}_rows{row}", *ends)
+        for column in (0, macro.columns - 1):
+            fixed = macro.is_fixed(row, column), macro.is_fixed(row + 1, column)
             if fixed[0] != fixed[1] and not (n == 0 or m == 0):
-                ends = (own.at(at, column) for at in (row, row + 1))
-                _join(own, f"{own.name}_corner{row}_{column}", *ends)
+                ends = (macro.at(row_place, column) for row_place in (row, row + 1))
+                _join(macro, f"{macro.name}_corner{row}_{column}", *ends)
         if (n == 0) != (m == 0):
-            at, (first, count) = (row, (a, n)) if n else (row + 1, (b, m))
-            _join(own, f"{own.name}_rim{row}", own.edge, own.member(at, first, count))
+            row_place, (first, count) = (row, (a, n)) if n else (row + 1, (b, m))
+            _join(
+                macro, f"{macro.name}_rim{row}", macro.edge, macro.member(row_place, first, count)
+            )
 
 
-def _join(own: Macro, name: str, a: str, b: str) -> None:
-    own.is_joined = own.is_joined or own.edge in (a, b)
-    k, z = own.written["K"], own.written["Z"]
-    own.modules.append((name, f"REF: {{between: [{a}, {b}], K: {k}, Z: {z}}}"))
+def _join(macro: Macro, name: str, a: str, b: str) -> None:
+    macro.is_joined = macro.is_joined or macro.edge in (a, b)
+    k, z = macro.written["K"], macro.written["Z"]
+    macro.modules.append((name, f"REF: {{between: [{a}, {b}], K: {k}, Z: {z}}}"))
 
 
-def _stiffness(own: Macro, is_2019: bool) -> None:
+def _stiffness(macro: Macro, is_2019: bool) -> None:
     """Add springs to second neighbours, and at the ends to the neighbour; the laws of 2019 had none
     at the first end.
     """
-    n = own.columns
-    k = own.written["K2"]
+    n = macro.columns
+    k = macro.written["K2"]
     if n > 4:
-        inner = f"[{own.member(0, 1, n - 4)}, {own.member(0, 3, n - 4)}]"
-        own.modules.append((f"{own.name}_stiff", f"RES: {{between: {inner}, K: {k}}}"))
+        inner = f"[{macro.member(0, 1, n - 4)}, {macro.member(0, 3, n - 4)}]"
+        macro.modules.append((f"{macro.name}_stiff", f"RES: {{between: {inner}, K: {k}}}"))
     ends = [(0, 2), (n - 3, n - 1)] if n > 3 else []
     ends += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
     for nth, (first, last) in enumerate(ends):
-        where = f"[{own.at(0, first)}, {own.at(0, last)}]"
-        own.modules.append((f"{own.name}_end{nth}", f"RES: {{between: {where}, K: {k}}}"))
+        where = f"[{macro.at(0, first)}, {macro.at(0, last)}]"
+        macro.modules.append((f"{macro.name}_end{nth}", f"RES: {{between: {where}, K: {k}}}"))

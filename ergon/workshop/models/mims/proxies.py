@@ -55,8 +55,8 @@ def straight(model: Model, text: str, what: str, line: int) -> Along:
         params = {**model.params, named[0]: Amount(Fraction(value), "")}
         return number(text, params, what, line)
 
-    start, one, *others = (at(value) for value in _PROBES)
-    slope = one - start
+    start, second, *others = (at(value) for value in _PROBES)
+    slope = second - start
     line_at = (start + slope * value for value in _PROBES[2:])
     straight = zip(others, line_at, strict=True)
     if any(abs(found - wanted) > _CLOSE * (1.0 + abs(wanted)) for found, wanted in straight):
@@ -66,9 +66,9 @@ def straight(model: Model, text: str, what: str, line: int) -> Along:
 
 def between_masses(shares: Sequence[tuple[float, str]]) -> str:
     """A fixed place between masses, as a module."""
-    of = ", ".join(name for _, name in shares)
+    mass_names = ", ".join(name for _, name in shares)
     each = ", ".join(repr(share) for share, _ in shares)
-    return f"PROXY: {{of: [{of}], shares: [{each}]}}"
+    return f"PROXY: {{of: [{mass_names}], shares: [{each}]}}"
 
 
 def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_2019: bool) -> str:
@@ -76,13 +76,13 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
     signals.
     """
     counts = (macro.columns,) if macro.of.keyword in STRINGS else (macro.rows, macro.columns)
-    said = [f"of: {_row(macro)}"]
-    if " " in said[0] and len(counts) > 1:
-        said.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
+    written_fields = [f"of: {_row(macro)}"]
+    if " " in written_fields[0] and len(counts) > 1:
+        written_fields.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
     if _has_rim(macro):
         macro.is_joined = True
-        said.append(f"rim: {macro.edge}")
-    said.append(f"follows: {_list(list(guides))}")
+        written_fields.append(f"rim: {macro.edge}")
+    written_fields.append(f"follows: {_list(list(guides))}")
     offsets, spans = [], []
     for side, count in zip(sides, counts, strict=True):
         # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
@@ -92,10 +92,10 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
         spans.append(f"{reach / slope!r}m")
         offsets.append(f"{side.start / slope if side.signal else 0.0!r}m")
     if any(offset != "0.0m" for offset in offsets):
-        said.append(f"offset: {_list(offsets)}")
+        written_fields.append(f"offset: {_list(offsets)}")
     if any(span != "1.0m" for span in spans):
-        said.append(f"span: {_list(spans)}")
-    return f"PROXY: {{{', '.join(said)}}}"
+        written_fields.append(f"span: {_list(spans)}")
+    return f"PROXY: {{{', '.join(written_fields)}}}"
 
 
 def _list(items: list[str]) -> str:
@@ -119,6 +119,6 @@ def _row(macro: Macro) -> str:
         first, count = macro.span(row)
         held = [macro.edge] * first
         macro.is_joined = macro.is_joined or bool(held) or not count
-        whole = macro.member(row, first, count) if count else ""
-        every += [*held, whole, *held] if count else [macro.edge] * macro.columns
+        moving = macro.member(row, first, count) if count else ""
+        every += [*held, moving, *held] if count else [macro.edge] * macro.columns
     return f"[{', '.join(every)}]"

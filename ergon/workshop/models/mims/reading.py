@@ -59,8 +59,8 @@ def is_table(text: str) -> bool:
     )
 
 
-def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] = {}) -> Model:
-    """A model in one dialect; `given` are values of parameters by name. Raises ModelError."""
+def parse(text: str, dialect: Dialect, file: str = "", overrides: Mapping[str, str] = {}) -> Model:
+    """A model in one dialect; `overrides` are values of parameters by name. Raises ModelError."""
     words = _v1_words if dialect == "v1" else _v2_words
     lines = _LINE_END.split(text)
     if len(lines) > LINES_MAX:
@@ -75,10 +75,10 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
         statements = tuple(_statement(at, row, dialect, macros) for at, row in rows)
         model = Model(file, dialect, statements)
         _refuse_duplicate_names(model)
-        model.params = _params(model, given)
+        model.params = _params(model, overrides)
         _known_points(model, macros)
-        for one in statements:
-            _numbers(model, one)
+        for statement in statements:
+            _numbers(model, statement)
     except ModelError as error:
         error.file = file
         raise
@@ -88,35 +88,35 @@ def parse(text: str, dialect: Dialect, file: str = "", given: Mapping[str, str] 
 # --- lines --------------------------------------------------------------------------------------
 
 
-def _v1_words(line: str, at: int) -> tuple[str, ...]:
-    said = line.split("#", 1)[0].strip()
-    if said and not said.startswith("@"):
-        raise ModelError("a line begins with @ and a name, or with # for a comment", at)
-    return _bounded(tuple(said.split()), line, at)
+def _v1_words(line: str, line_number: int) -> tuple[str, ...]:
+    content = line.split("#", 1)[0].strip()
+    if content and not content.startswith("@"):
+        raise ModelError("a line begins with @ and a name, or with # for a comment", line_number)
+    return _bounded(tuple(content.split()), line, line_number)
 
 
-def _v2_words(line: str, at: int) -> tuple[str, ...]:
-    said = line.strip()
-    if said.startswith("~") and not re.match(r"~(begin|end)\s+\S", said):
-        raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", at)
-    if not said.startswith("@"):
+def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
+    content = line.strip()
+    if content.startswith("~") and not re.match(r"~(begin|end)\s+\S", content):
+        raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", line_number)
+    if not content.startswith("@"):
         return ()
-    words = _bounded(tuple(_V2_WORD.findall(said)), line, at)
-    if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", said):
-        raise ModelError("brackets do not match; a value in brackets is [a + b]", at)
+    words = _bounded(tuple(_V2_WORD.findall(content)), line, line_number)
+    if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", content):
+        raise ModelError("brackets do not match; a value in brackets is [a + b]", line_number)
     for word in words:
         if word.startswith("#"):
             message = "a comment behind a statement is read as values; give it a line of its own"
-            raise ModelError(message, at)
+            raise ModelError(message, line_number)
         if "+" in word and not word.startswith("["):
             message = f"{quote(word)} is taken apart at the +; write it in brackets, [a + b]"
-            raise ModelError(message, at)
+            raise ModelError(message, line_number)
     return words
 
 
-def _bounded(words: tuple[str, ...], line: str, at: int) -> tuple[str, ...]:
+def _bounded(words: tuple[str, ...], line: str, line_number: int) -> tuple[str, ...]:
     if words and len(line) > CHARACTERS_MAX:
-        raise ModelError(f"a line has at most {CHARACTERS_MAX:,} characters", at)
+        raise ModelError(f"a line has at most {CHARACTERS_MAX:,} characters", line_number)
     return words
 
 
@@ -148,16 +148,16 @@ def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[st
         points, values = _v1_points(points, values, macros, keyword, line)
         if keyword in _DISPLAYED and len(values) == len(form.values) + 3:
             values = values[:-3]
-    said = _values(form, [word.strip("[]").strip() for word in values], keyword, line)
-    if "x0" in said:
-        said["x0"] = _height(said["x0"], line)
-    if "v0" in said:
-        said["v0"] = _height(said["v0"], line)
+    by_field = _values(form, [word.strip("[]").strip() for word in values], keyword, line)
+    if "x0" in by_field:
+        by_field["x0"] = _height(by_field["x0"], line)
+    if "v0" in by_field:
+        by_field["v0"] = _height(by_field["v0"], line)
     channel = _CHANNEL.get(form.family)
     if channel is not None and not channel.fullmatch(name[1:]):
         message = f"{name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
         raise ModelError(message, line)
-    return Statement(name[1:], keyword, form.family, line, points, said)
+    return Statement(name[1:], keyword, form.family, line, points, by_field)
 
 
 def _point(word: str, line: int) -> Point:
@@ -175,11 +175,11 @@ def _v1_points(
     if len(values) < len(on):
         raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line)
     places = iter(values[len(values) - len(on) :])
-    found = tuple(
+    model_points = tuple(
         Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
         for point in points
     )
-    return found, values[: len(values) - len(on)]
+    return model_points, values[: len(values) - len(on)]
 
 
 def _values(form: Form, words: list[str], keyword: str, line: int) -> dict[str, str]:
@@ -207,36 +207,36 @@ def _height(text: str, line: int) -> str:
 
 def _refuse_duplicate_names(model: Model) -> None:
     seen: dict[str, int] = {}
-    for one in model.statements:
-        if model.dialect == "v1" and one.family == "link":
+    for statement in model.statements:
+        if model.dialect == "v1" and statement.family == "link":
             continue  # MIMS has no use for the names of links
-        if one.name in seen:
-            message = f"{quote(one.name)} is the name of line {seen[one.name]} already"
-            raise ModelError(message, one.line)
-        seen[one.name] = one.line
+        if statement.name in seen:
+            message = f"{quote(statement.name)} is the name of line {seen[statement.name]} already"
+            raise ModelError(message, statement.line)
+        seen[statement.name] = statement.line
 
 
-def _params(model: Model, given: Mapping[str, str]) -> dict[str, Amount]:
-    found: dict[str, Amount] = {}
-    own = {one.name: one for one in model.of("param")}
-    for name in given:
-        if name not in own:
-            raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, own))
-        if own[name].keyword == "audioParam":
-            port = own[name].values["input"].removeprefix("@")
+def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
+    amounts: dict[str, Amount] = {}
+    declared = {declaration.name: declaration for declaration in model.of("param")}
+    for name in overrides:
+        if name not in declared:
+            raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, declared))
+        if declared[name].keyword == "audioParam":
+            port = declared[name].values["input"].removeprefix("@")
             message = f"{quote(name)} follows the signal of {port} and has no value to set; "
             message += f"feed it by --input {port}=FILE.wav"
-            raise ModelError(message, own[name].line)
-    for name, one in own.items():
-        if one.keyword == "audioParam":
-            if not re.fullmatch(r"@in[1-9]\d?", one.values["input"]):
-                raise ModelError(f"{quote(name)} needs an input, such as @in1", one.line)
-            found[name] = Amount(Fraction(0), "")
+            raise ModelError(message, declared[name].line)
+    for name, declaration in declared.items():
+        if declaration.keyword == "audioParam":
+            if not re.fullmatch(r"@in[1-9]\d?", declaration.values["input"]):
+                raise ModelError(f"{quote(name)} needs an input, such as @in1", declaration.line)
+            amounts[name] = Amount(Fraction(0), "")
             continue
-        text = given.get(name, one.values["value"])
-        value = number(text, {}, f"parameter {quote(name)}", one.line)
-        found[name] = Amount(Fraction(value), "")
-    return found
+        text = overrides.get(name, declaration.values["value"])
+        value = number(text, {}, f"parameter {quote(name)}", declaration.line)
+        amounts[name] = Amount(Fraction(value), "")
+    return amounts
 
 
 def _known_points(model: Model, macros: set[str]) -> None:
@@ -249,8 +249,10 @@ def _known_points(model: Model, macros: set[str]) -> None:
             if point.name in macros:
                 sides = 2 if kinds[point.name] in MESHES else 1
                 if len(point.along) != sides:
-                    way = "one number from 0 to 1" if sides == 1 else "two numbers from 0 to 1"
-                    message = f"a point of {quote(point.name)} needs {way}"
+                    wanted_form = (
+                        "one number from 0 to 1" if sides == 1 else "two numbers from 0 to 1"
+                    )
+                    message = f"a point of {quote(point.name)} needs {wanted_form}"
                     raise ModelError(message, statement.line)
             elif point.name not in masses:
                 message = f"{quote('@' + point.name)} is not a mass of this model"
@@ -261,19 +263,21 @@ def _known_points(model: Model, macros: set[str]) -> None:
                 raise ModelError(message, statement.line)
 
 
-def _numbers(model: Model, one: Statement) -> None:
+def _numbers(model: Model, statement: Statement) -> None:
     """Check that every value is a number, even if it is not used later."""
-    for name in _values_of(one):
-        model.value(one, name)
-        if model.dialect == "v2" and name in ("x0", "v0") and not _is_plain(one.values[name]):
-            message = f"{name} of {quote(one.name)} is a plain number in mi-gen, no parameter"
-            raise ModelError(message, one.line)
-    for point in one.points:
+    for name in _values_of(statement):
+        model.value(statement, name)
+        if model.dialect == "v2" and name in ("x0", "v0") and not _is_plain(statement.values[name]):
+            message = f"{name} of {quote(statement.name)} is a plain number in mi-gen, no parameter"
+            raise ModelError(message, statement.line)
+    for point in statement.points:
         for along in point.along:
-            model.number(along, f"the place on {quote(point.name)}", one.line)
+            model.number(along, f"the place on {quote(point.name)}", statement.line)
     for name in ("N", "L", "W"):
-        if name in one.values and not re.fullmatch(r"[1-9]\d{0,6}", one.values[name]):
-            raise ModelError(f"{name} of {quote(one.name)} is a whole number above 0", one.line)
+        if name in statement.values and not re.fullmatch(r"[1-9]\d{0,6}", statement.values[name]):
+            raise ModelError(
+                f"{name} of {quote(statement.name)} is a whole number above 0", statement.line
+            )
 
 
 def _is_plain(text: str) -> bool:

@@ -26,7 +26,9 @@ def written(
 
     `laws`: those that mi-gen had in 2019, for which older models were made, or today's.
     """
-    params = (one.name for one in model.of("param") if one.name not in model.signals)
+    params = (
+        statement.name for statement in model.of("param") if statement.name not in model.signals
+    )
     inputs = inputs or {}
     firsts = {
         signal: Amount(Fraction(inputs[source].first), "")
@@ -35,49 +37,50 @@ def written(
     }
     if firsts:
         model = replace(model, params={**model.params, **firsts}, _numbers={})
-    own = Writing(model, laws, inputs, Params(params))
+    writing = Writing(model, laws, inputs, Params(params))
     try:
-        for one in model.of("mass", "macro", "input"):
-            MAKERS[one.keyword](own, one)
-        for one in model.of("input"):
-            push(own, one)
-        heard = heard_ends(own)
-        for one in model.of("link"):
-            link(own, one, heard)
-        for one in model.of("output"):
-            output(own, one)
+        for statement in model.of("mass", "macro", "input"):
+            MAKERS[statement.keyword](writing, statement)
+        for statement in model.of("input"):
+            push(writing, statement)
+        listened = heard_ends(writing)
+        for statement in model.of("link"):
+            link(writing, statement, listened)
+        for statement in model.of("output"):
+            output(writing, statement)
     except ModelError as error:
         error.file = model.file
         raise
-    for macro in own.macros.values():
+    for macro in writing.macros.values():
         if macro.is_joined:
             place = "" if macro.height == "0" else f"X0: {metres(macro.height)}"
-            own.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
-    return _page(own, title).written()
+            writing.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
+    return _page(writing, title).written()
 
 
-def _page(own: Writing, title: str) -> Page:
-    model = own.model
-    of = "2019" if own.laws == "2019" else "today"
+def _page(writing: Writing, title: str) -> Page:
+    model = writing.model
+    law_year = "2019" if writing.laws == "2019" else "today"
     params = {one.name: float(model.params[one.name].number) for one in model.of("param")}
     params = {name: value for name, value in params.items() if name not in model.signals}
-    fed = [name for name in model.inputs if name in own.inputs]
+    fed = [name for name in model.inputs if name in writing.inputs]
     return Page(
         head=[
-            f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of {of}.",
+            f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
+            f"{law_year}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],
-        parameters=[Line(own.params.of[name], number(value)) for name, value in params.items()],
-        inputs={name: own.inputs[name] for name in fed} | own.takes,
+        parameters=[Line(writing.params.of[name], number(value)) for name, value in params.items()],
+        inputs={name: writing.inputs[name] for name in fed} | writing.takes,
         pushes=[one.name for one in model.of("input") if one.keyword == "frcInput"],
-        modules=own.modules,
-        outs=own.outs,
+        modules=writing.modules,
+        outs=writing.outs,
         before_strikes=["An input jumps to its first value, which the model's dampers feel."],
-        strikes=list(_strikes(own)),
+        strikes=list(_strikes(writing)),
     )
 
 
-def _strikes(own: Writing) -> Iterator[Line]:
-    for target, force in own.kicks.items():
-        name = own.names.new(f"{target.replace('.', '_')}_kick")
+def _strikes(writing: Writing) -> Iterator[Line]:
+    for target, force in writing.kicks.items():
+        name = writing.names.new(f"{target.replace('.', '_')}_kick")
         yield Line(name, f"{{to: model.{target}, at: 0s, impulse: {force / RATE!r}Ns}}")

@@ -28,25 +28,25 @@ class Value:
     along: Along | None = None
 
 
-def value_of(own: Writing, one: Statement, name: str) -> Value:
+def value_of(writing: Writing, statement: Statement, name: str) -> Value:
     """A value that may follow a signal; a constant if that signal has no file. Raises
     ModelError.
     """
-    text = one.values.get(name, "0")
-    if not signals_in(own.model, text):
-        number = own.value(one, name)
-        return Value(own.text(one, name), number, number, number)
-    side = straight(own.model, text, f"{name} of {quote(one.name)}", one.line)
-    source = own.inputs.get(own.model.signals[side.signal]) if side.signal else None
+    text = statement.values.get(name, "0")
+    if not signals_in(writing.model, text):
+        number = writing.value(statement, name)
+        return Value(writing.text(statement, name), number, number, number)
+    side = straight(writing.model, text, f"{name} of {quote(statement.name)}", statement.line)
+    source = writing.inputs.get(writing.model.signals[side.signal]) if side.signal else None
     if source is None or source.least == source.most:
         signal = 0.0 if source is None else source.first
         number = side.start + side.slope * signal
         return Value(repr(number), number, number, number)
-    at = [side.start + side.slope * s for s in (source.first, source.least, source.most)]
-    return Value("", at[0], min(at[1:]), max(at[1:]), side)
+    positions = [side.start + side.slope * s for s in (source.first, source.least, source.most)]
+    return Value("", positions[0], min(positions[1:]), max(positions[1:]), side)
 
 
-def following(own: Writing, value: Value, *, is_ahead: bool = False) -> str:
+def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
     """How a value follows a signal, as the field of a module; with `is_ahead` it follows the next
     sample.
 
@@ -55,49 +55,49 @@ def following(own: Writing, value: Value, *, is_ahead: bool = False) -> str:
     side = value.along
     if side is None or side.signal is None:
         raise AssertionError("a constant follows nothing")
-    source = own.inputs[own.model.signals[side.signal]]
+    source = writing.inputs[writing.model.signals[side.signal]]
     low, high = (side.start + side.slope * signal for signal in (source.least, source.most))
-    mat = guide(own, side.signal, is_ahead=is_ahead)
+    mat = guide(writing, side.signal, is_ahead=is_ahead)
     span = source.most - source.least
     offset = "" if source.least == 0.0 else f", offset: {-source.least!r}m"
     return f"{{of: {mat}, from: {low!r}, to: {high!r}{offset}, span: {span!r}m}}"
 
 
-def guide(own: Writing, signal: str, *, is_ahead: bool = False) -> str:
+def guide(writing: Writing, signal: str, *, is_ahead: bool = False) -> str:
     """The name of the point that has the values of a signal, or those of its next sample."""
-    source = own.model.signals[signal]
+    source = writing.model.signals[signal]
     # The next sample of OSC is not known yet.
-    is_ahead &= source in own.inputs and own.inputs[source].file is not None
+    is_ahead &= source in writing.inputs and writing.inputs[source].file is not None
     known = f"{signal} ahead" if is_ahead else signal
-    if known not in own.guides:
+    if known not in writing.guides:
         if is_ahead:
-            own.ahead[source] = _next(own, source)
-            own.guides[known] = fed(own, f"{signal}_ahead", own.ahead[source])
+            writing.ahead[source] = _next(writing, source)
+            writing.guides[known] = fed(writing, f"{signal}_ahead", writing.ahead[source])
         else:
-            own.guides[known] = fed(own, signal, source)
-    return own.guides[known]
+            writing.guides[known] = fed(writing, signal, source)
+    return writing.guides[known]
 
 
-def _next(own: Writing, source: str) -> str:
+def _next(writing: Writing, source: str) -> str:
     """The name of a take that is one sample ahead of an input's take."""
-    if source not in own.ahead:
-        fed = own.inputs[source]
+    if source not in writing.ahead:
+        fed = writing.inputs[source]
         stop = f"{(fed.n_frames - 1) / RATE!r}s"
-        name = own.ahead[source] = f"{source}_ahead"
+        name = writing.ahead[source] = f"{source}_ahead"
         trim = f"{1 / RATE!r}s..{stop}"
-        own.takes[name] = replace(fed, first=fed.second, trim=trim)
-    return own.ahead[source]
+        writing.takes[name] = replace(fed, first=fed.second, trim=trim)
+    return writing.ahead[source]
 
 
-def fed(own: Writing, wanted: str, source: str) -> str:
+def fed(writing: Writing, wanted: str, source: str) -> str:
     """Add a point that has the values of an input or a take; returns its name."""
-    takes: dict[str, Input] = {**own.inputs, **own.takes}
-    found, name = takes.get(source), own.names.new(wanted)
-    if found is None:
-        own.add(name, "SOL: {}", "an input that nothing is connected to is 0")
+    takes: dict[str, Input] = {**writing.inputs, **writing.takes}
+    take, name = takes.get(source), writing.names.new(wanted)
+    if take is None:
+        writing.add(name, "SOL: {}", "an input that nothing is connected to is 0")
         return name
-    x0 = "" if found.first == 0.0 else f", X0: {found.first!r}m"
-    own.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
-    path = own.names.new(f"{name}_path")
-    own.add(path, f"ENX: {{to: {name}, from: {source}{found.start}}}")
+    x0 = "" if take.first == 0.0 else f", X0: {take.first!r}m"
+    writing.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
+    path = writing.names.new(f"{name}_path")
+    writing.add(path, f"ENX: {{to: {name}, from: {source}{take.start}}}")
     return name

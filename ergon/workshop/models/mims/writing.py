@@ -44,18 +44,18 @@ class Writing:
         """Add a module."""
         self.modules.append(Line(name, f"{{{text}}}", comment))
 
-    def text(self, one: Statement, name: str, default: str = "0") -> str:
+    def text(self, statement: Statement, name: str, default: str = "0") -> str:
         """A value as an expression of the score."""
-        expression = one.values.get(name, default)
+        expression = statement.values.get(name, default)
         for signal in signals_in(self.model, expression):
             message = REFUSED["signal"].format(name=quote(signal), value=name)
-            raise ModelError(message, one.line)
+            raise ModelError(message, statement.line)
         if not is_plain(expression, self.model.params):
-            what = f"{name} of {quote(one.name)}"
-            return repr(self.model.number(expression, what, one.line))
+            what = f"{name} of {quote(statement.name)}"
+            return repr(self.model.number(expression, what, statement.line))
         return self.params.written(expression)
 
-    def value(self, one: Statement, name: str, default: float = 0.0) -> float:
+    def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value as a number."""
-        self.text(one, name)
-        return self.model.value(one, name, default)
+        self.text(statement, name)
+        return self.model.value(statement, name, default)

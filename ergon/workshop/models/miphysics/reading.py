@@ -11,8 +11,8 @@ from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 
-MOST = 200_000  # elements
-_MOST_DEPTH = 8
+ELEMENTS_MAX = 200_000  # elements
+_DEPTH_MAX = 8
 _PLACE = ("initPos.x", "initPos.y", "initPos.z")
 _SPEED = ("initVel.x", "initVel.y", "initVel.z")
 
@@ -99,13 +99,13 @@ class _Reading:
     def refuse(self, *_: object) -> None:
         raise ModelError("the XML has a document type, which is not read", self.line())
 
-    def start(self, tag: str, given: dict[str, str]) -> None:
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
         self.path.append(tag)
-        if self.count > MOST:
-            raise ModelError(f"the XML has more than {MOST:,} elements", self.line())
-        if len(self.path) > _MOST_DEPTH:
-            raise ModelError(f"elements are nested deeper than {_MOST_DEPTH}", self.line())
+        if self.count > ELEMENTS_MAX:
+            raise ModelError(f"the XML has more than {ELEMENTS_MAX:,} elements", self.line())
+        if len(self.path) > _DEPTH_MAX:
+            raise ModelError(f"elements are nested deeper than {_DEPTH_MAX}", self.line())
         where = self.path[1:]
         if len(where) == 1 and tag not in ("global", "MAT", "Link", "Interaction"):
             known = ("global", "MAT", "Link")
@@ -113,11 +113,11 @@ class _Reading:
                 f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known)
             )
         if len(where) == 2 and where[0] == "global":
-            self.whole(tag, given)
+            self.whole(tag, attributes)
         if len(where) == 3 and where[0] == "MAT":
-            self.part(where[1], given, MASSES, self.found.masses)
+            self.part(where[1], attributes, MASSES, self.found.masses)
         elif len(where) == 3 and where[0] in ("Link", "Interaction"):
-            self.part(where[1], given, LINKS, self.found.links)
+            self.part(where[1], attributes, LINKS, self.found.links)
 
     def end(self, tag: str) -> None:
         self.path.pop()
@@ -128,15 +128,15 @@ class _Reading:
                 raise ModelError(message, self.line())
             self.found.gravity = along[2]
 
-    def whole(self, tag: str, given: Mapping[str, str]) -> None:
+    def whole(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":
-            self.gravity = self.number(given, "gravity")
+            self.gravity = self.number(attributes, "gravity")
         elif tag == "friction":
-            self.found.friction = self.number(given, "friction")
+            self.found.friction = self.number(attributes, "friction")
             if self.found.friction < 0.0:
                 raise ModelError("friction is below 0, which gives energy", self.line())
         elif tag == "vector":
-            x, y, z = (self.number(given, f"pos.{axis}") for axis in "xyz")
+            x, y, z = (self.number(attributes, f"pos.{axis}") for axis in "xyz")
             self.direction = (x, y, z)
         else:
             known = ("gravity", "friction", "vector")
@@ -146,34 +146,36 @@ class _Reading:
     def part(
         self,
         kind: str,
-        given: Mapping[str, str],
+        attributes: Mapping[str, str],
         forms: Mapping[str, tuple[str, ...]],
         into: list[Part],
     ) -> None:
-        at = self.line()
+        line_number = self.line()
         if kind in _REFUSED:
-            raise ModelError(f"{kind}: {_REFUSED[kind]}", at)
+            raise ModelError(f"{kind}: {_REFUSED[kind]}", line_number)
         if kind not in forms:
             what = "masses" if forms is MASSES else "links"
             message = f"{quote(kind)} is not a kind of {what}"
-            raise ModelError(message, at, nearest(kind, forms))
-        name = given.get("name", "")
+            raise ModelError(message, line_number, nearest(kind, forms))
+        name = attributes.get("name", "")
         if not name:
-            raise ModelError(f"a {kind} has no name", at)
+            raise ModelError(f"a {kind} has no name", line_number)
         if forms is MASSES:  # links may have one name, for nothing calls them
             if name in self.names:
-                raise ModelError(f"{quote(name)} is the name of line {self.names[name]} too", at)
-            self.names[name] = at
+                raise ModelError(
+                    f"{quote(name)} is the name of line {self.names[name]} too", line_number
+                )
+            self.names[name] = line_number
         ends: tuple[str, ...] = ()
         if forms is LINKS:
-            ends = (given.get("m1", ""),)
+            ends = (attributes.get("m1", ""),)
             if kind != "PlaneContact3D":
-                ends += (given.get("m2", ""),)
-        values = {one: self.number(given, one) for one in forms[kind]}
-        into.append(Part(kind, name, ends, values, at))
+                ends += (attributes.get("m2", ""),)
+        values = {one: self.number(attributes, one) for one in forms[kind]}
+        into.append(Part(kind, name, ends, values, line_number))
 
-    def number(self, given: Mapping[str, str], name: str) -> float:
-        text = given.get(name)
+    def number(self, attributes: Mapping[str, str], name: str) -> float:
+        text = attributes.get(name)
         if text is None:
             raise ModelError(f"{name} is missing", self.line())
         try:

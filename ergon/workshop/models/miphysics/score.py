@@ -43,29 +43,29 @@ def written(network: Network, title: str, rate: int) -> str:
     """The text of a score that moves as a model does at a rate [Hz]. Raises ModelError with the
     line.
     """
-    own = _Writing(network, rate)
-    known = {one.name: one for one in network.masses}
+    writing = _Writing(network, rate)
+    known = {mass.name: mass for mass in network.masses}
     for link in network.links:
         _joined(link, known)
     if network.gravity * rate * rate * _MILLI > _HEAVIEST:
         message = f"gravity is {network.gravity:g} a sample²: at {rate:,} Hz a score holds up to "
         raise ModelError(f"{message}{_HEAVIEST / (rate * rate * _MILLI):g}; set a lower rate")
-    for one in network.masses:
-        if "mass" in one.values:
-            _heavy(own, one)
+    for mass in network.masses:
+        if "mass" in mass.values:
+            _heavy(writing, mass)
     begin = speeds(network, rate)
-    for one in network.masses:
-        own.masses[one.name] = own.new(one.name)
-        if one.kind.endswith("3D"):
-            _point(own, one, begin.get(one.name, (0.0, 0.0, 0.0)))
+    for mass in network.masses:
+        writing.masses[mass.name] = writing.new(mass.name)
+        if mass.kind.endswith("3D"):
+            _point(writing, mass, begin.get(mass.name, (0.0, 0.0, 0.0)))
         else:
-            _mass(own, one)
+            _mass(writing, mass)
     for link in network.links:
         if link.kind == "SpringDamper1D":
-            _spring(own, link, known)
+            _spring(writing, link, known)
         else:
-            _link(own, link)
-    return "\n".join(_lines(own, title)) + "\n"
+            _link(writing, link)
+    return "\n".join(_lines(writing, title)) + "\n"
 
 
 def _joined(link: Part, known: dict[str, Part]) -> None:
@@ -98,11 +98,11 @@ def _within(one: Part, what: str, value: float, most: float) -> None:
         raise ModelError(f"{what} is {value:g}: a score holds up to {most:g}", one.line)
 
 
-def _heavy(own: _Writing, one: Part) -> float:
-    mass = one.values["mass"]
-    if not mass > own.of.friction:
+def _heavy(writing: _Writing, part: Part) -> float:
+    mass = part.values["mass"]
+    if not mass > writing.of.friction:
         message = f"mass is {mass:g}: it is above 0, and above the friction of the medium"
-        raise ModelError(message, one.line)
+        raise ModelError(message, part.line)
     return mass
 
 
@@ -117,145 +117,152 @@ def _vector(values: tuple[float, ...], unit: str) -> str:
     return f"[{', '.join(f'{_number(value)}{unit}' for value in values)}]"
 
 
-def _point(own: _Writing, one: Part, speed: tuple[float, float, float]) -> None:
-    for value in place(one):
-        _within(one, "a place", value, _FARTHEST)
-    fields = [f"X0: {_vector(place(one), 'mm')}"]
+def _point(writing: _Writing, part: Part, speed: tuple[float, float, float]) -> None:
+    for value in place(part):
+        _within(part, "a place", value, _FARTHEST)
+    fields = [f"X0: {_vector(place(part), 'mm')}"]
     kind = "SOL"
-    if one.kind != "Ground3D":
-        kind, mass = "MAS", _heavy(own, one)
+    if part.kind != "Ground3D":
+        kind, mass = "MAS", _heavy(writing, part)
         fields.insert(0, f"M: {_number(mass)}kg")
         if any(speed):
-            fast = tuple(value * own.rate for value in speed)
+            fast = tuple(value * writing.rate for value in speed)
             for value in fast:
-                _within(one, "a speed", value, _FASTEST)
+                _within(part, "a speed", value, _FASTEST)
             fields.append(f"V0: {_vector(fast, 'mm/s')}")
-        if own.of.friction:
-            fields.append(f"drag: {drag(own.of.friction, mass)!r}*viscous")
-    own.space.append((own.masses[one.name], f"{kind}: {{{', '.join(fields)}}}"))
+        if writing.of.friction:
+            fields.append(f"drag: {drag(writing.of.friction, mass)!r}*viscous")
+    writing.space.append((writing.masses[part.name], f"{kind}: {{{', '.join(fields)}}}"))
 
 
 _KINDS = {"Spring3D": "RES", "Damper3D": "FRO", "SpringDamper3D": "REF"}
 
 
-def _link(own: _Writing, link: Part) -> None:
+def _link(writing: _Writing, link: Part) -> None:
     values = link.values
-    ends = [own.masses[end] for end in link.ends]
+    ends = [writing.masses[end] for end in link.ends]
     kind = _KINDS.get(link.kind, "BUT")
     if link.kind == "PlaneContact3D":
         axis = int(values["orientation"])
-        ends.insert(0, _wall(own, axis, values["position"], link))
-    said = [f"between: [{', '.join(ends)}]"]
-    said += [f"K: {_number(values['stiffness'])}*stiff"] if "stiffness" in values else []
-    said += [f"Z: {_number(values['damping'])}*viscous"] if "damping" in values else []
+        ends.insert(0, _wall(writing, axis, values["position"], link))
+    written_fields = [f"between: [{', '.join(ends)}]"]
+    written_fields += [f"K: {_number(values['stiffness'])}*stiff"] if "stiffness" in values else []
+    written_fields += [f"Z: {_number(values['damping'])}*viscous"] if "damping" in values else []
     if kind == "BUT":
-        said.append(f"gap: {_number(values['drest'])}mm")
+        written_fields.append(f"gap: {_number(values['drest'])}mm")
         if link.kind == "PlaneContact3D":
-            said.append(f"normal: {_vector(tuple(float(i == axis) for i in range(3)), '')}")
+            written_fields.append(
+                f"normal: {_vector(tuple(float(i == axis) for i in range(3)), '')}"
+            )
         elif link.kind != "Contact3D":
-            said.append("side: inside")
+            written_fields.append("side: inside")
     elif "drest" in values:
-        said.append(f"rest: {_number(values['drest'])}mm")
-    own.space.append((own.new(link.name), f"{kind}: {{{', '.join(said)}}}"))
+        written_fields.append(f"rest: {_number(values['drest'])}mm")
+    writing.space.append((writing.new(link.name), f"{kind}: {{{', '.join(written_fields)}}}"))
 
 
-def _wall(own: _Writing, axis: int, position: float, link: Part) -> str:
+def _wall(writing: _Writing, axis: int, position: float, link: Part) -> str:
     """The plane of a contact; contacts on the same plane share it."""
     _within(link, "position", position, _FARTHEST)
-    if (axis, position) not in own.walls:
-        name = own.walls[axis, position] = own.new(f"wall_{'xyz'[axis]}")
-        at = tuple(position if i == axis else 0.0 for i in range(3))
-        own.space.append((name, f"SOL: {{X0: {_vector(at, 'mm')}}}"))
-    return own.walls[axis, position]
+    if (axis, position) not in writing.walls:
+        name = writing.walls[axis, position] = writing.new(f"wall_{'xyz'[axis]}")
+        wall_place = tuple(position if i == axis else 0.0 for i in range(3))
+        writing.space.append((name, f"SOL: {{X0: {_vector(wall_place, 'mm')}}}"))
+    return writing.walls[axis, position]
 
 
 # --- one axis -----------------------------------------------------------------------------------
 
 
-def _mass(own: _Writing, one: Part) -> None:
+def _mass(writing: _Writing, part: Part) -> None:
     """Add a mass that moves along z; places are metres, because `units: ca` has numbers alone."""
-    z, name = one.values["initPos.z"], own.masses[one.name]
-    _within(one, "a place", z, _FARTHEST * _MILLI)
+    z, name = part.values["initPos.z"], writing.masses[part.name]
+    _within(part, "a place", z, _FARTHEST * _MILLI)
     x0 = f"X0: {_number(z)}m"
-    if one.kind == "Ground1D":
-        own.axis.append((name, f"SOL: {{{x0}}}"))
+    if part.kind == "Ground1D":
+        writing.axis.append((name, f"SOL: {{{x0}}}"))
         return
-    mass, friction = _heavy(own, one), own.of.friction
+    mass, friction = _heavy(writing, part), writing.of.friction
     fields = [f"M: {_number(mass)}"]
-    is_tied = one.kind == "Osc1D"
+    is_tied = part.kind == "Osc1D"
     if is_tied or friction:
-        k = one.values["stiffness"] if is_tied else 0.0
-        loss = (one.values["damping"] if is_tied else 0.0) + friction
+        k = part.values["stiffness"] if is_tied else 0.0
+        loss = (part.values["damping"] if is_tied else 0.0) + friction
         if k < 0.0 or loss < 0.0:
-            raise ModelError("stiffness or damping below 0 makes energy", one.line)
+            raise ModelError("stiffness or damping below 0 makes energy", part.line)
         fields += [f"K: {_number(k)}", f"Z: {_number(loss)}"]
         # The mass is tied to the place where it begins: the rest of a CEL.
         fields += [f"rest: {_number(z)}m"] if is_tied and z else []
     fields.append(x0)
-    if speed := one.values["initVel.z"]:
-        _within(one, "a speed", speed, _FASTEST * _MILLI)
+    if speed := part.values["initVel.z"]:
+        _within(part, "a speed", speed, _FASTEST * _MILLI)
         fields.append(f"V0: {_number(speed)}m/s")
-    own.axis.append(
+    writing.axis.append(
         (
             name,
             f"{'CEL' if len(fields) > 3 and (is_tied or friction) else 'MAS'}: "
             f"{{{', '.join(fields)}}}",
         )
     )
-    if own.of.gravity:
-        weight = own.new(f"{name}_weight")
-        own.axis.append((weight, f"ENF: {{to: {name}, from: {-own.of.gravity * mass!r}N}}"))
+    if writing.of.gravity:
+        weight = writing.new(f"{name}_weight")
+        writing.axis.append((weight, f"ENF: {{to: {name}, from: {-writing.of.gravity * mass!r}N}}"))
 
 
-def _spring(own: _Writing, link: Part, known: dict[str, Part]) -> None:
+def _spring(writing: _Writing, link: Part, known: dict[str, Part]) -> None:
     values = link.values
     a, b = link.ends
     if not {known[a].kind, known[b].kind} - {"Ground1D"}:
         return  # nothing of it moves
     # d is x_b - x_a - rest in a score, and z1 - z2 - drest in the model.
-    said = [f"between: [{own.masses[b]}, {own.masses[a]}]", f"K: {_number(values['stiffness'])}"]
-    said += [f"Z: {_number(values['damping'])}"]
-    said += [f"rest: {_number(values['drest'])}m"] if values["drest"] else []
-    own.axis.append((own.new(link.name), f"REF: {{{', '.join(said)}}}"))
+    written_fields = [
+        f"between: [{writing.masses[b]}, {writing.masses[a]}]",
+        f"K: {_number(values['stiffness'])}",
+    ]
+    written_fields += [f"Z: {_number(values['damping'])}"]
+    written_fields += [f"rest: {_number(values['drest'])}m"] if values["drest"] else []
+    writing.axis.append((writing.new(link.name), f"REF: {{{', '.join(written_fields)}}}"))
 
 
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _lines(own: _Writing, title: str) -> Iterator[str]:
+def _lines(writing: _Writing, title: str) -> Iterator[str]:
     yield f"# From {printable(title) or 'a model'}, a model of miPhysics."
-    yield f"# A step of the model is a sample of 1/{own.rate} s; --set rate=1050 makes it longer."
+    yield (
+        f"# A step of the model is a sample of 1/{writing.rate} s; --set rate=1050 makes it longer."
+    )
     yield "# The file does not say what is heard: it is the mass in the middle, along z."
     yield "ergon: 1"
-    yield f"rates: {{audio: {own.rate}Hz}}"
-    if own.space:
+    yield f"rates: {{audio: {writing.rate}Hz}}"
+    if writing.space:
         yield "let:"
-        yield f"  stiff: {own.rate * own.rate}N/m  # a stiffness of 1 at this rate"
-        yield f"  viscous: {own.rate}Ns/m  # a damping of 1"
+        yield f"  stiff: {writing.rate * writing.rate}N/m  # a stiffness of 1 at this rate"
+        yield f"  viscous: {writing.rate}Ns/m  # a damping of 1"
     yield "instruments:"
     rows: list[tuple[str, str]] = []
-    for instrument, modules, end in (("space", own.space, "3D"), ("axis", own.axis, "1D")):
+    for instrument, modules, end in (("space", writing.space, "3D"), ("axis", writing.axis, "1D")):
         if not modules:
             continue
         yield f"  {instrument}:"
         if end == "3D":
             yield "    space: 3  # a unit of the model is a millimetre"
-            if own.of.gravity:
-                gravity = own.of.gravity * own.rate * own.rate * _MILLI
-                yield f"    gravity: {gravity!r}m/s2  # {own.of.gravity!r} a sample²"
+            if writing.of.gravity:
+                gravity = writing.of.gravity * writing.rate * writing.rate * _MILLI
+                yield f"    gravity: {gravity!r}m/s2  # {writing.of.gravity!r} a sample²"
         else:
             yield "    units: ca"
-            yield f"    at: {own.rate}Hz"
+            yield f"    at: {writing.rate}Hz"
         yield "    modules:"
         yield from (f"      {name}: {{{text}}}" for name, text in modules)
         moving = [
-            own.masses[one.name]
-            for one in own.of.masses
-            if one.kind.endswith(end) and not one.kind.startswith("Ground")
+            writing.masses[mass.name]
+            for mass in writing.of.masses
+            if mass.kind.endswith(end) and not mass.kind.startswith("Ground")
         ]
         if moving:
-            heard = moving[len(moving) // 2] + (".z" if end == "3D" else "")
-            yield f"    out: {{heard: {{SOX: {heard}}}}}"
+            out_mass = moving[len(moving) // 2] + (".z" if end == "3D" else "")
+            yield f"    out: {{heard: {{SOX: {out_mass}}}}}"
             rows.append((f"{instrument}.heard", str(len(rows) + 1)))
     if rows:
         yield "mix:"

@@ -27,11 +27,11 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
     masses = {one.name: one.values["mass"] for one in network.masses if one.kind == "Mass3D"}
     steps = {one.name: step(one, rate) for one in network.masses if one.kind == "Mass3D"}
     still = (0.0, 0.0, 0.0)
-    found = dict(steps)
+    speed_by_mass = dict(steps)
     for _ in range(_ROUNDS):
         forces = {name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()}
         for link in network.links:
-            _push(forces, link, places, found)
+            _push(forces, link, places, speed_by_mass)
         better = {}
         for name, mass in masses.items():
             wanted = [s + 0.5 * f / mass for s, f in zip(steps[name], forces[name], strict=True)]
@@ -40,13 +40,14 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
                 wanted = [one * a / math.expm1(a) for one in wanted]
             better[name] = (wanted[0], wanted[1], wanted[2])
         change = max(
-            (math.dist(better[name], found.get(name, still)) for name in masses), default=0.0
+            (math.dist(better[name], speed_by_mass.get(name, still)) for name in masses),
+            default=0.0,
         )
         size = max((math.hypot(*one) for one in better.values()), default=0.0)
-        found = better
+        speed_by_mass = better
         if change <= 1e-16 * size:
             break
-    return found
+    return speed_by_mass
 
 
 def place(one: Part) -> Vector:
@@ -54,9 +55,9 @@ def place(one: Part) -> Vector:
     return one.values["initPos.x"], one.values["initPos.y"], one.values["initPos.z"]
 
 
-def step(one: Part, rate: float) -> Vector:
+def step(part: Part, rate: float) -> Vector:
     """The step [per sample] that a mass made before the first sample."""
-    values = one.values
+    values = part.values
     return values["initVel.x"] / rate, values["initVel.y"] / rate, values["initVel.z"] / rate
 
 

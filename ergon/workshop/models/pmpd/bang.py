@@ -13,23 +13,23 @@ def first_bang(network: Network) -> dict[int, float]:
     In its first bang pmpd moves masses by the forces sent to it, then reads the links for the
     first time. Their dampers feel all movement since they were made.
     """
-    for one in network.masses:
-        if one.is_mobile:
-            one.v += one.f / one.M
-            one.x += one.v
+    for mass in network.masses:
+        if mass.is_mobile:
+            mass.v += mass.f / mass.M
+            mass.x += mass.v
         else:
-            one.v = 0.0
+            mass.v = 0.0
     kicks: dict[int, float] = {}
     for link in network.links:
         a, b = network.masses[link.a], network.masses[link.b]
         length = a.x - b.x
-        felt, moved = length - link.before, a.v - b.v
+        link_force, moved = length - link.before, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(felt - moved) <= 1e-12 * max(abs(length), abs(link.before)):
+        if abs(link_force - moved) <= 1e-12 * max(abs(length), abs(link.before)):
             continue
         if not (link.Lmin <= length < link.Lmax) or length == 0.0:
             continue
-        more = _damping(network, link, felt) - _damping(network, link, moved)
+        more = _damping(network, link, link_force) - _damping(network, link, moved)
         kicks[link.a] = kicks.get(link.a, 0.0) - more
         kicks[link.b] = kicks.get(link.b, 0.0) + more
     return {at: f for at, f in kicks.items() if f and network.masses[at].is_mobile}

@@ -9,8 +9,8 @@ from typing import Any
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.pmpd.network import MOST_PORTS, Asked, Link, Mass, Network, Port
-from ergon.workshop.models.pmpd.reading import MOST, Message, number
+from ergon.workshop.models.pmpd.network import PORTS_MAX, Asked, Link, Mass, Network, Port
+from ergon.workshop.models.pmpd.reading import MESSAGES_MAX, Message, number
 from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object, Value, written
 
 _ANY_TIME = ("bang", "print", "infosL", "reset")
@@ -19,66 +19,68 @@ _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 def network(kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
-    made = Network(kind)
+    built = Network(kind)
     arrays = {
-        one.rest[at]
-        for one in messages
-        if one.word == "tabLink"
-        for at in (3, 5)
-        if at < len(one.rest)
+        sent.rest[index]
+        for sent in messages
+        if sent.word == "tabLink"
+        for index in (3, 5)
+        if index < len(sent.rest)
     }
     for nth, message in enumerate(messages):
         if nth == 0 and message.word in OBJECTS:
-            _created(made, message)
+            _created(built, message)
         elif kind == "pmpd" and message.word in arrays:
-            _array(made, message)
+            _array(built, message)
         else:
-            _obey(made, message)
-    if not made.masses:
+            _obey(built, message)
+    if not built.masses:
         raise ModelError("it makes no mass", messages[-1].line if messages else 0)
-    return made
+    return built
 
 
-def _created(made: Network, message: Message) -> None:
+def _created(network: Network, message: Message) -> None:
     """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
     values = [number(word) for word in message.rest]
-    if made.kind == "pmpd":
+    if network.kind == "pmpd":
         return  # how many masses and links it has room for
     if message.rest[:1] == ("-m",):
         values = values[1:]
     if None in values:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
-    given = [int(value or 0.0) for value in values]
-    inlets, outlets, loops = (max(1, one) for one in (*given, *[1] * 3)[:3])
+    sizes = [int(value or 0.0) for value in values]
+    inlets, outlets, loops = (max(1, one) for one in (*sizes, *[1] * 3)[:3])
     if loops > 1:
         message_text = f"{loops} steps in a sample are not built yet; a score has one"
         raise ModelError(message_text, message.line)
-    made.n_ports = min(inlets, MOST_PORTS), min(outlets, MOST_PORTS)
+    network.n_ports = min(inlets, PORTS_MAX), min(outlets, PORTS_MAX)
 
 
-def _array(made: Network, message: Message) -> None:
+def _array(network: Network, message: Message) -> None:
     """Set an array as Pure Data does: `NAME resize 5`, or `NAME 0 1 2` for values from an index
     on.
     """
     first, *rest = message.rest or ("",)
     values = [number(word) for word in rest]
     start = number(first)
-    own = made.arrays.setdefault(message.word, [])
+    array = network.arrays.setdefault(message.word, [])
     if first == "resize" and len(values) == 1 and values[0] is not None:
-        size = _whole(values[0], 1, MOST, "a size", message.line)
-        own[size:] = []
-        own += [0.0] * (size - len(own))
+        size = _integer(values[0], 1, MESSAGES_MAX, "a size", message.line)
+        array[size:] = []
+        array += [0.0] * (size - len(array))
     elif start is not None and None not in values:
-        at = _whole(start, 0, MOST, "an index", message.line)
-        own += [0.0] * (min(at + len(values), MOST) - len(own))
-        own[at : at + len(values)] = [value for value in values if value is not None]
+        start_index = _integer(start, 0, MESSAGES_MAX, "an index", message.line)
+        array += [0.0] * (min(start_index + len(values), MESSAGES_MAX) - len(array))
+        array[start_index : start_index + len(values)] = [
+            value for value in values if value is not None
+        ]
     else:
         example = f"{message.word} resize 3; {message.word} 0 0.5 1 2"
         raise ModelError(f"an array is written {example}", message.line)
 
 
-def _obey(made: Network, message: Message) -> None:
-    forms = FORMS[made.kind]
+def _obey(network: Network, message: Message) -> None:
+    forms = FORMS[network.kind]
     form = forms.get(message.word)
     line = message.line
     if form is None:
@@ -86,70 +88,77 @@ def _obey(made: Network, message: Message) -> None:
             raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
         if number(message.word) is not None:
             raise ModelError("a message begins with a word, and this one with a number", line)
-        (other,) = (name for name in OBJECTS if name != made.kind)
-        of = f"; it is one of [{other}]" if message.word in FORMS[other] else ""
-        near = None if of else nearest(message.word, forms)
-        raise ModelError(f"{quote(message.word)} is not a word of [{made.kind}]{of}", line, near)
+        (other,) = (name for name in OBJECTS if name != network.kind)
+        other_class = f"; it is one of [{other}]" if message.word in FORMS[other] else ""
+        near = None if other_class else nearest(message.word, forms)
+        raise ModelError(
+            f"{quote(message.word)} is not a word of [{network.kind}]{other_class}", line, near
+        )
     least = sum(value.default is None for value in form)
     if not least <= len(message.rest) <= len(form):
-        said = f"{written(message.word, form)}; here it has {len(message.rest)} values"
-        raise ModelError(f"{message.word} is written {said}", line)
-    if made.has_run and message.word not in _ANY_TIME and not _asks(message.word):
+        form_text = f"{written(message.word, form)}; here it has {len(message.rest)} values"
+        raise ModelError(f"{message.word} is written {form_text}", line)
+    if network.has_run and message.word not in _ANY_TIME and not _asks(message.word):
         why = "masses and links that change while it plays are not built yet"
         raise ModelError(f"{message.word} behind the first bang: {why}", line)
     values = [
-        _value(made, value, message.rest[at] if at < len(message.rest) else value.default, line)
-        for at, value in enumerate(form)
+        _value(
+            network,
+            value,
+            message.rest[index] if index < len(message.rest) else value.default,
+            line,
+        )
+        for index, value in enumerate(form)
     ]
-    _MAKERS[made.kind, message.word](made, message.word, line, *values)
+    _MAKERS[network.kind, message.word](network, message.word, line, *values)
 
 
 def _asks(word: str) -> bool:
     return word.startswith("mass") and word != "mass"
 
 
-def _value(made: Network, value: Value, word: str | None, line: int) -> Any:
+def _value(network: Network, value: Value, word: str | None, line: int) -> Any:
     """The value of a word, by the kind of value that is expected."""
     if not word:  # left out: all masses, or nothing
-        return list(range(len(made.masses))) if value.kind == "masses" else None
-    found = number(word)
+        return list(range(len(network.masses))) if value.kind == "masses" else None
+    literal = number(word)
     if value.kind == "class":
-        if found is not None:
+        if literal is not None:
             raise ModelError(f"{quote(word)}: a class is a word, and a number names none", line)
         return word
     if value.kind == "array":
         return word
-    own = {"masses": "masses", "links": "links"}.get(value.kind)
-    if own is not None:
-        things = getattr(made, own)
-        if found is None:
-            of = [at for at, one in enumerate(things) if one.of == word]
-            if not of:
+    list_name = {"masses": "masses", "links": "links"}.get(value.kind)
+    if list_name is not None:
+        things = getattr(network, list_name)
+        if literal is None:
+            matching = [at for at, one in enumerate(things) if one.of == word]
+            if not matching:
                 near = nearest(word, {one.of for one in things})
-                raise ModelError(f"no {own} are called {quote(word)}", line, near)
-            return of
-        return [_index(made, own, found, line)]
-    if found is None:
+                raise ModelError(f"no {list_name} are called {quote(word)}", line, near)
+            return matching
+        return [_index(network, list_name, literal, line)]
+    if literal is None:
         raise ModelError(f"{value.name} is {quote(word)}, which is not a number", line)
     if value.kind in _KINDS:
-        return _index(made, _KINDS[value.kind], found, line)
+        return _index(network, _KINDS[value.kind], literal, line)
     if value.kind == "port":
-        most = made.n_ports[value.name == "outlet"]
-        return _whole(found, 0, most - 1, f"{value.name}", line)
-    return found
+        port_max = network.n_ports[value.name == "outlet"]
+        return _integer(literal, 0, port_max - 1, f"{value.name}", line)
+    return literal
 
 
-def _index(made: Network, of: str, value: float, line: int) -> int:
-    things = getattr(made, of)
-    what = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[of]
+def _index(network: Network, list_name: str, value: float, line: int) -> int:
+    things = getattr(network, list_name)
+    what = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[list_name]
     if not things:
         raise ModelError(f"there is no {what} yet", line)
-    return _whole(value, 0, len(things) - 1, what, line)
+    return _integer(value, 0, len(things) - 1, what, line)
 
 
-def _whole(value: float, least: int, most: int, what: str, line: int) -> int:
-    if value != int(value) or not least <= value <= most:
-        raise ModelError(f"{what} is {value:g}: a whole number from {least} to {most:,}", line)
+def _integer(value: float, least: int, highest: int, what: str, line: int) -> int:
+    if value != int(value) or not least <= value <= highest:
+        raise ModelError(f"{what} is {value:g}: a whole number from {least} to {highest:,}", line)
     return int(value)
 
 
@@ -157,8 +166,8 @@ def _whole(value: float, least: int, most: int, what: str, line: int) -> int:
 
 
 def _room(things: Sequence[object], line: int) -> None:
-    if len(things) >= MOST:
-        raise ModelError(f"there are more than {MOST:,} masses or links", line)
+    if len(things) >= MESSAGES_MAX:
+        raise ModelError(f"there are more than {MESSAGES_MAX:,} masses or links", line)
 
 
 def _mass_audio(made: Network, word: str, line: int, M: float, x: float) -> None:
@@ -172,17 +181,17 @@ def _mass(made: Network, word: str, line: int, of: str, mobile: float, M: float,
 
 
 def _link_audio(
-    made: Network, word: str, line: int, a: int, b: int, K: float, D: float, *rest: float
+    network: Network, word: str, line: int, a: int, b: int, K: float, D: float, *rest: float
 ) -> None:
     Pow, L, low, high = rest or (1.0, 0.0, -1e6, 1e6)
-    things = made.nl_links if word == "NLlink" else made.links
+    things = network.nl_links if word == "NLlink" else network.links
     _room(things, line)
     if a == b:
         raise ModelError(f"{word} joins mass {a} to itself", line)
     things.append(Link(word, f"{word}~", a, b, K, D, Pow, L, low, high, 0.0, line))
 
 
-def _joined(made: Network, a: list[int], b: list[int], line: int) -> Iterator[tuple[int, int]]:
+def _joined(network: Network, a: list[int], b: list[int], line: int) -> Iterator[tuple[int, int]]:
     """Any two of two classes; within one class each two masses once."""
     if len(a) == len(b) == 1 and a == b:
         raise ModelError(f"a link joins mass {a[0]} to itself", line)
@@ -190,21 +199,21 @@ def _joined(made: Network, a: list[int], b: list[int], line: int) -> Iterator[tu
     for i in a:
         for j in b:
             if i != j and not (is_same and i > j):
-                _room(made.links, line)
+                _room(network.links, line)
                 yield i, j
 
 
 def _link(
-    made: Network, word: str, line: int, of: str, a: list[int], b: list[int], *rest: float
+    network: Network, word: str, line: int, group: str, a: list[int], b: list[int], *rest: float
 ) -> None:
     K, D, Pow, low, high = rest
-    for i, j in _joined(made, a, b, line):
-        L = made.masses[i].x - made.masses[j].x
-        made.links.append(Link(of, "link", i, j, K, D, Pow, L, low, high, L, line))
+    for i, j in _joined(network, a, b, line):
+        L = network.masses[i].x - network.masses[j].x
+        network.links.append(Link(group, "link", i, j, K, D, Pow, L, low, high, L, line))
 
 
 def _table_link(
-    made: Network, word: str, line: int, of: str, a: list[int], b: list[int], *rest: Any
+    network: Network, word: str, line: int, group: str, a: list[int], b: list[int], *rest: Any
 ) -> None:
     array_k, length_k, array_d, length_d = rest
     tables = (
@@ -213,10 +222,10 @@ def _table_link(
         array_d,
         (length_d if length_d > 0 else 1.0),
     )
-    for i, j in _joined(made, a, b, line):
-        L = made.masses[i].x - made.masses[j].x
-        link = Link(of, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line, tables)
-        made.links.append(link)
+    for i, j in _joined(network, a, b, line):
+        L = network.masses[i].x - network.masses[j].x
+        link = Link(group, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line, tables)
+        network.links.append(link)
 
 
 def _port(made: Network, word: str, line: int, at: int, mass: int, gain: float) -> None:
@@ -231,11 +240,11 @@ def _bang(made: Network, word: str, line: int) -> None:
     made.has_run = made.kind == "pmpd"
 
 
-def _reset(made: Network, word: str, line: int) -> None:
+def _reset(network: Network, word: str, line: int) -> None:
     """Reset everything except arrays and the number of ports, which do not belong to the object."""
-    fresh = Network(made.kind, arrays=made.arrays, n_ports=made.n_ports)
-    for one in fields(Network):
-        setattr(made, one.name, getattr(fresh, one.name))
+    fresh = Network(network.kind, arrays=network.arrays, n_ports=network.n_ports)
+    for field in fields(Network):
+        setattr(network, field.name, getattr(fresh, field.name))
 
 
 def _nothing(made: Network, word: str, line: int) -> None:
@@ -253,33 +262,37 @@ def _set(things: str, name: str) -> Callable[..., None]:
 
 
 def _add(things: str, name: str) -> Callable[..., None]:
-    def change(made: Network, word: str, line: int, which: int | list[int], value: float) -> None:
-        for at in [which] if isinstance(which, int) else which:
-            one = getattr(made, things)[at]
-            setattr(one, name, getattr(one, name) + value)
+    def change(
+        network: Network, word: str, line: int, which: int | list[int], value: float
+    ) -> None:
+        for index in [which] if isinstance(which, int) else which:
+            thing = getattr(network, things)[index]
+            setattr(thing, name, getattr(thing, name) + value)
 
     return change
 
 
-def _set_mass(made: Network, word: str, line: int, which: int | list[int], M: float) -> None:
-    for at in [which] if isinstance(which, int) else which:
-        if made.kind == "pmpd~":
-            made.masses[at].is_mobile = M > 0.0
+def _set_mass(network: Network, word: str, line: int, which: int | list[int], M: float) -> None:
+    for index in [which] if isinstance(which, int) else which:
+        if network.kind == "pmpd~":
+            network.masses[index].is_mobile = M > 0.0
         if M > 0.0:
-            made.masses[at].M = M
+            network.masses[index].M = M
 
 
-def _put(made: Network, word: str, line: int, masses: list[int], x: float) -> None:
+def _put(network: Network, word: str, line: int, masses: list[int], x: float) -> None:
     """Put masses at `x` and stop them."""
-    for at in masses:
-        one = made.masses[at]
-        one.x, one.v, one.f = x, 0.0, 0.0
+    for index in masses:
+        mass = network.masses[index]
+        mass.x, mass.v, mass.f = x, 0.0, 0.0
 
 
-def _set_nl_k(made: Network, word: str, line: int, at: int, K: float, Pow: float | None) -> None:
-    made.nl_links[at].K = K
+def _set_nl_k(
+    network: Network, word: str, line: int, link_index: int, K: float, Pow: float | None
+) -> None:
+    network.nl_links[link_index].K = K
     if Pow is not None:
-        made.nl_links[at].Pow = Pow
+        network.nl_links[link_index].Pow = Pow
 
 
 def _set_mobile(made: Network, word: str, line: int, masses: list[int]) -> None:

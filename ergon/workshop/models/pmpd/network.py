@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from ergon.workshop.models.pmpd.words import Object
 
-MOST_PORTS = 99  # inlets, outlets
+PORTS_MAX = 99  # inlets, outlets
 
 
 @dataclass(slots=True)
@@ -76,5 +76,5 @@ class Network:
     ports: list[Port] = field(default_factory=list)
     asked: list[Asked] = field(default_factory=list)
     arrays: dict[str, list[float]] = field(default_factory=dict)
-    n_ports: tuple[int, int] = (MOST_PORTS, MOST_PORTS)  # inlets, outlets
+    n_ports: tuple[int, int] = (PORTS_MAX, PORTS_MAX)  # inlets, outlets
     has_run: bool = False

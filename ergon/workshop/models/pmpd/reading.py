@@ -11,13 +11,13 @@ from ergon.notation.text.errors import quote
 from ergon.workshop.models.errors import DialectError, ModelError
 from ergon.workshop.models.pmpd.words import FORMS, OBJECTS, REFUSED, Object
 
-MOST = 200_000  # messages, masses, links
+MESSAGES_MAX = 200_000  # messages, masses, links
 _SEPARATOR = re.compile(r"\\?[;,]")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _OTHER = re.compile(r"pmpd[23]d~?")
 _PATCH_OBJECT = re.compile(r"#X obj -?[0-9]+ -?[0-9]+ (pmpd[23]?d?~?)(?=[ ;,])")
-_MOST_WORDS = 20_000  # of a message: the values of an array
+_WORDS_MAX = 20_000  # of a message: the values of an array
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Message:
 
 def is_list(text: str) -> bool:
     """Whether a text is a list of messages: its first word is one of pmpd's."""
-    for message in messages(text, most=1):
+    for message in messages(text, count_max=1):
         known = {*OBJECTS, *REFUSED, *(one for of in FORMS.values() for one in of)}
         return message.word in known or bool(_OTHER.fullmatch(message.word))
     return False
@@ -53,28 +53,32 @@ def patch_words(text: str) -> str:
     )
 
 
-def messages(text: str, most: int = MOST + 1) -> Iterator[Message]:
+def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
 
     Lines that begin with `#` and a space are comments. Raises ModelError.
     """
     lines = _LINE_END.split(text)
-    said = [(at, line) for at, line in enumerate(lines, 1) if not re.match(r"\s*#(\s|$)", line)]
-    is_pure = any(";" in line for _, line in said)
+    numbered_lines = [
+        (line_number, line)
+        for line_number, line in enumerate(lines, 1)
+        if not re.match(r"\s*#(\s|$)", line)
+    ]
+    is_pure = any(";" in line for _, line in numbered_lines)
     words: list[str] = []
     first, count = 0, 0
-    for at, line in said:
+    for line_number, line in numbered_lines:
         parts = _SEPARATOR.split(line)
         for nth, part in enumerate(parts):
-            found = part.split()
-            first = at if found and not words else first
-            words += found
-            if len(words) > _MOST_WORDS:
-                raise ModelError(f"a message has at most {_MOST_WORDS:,} words", first)
+            words_in_part = part.split()
+            first = line_number if words_in_part and not words else first
+            words += words_in_part
+            if len(words) > _WORDS_MAX:
+                raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first)
             if words and (nth + 1 < len(parts) or not is_pure):
                 yield Message(words[0], tuple(words[1:]), first)
                 words, count = [], count + 1
-                if count >= most:
+                if count >= count_max:
                     return
     if words:
         yield Message(words[0], tuple(words[1:]), first)
@@ -82,37 +86,40 @@ def messages(text: str, most: int = MOST + 1) -> Iterator[Message]:
 
 def parse(text: str, wanted: Object | None) -> tuple[Object, list[Message]]:
     """The object that messages are for, and the messages. Raises ModelError and DialectError."""
-    found = list(messages(text))
-    if len(found) > MOST:
-        raise ModelError(f"it has more than {MOST:,} messages", found[-1].line)
-    for one in found:
-        for word in (one.word, *one.rest):
+    parsed = list(messages(text))
+    if len(parsed) > MESSAGES_MAX:
+        raise ModelError(f"it has more than {MESSAGES_MAX:,} messages", parsed[-1].line)
+    for sent in parsed:
+        for word in (sent.word, *sent.rest):
             if word.startswith("#"):
                 message = "this is a patch; write the messages to its object in the order in which"
-                raise ModelError(f"{message} they are sent, one a line", one.line)
+                raise ModelError(f"{message} they are sent, one a line", sent.line)
             if "$" in word:
                 message = f"{quote(word)} stands for a number that a patch gives; write the number"
-                raise ModelError(message, one.line)
-    return _object(found, wanted), found
+                raise ModelError(message, sent.line)
+    return _object(parsed, wanted), parsed
 
 
-def _object(found: list[Message], wanted: Object | None) -> Object:
-    if found and found[0].word in OBJECTS:
-        named: Object = "pmpd~" if found[0].word == "pmpd~" else "pmpd"
+def _object(messages_read: list[Message], wanted: Object | None) -> Object:
+    if messages_read and messages_read[0].word in OBJECTS:
+        named: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
         if wanted not in (None, named):
-            raise ModelError(f"these messages are for [{named}]", found[0].line)
+            raise ModelError(f"these messages are for [{named}]", messages_read[0].line)
         return named
-    if found and _OTHER.fullmatch(found[0].word):
-        raise ModelError("of pmpd the objects of one dimension are read", found[0].line)
+    if messages_read and _OTHER.fullmatch(messages_read[0].word):
+        raise ModelError("of pmpd the objects of one dimension are read", messages_read[0].line)
     if wanted is not None:
         return wanted
-    own = {name: set(FORMS[name]) - set(FORMS[other]) for name, other in (OBJECTS, OBJECTS[::-1])}
-    said = {one.word for one in found}
+    special_words = {
+        name: set(FORMS[name]) - set(FORMS[other]) for name, other in (OBJECTS, OBJECTS[::-1])
+    }
+    words_used = {one.word for one in messages_read}
     has_class = any(
-        one.word in ("mass", "link") and one.rest and number(one.rest[0]) is None for one in found
+        one.word in ("mass", "link") and one.rest and number(one.rest[0]) is None
+        for one in messages_read
     )
-    is_control = has_class or bool(said & own["pmpd"])
-    is_audio = bool(said & own["pmpd~"])
+    is_control = has_class or bool(words_used & special_words["pmpd"])
+    is_audio = bool(words_used & special_words["pmpd~"])
     if is_control == is_audio:
         message = "it may be for [pmpd] or for [pmpd~]; write the object as the first line, "
         raise DialectError(f"{message}or --dialect pmpd, --dialect pmpd~", 1)

@@ -20,7 +20,7 @@ from ergon.workshop.models.pmpd.tables import springs
 _FAR = 1e6  # bounds of a length beyond which pmpd's own default lies
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
 _HELD = "1e9"  # mass of what is moved whatever pushes it
-_MOST_CHANNELS = 99
+_CHANNELS_MAX = 99
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
@@ -49,58 +49,60 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
 
     `inputs` are files by `in0`, `in1` …, the inlets of pmpd~.
     """
-    own = _Writing(network, inputs)
+    writing = _Writing(network, inputs)
     if network.kind == "pmpd":
-        own.kicks = first_bang(network)
+        writing.kicks = first_bang(network)
     else:
-        own.kicks = {at: one.f for at, one in enumerate(network.masses) if one.f}
+        writing.kicks = {at: one.f for at, one in enumerate(network.masses) if one.f}
         for port in network.ports:
             if port.what == "inPos":
-                own.moved[port.mass] = port
-    _masses(own)
+                writing.moved[port.mass] = port
+    _masses(writing)
     for nth, link in enumerate([*network.links, *network.nl_links]):
-        if nth not in own.joined:
-            _link(own, nth, link)
-    _feeds(own)
-    _heard(own)
-    return _page(own, title).written()
+        if nth not in writing.joined:
+            _link(writing, nth, link)
+    _feeds(writing)
+    _outputs(writing)
+    return _page(writing, title).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _masses(own: _Writing) -> None:
+def _masses(writing: _Writing) -> None:
     counts: dict[str, int] = {}
-    for one in own.of.masses:
-        counts[one.of] = counts.get(one.of, 0) + 1
+    for mass in writing.of.masses:
+        counts[mass.of] = counts.get(mass.of, 0) + 1
     seen: dict[str, int] = {}
-    strings = rows(own.of, own.moved, lambda one: one.K > 0.0 and _is_plain(own, one, one.D))
-    for at, one in enumerate(own.of.masses):
-        nth = seen[one.of] = seen.get(one.of, -1) + 1
-        word = _NO_LETTER.sub("_", one.of)
+    strings = rows(
+        writing.of, writing.moved, lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D)
+    )
+    for index, mass in enumerate(writing.of.masses):
+        nth = seen[mass.of] = seen.get(mass.of, -1) + 1
+        word = _NO_LETTER.sub("_", mass.of)
         word = word if word[:1].isalpha() else f"m{word}"
-        if at in strings:
-            _string(own, strings[at], one, word if own.of.kind == "pmpd" else "string")
-        if at < len(own.masses):
+        if index in strings:
+            _string(writing, strings[index], mass, word if writing.of.kind == "pmpd" else "string")
+        if index < len(writing.masses):
             continue  # a member of a string
-        if own.of.kind == "pmpd~":
-            word = f"m{at}"
-        elif counts[one.of] > 1:
+        if writing.of.kind == "pmpd~":
+            word = f"m{index}"
+        elif counts[mass.of] > 1:
             word = f"{word}{nth}"
-        own.masses.append(_mass(own, at, one, word))
-        if one.D and one.is_mobile:
-            _damper(own, f"{word}_air", own.masses[at], one.D)
+        writing.masses.append(_mass(writing, index, mass, word))
+        if mass.D and mass.is_mobile:
+            _damper(writing, f"{word}_air", writing.masses[index], mass.D)
 
 
-def _string(own: _Writing, row: Row, one: Mass, word: str) -> None:
+def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
     n = row.count
-    _within(one)
-    M = nudge_to_goal(n * one.M, lambda whole: whole / n, one.M)
+    _within(mass)
+    M = nudge_to_goal(n * mass.M, lambda whole: whole / n, mass.M)
     fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(row.link.K)}"]
-    fields += [f"Z: {number(row.link.D)}", *_start(one)]
-    name = own.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
-    own.masses += [f"{name}.{member}" for member in range(n)]
-    own.joined |= row.links
+    fields += [f"Z: {number(row.link.D)}", *_start(mass)]
+    name = writing.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
+    writing.masses += [f"{name}.{member}" for member in range(n)]
+    writing.joined |= row.links
 
 
 def _start(one: Mass) -> list[str]:
@@ -108,83 +110,88 @@ def _start(one: Mass) -> list[str]:
     return [*x0, f"V0: {one.v * RATE!r}m/s"] if one.v else x0
 
 
-def _within(one: Mass) -> None:
-    for name, value, most in (("x", one.x, _FARTHEST), ("the first step", one.v * RATE, _FASTEST)):
-        if not abs(value) <= most:
-            raise ModelError(f"{name} is {value:g}: a score holds up to {most:g}", one.line)
+def _within(mass: Mass) -> None:
+    for name, value, limit in (
+        ("x", mass.x, _FARTHEST),
+        ("the first step", mass.v * RATE, _FASTEST),
+    ):
+        if not abs(value) <= limit:
+            raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", mass.line)
 
 
-def _mass(own: _Writing, at: int, one: Mass, word: str) -> str:
-    _within(one)
-    if at in own.moved:
-        return _moved(own, own.moved[at], one, word)
-    if not one.is_mobile:
-        return own.add(word, f"SOL: {{{''.join(_start(one))}}}")
-    return own.add(word, f"MAS: {{{', '.join([f'M: {number(one.M)}', *_start(one)])}}}")
+def _mass(writing: _Writing, index: int, mass: Mass, word: str) -> str:
+    _within(mass)
+    if index in writing.moved:
+        return _moved(writing, writing.moved[index], mass, word)
+    if not mass.is_mobile:
+        return writing.add(word, f"SOL: {{{''.join(_start(mass))}}}")
+    return writing.add(word, f"MAS: {{{', '.join([f'M: {number(mass.M)}', *_start(mass)])}}}")
 
 
-def _moved(own: _Writing, port: Port, one: Mass, word: str) -> str:
-    if one.is_mobile:
+def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
+    if mass.is_mobile:
         message = f"inlet {port.number} puts a mass somewhere that moves by itself too; "
         raise ModelError(f"{message}give mass {port.mass} a weight of 0", port.line)
-    fed = own.inputs.get(f"in{port.number}")
+    fed = writing.inputs.get(f"in{port.number}")
     if fed is None:
-        return own.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
+        return writing.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
     first = fed.first * port.gain
     x0 = f", X0: {first!r}m" if first else ""
-    name = own.add(word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed")
+    name = writing.add(
+        word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
+    )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    own.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}")
+    writing.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}")
     return name
 
 
-def _damper(own: _Writing, word: str, mass: str, D: float) -> None:
+def _damper(writing: _Writing, word: str, mass: str, D: float) -> None:
     """Add a viscosity against the ground."""
-    own.ground = own.ground or own.add("ground", "SOL: {}", "what stands still")
-    ends = f"between: [{own.ground}, {mass}]"
+    writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
+    ends = f"between: [{writing.ground}, {mass}]"
     if D >= 0.0:
-        own.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
+        writing.add(word, f"FRO: {{{ends}, Z: {number(D)}}}")
     else:
-        own.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
+        writing.add(word, f'LNL: {{{ends}, damping: "z*v", z: {number(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
 
 
-def _link(own: _Writing, nth: int, link: Link) -> None:
-    of = own.of.masses
+def _link(writing: _Writing, nth: int, link: Link) -> None:
+    masses = writing.of.masses
     word = _NO_LETTER.sub("_", link.of)
     word = f"{word if word[:1].isalpha() else 'link'}{nth}"
-    still = [at in own.moved or not of[at].is_mobile for at in (link.a, link.b)]
+    still = [at in writing.moved or not masses[at].is_mobile for at in (link.a, link.b)]
     if all(still):
         return  # nothing of it moves
     D = link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
-    ends = f"between: [{own.masses[link.b]}, {own.masses[link.a]}]"
-    mobile = own.masses[link.b if still[0] else link.a]
-    if D and any(at in own.moved for at in (link.a, link.b)):
+    ends = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
+    mobile = writing.masses[link.b if still[0] else link.a]
+    if D and any(at in writing.moved for at in (link.a, link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
         if link.form == "NLlink~" and not _is_open(link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
             raise ModelError(message, link.line)
-        _damper(own, f"{word}_air", mobile, D)
+        _damper(writing, f"{word}_air", mobile, D)
         D = 0.0
     if link.tables is not None:
-        for text in springs(own.of.arrays, link):
-            own.add(word, f"LNL: {{{ends}, {text}}}")
+        for text in springs(writing.of.arrays, link):
+            writing.add(word, f"LNL: {{{ends}, {text}}}")
         return
     rest = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _FARTHEST:
         raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
-    if _is_plain(own, link, D):
+    if _is_plain(writing, link, D):
         kind = "REF" if D else "RES"
         z = f", Z: {number(D)}" if D else ""
-        own.add(word, f"{kind}: {{{ends}, K: {number(link.K)}{z}{rest}}}")
-    elif _is_straight(own, link):
+        writing.add(word, f"{kind}: {{{ends}, K: {number(link.K)}{z}{rest}}}")
+    elif _is_straight(writing, link):
         law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
-        own.add(word, f"LNL: {{{ends}, {law}{rest}}}")
+        writing.add(word, f"LNL: {{{ends}, {law}{rest}}}")
     else:
-        own.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
+        writing.add(word, f"LNL: {{{ends}, {_law(link, D)}}}")
 
 
 def _is_plain(own: _Writing, link: Link, D: float) -> bool:
@@ -192,8 +199,8 @@ def _is_plain(own: _Writing, link: Link, D: float) -> bool:
     return _is_straight(own, link) and link.K >= 0.0 and D >= 0.0
 
 
-def _is_straight(own: _Writing, link: Link) -> bool:
-    a, b = own.of.masses[link.a], own.of.masses[link.b]
+def _is_straight(writing: _Writing, link: Link) -> bool:
+    a, b = writing.of.masses[link.a], writing.of.masses[link.b]
     begins_as_one = link.form == "link" and link.L != 0.0 and a.x == b.x
     is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
     return is_linear and not begins_as_one
@@ -224,72 +231,74 @@ def _law(link: Link, D: float) -> str:
     if link.Pow < 1.0:
         # The slope of this law is infinite at rest. A law without a bound on its slope has no
         # certificate, but dry friction has one.
-        said = [f'damping: "{law}{f" + {damping}" if D else ""}"']
+        damping_field = [f'damping: "{law}{f" + {damping}" if D else ""}"']
     else:
-        said = [f'law: "{law}"', *([f'damping: "{damping}"'] if D else [])]
+        damping_field = [f'law: "{law}"', *([f'damping: "{damping}"'] if D else [])]
     if D:
         values["z"] = D
-    said += [f"{name}: {number(value)}" for name, value in values.items()]
+    damping_field += [f"{name}: {number(value)}" for name, value in values.items()]
     if is_audio and link.L:
-        said.append(f"rest: {link.L!r}m")
-    return ", ".join(said)
+        damping_field.append(f"rest: {link.L!r}m")
+    return ", ".join(damping_field)
 
 
 # --- what is fed and heard ----------------------------------------------------------------------
 
 
-def _feeds(own: _Writing) -> None:
-    for port in own.of.ports:
-        fed = own.inputs.get(f"in{port.number}")
+def _feeds(writing: _Writing) -> None:
+    for port in writing.of.ports:
+        fed = writing.inputs.get(f"in{port.number}")
         if port.what != "inForce" or fed is None:
             continue
-        if not own.of.masses[port.mass].is_mobile:
+        if not writing.of.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
-        if fed.file is None and any(_moves(other, port.number) for other in own.of.ports):
+        if fed.file is None and any(_moves(other, port.number) for other in writing.of.ports):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-        to = own.masses[port.mass]
+        to = writing.masses[port.mass]
         text = f"ENF: {{to: {to}, from: in{port.number}{fed.start}{scale}}}"
-        own.add(f"{_NO_LETTER.sub('_', to)}_push", text)
+        writing.add(f"{_NO_LETTER.sub('_', to)}_push", text)
 
 
 def _moves(port: Port, number: int) -> bool:
     return port.what == "inPos" and port.number == number
 
 
-def _heard(own: _Writing) -> None:
-    for port in own.of.ports:
+def _outputs(writing: _Writing) -> None:
+    for port in writing.of.ports:
         if not port.what.startswith("out") or port.gain == 0.0:
             continue
         if port.gain < 0.0:
             raise ModelError(f"a gain of {port.gain:g}: a score has none below 0", port.line)
-        if port.mass in own.moved:
+        if port.mass in writing.moved:
             message = f"mass {port.mass} is moved by an inlet, which is heard one sample before all"
             raise ModelError(f"{message} else; leave its outlet out", port.line)
-        _out(own, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
-    asked = own.of.asked
-    if own.of.kind == "pmpd" and not asked:
-        mobile = tuple(at for at, one in enumerate(own.of.masses) if one.is_mobile)
+        _out(writing, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
+    asked = writing.of.asked
+    if writing.of.kind == "pmpd" and not asked:
+        mobile = tuple(at for at, mass in enumerate(writing.of.masses) if mass.is_mobile)
         asked = [Asked("massPosMean", mobile, 0)]
     channel = 0
-    for one in asked:
-        is_mean, is_speed = one.word.endswith("Mean"), one.word.startswith("massSpeed")
-        groups = [list(one.masses)] if is_mean else [[at] for at in one.masses]
+    for mass in asked:
+        is_mean, is_speed = mass.word.endswith("Mean"), mass.word.startswith("massSpeed")
+        groups = [list(mass.masses)] if is_mean else [[at] for at in mass.masses]
         for group in filter(None, groups):
             channel += 1
-            if channel > _MOST_CHANNELS:
-                message = f"more than {_MOST_CHANNELS} masses are asked for; name fewer"
-                raise ModelError(f"{message}, or write massPosMean CLASS", one.line)
-            _out(own, group, is_speed, channel, 1.0 / len(group))
+            if channel > _CHANNELS_MAX:
+                message = f"more than {_CHANNELS_MAX} masses are asked for; name fewer"
+                raise ModelError(f"{message}, or write massPosMean CLASS", mass.line)
+            _out(writing, group, is_speed, channel, 1.0 / len(group))
 
 
-def _out(own: _Writing, masses: Sequence[int], is_speed: bool, channel: int, factor: float) -> None:
-    name = f"out{len(own.outs) + 1}"
-    heard = ", ".join(_ranges([own.masses[at] for at in masses]))
-    heard = heard if len(masses) == 1 else f"[{heard}]"
+def _out(
+    writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, factor: float
+) -> None:
+    name = f"out{len(writing.outs) + 1}"
+    mass_ranges = ", ".join(_ranges([writing.masses[at] for at in masses]))
+    mass_ranges = mass_ranges if len(masses) == 1 else f"[{mass_ranges}]"
     kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
-    own.outs.append(Out(name, f"{kind}: {heard}", channel, gain(factor)))
+    writing.outs.append(Out(name, f"{kind}: {mass_ranges}", channel, gain(factor)))
 
 
 def _ranges(names: Sequence[str]) -> Iterator[str]:
@@ -310,39 +319,39 @@ def _ranges(names: Sequence[str]) -> Iterator[str]:
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _page(own: _Writing, title: str) -> Page:
-    pushes = {f"in{port.number}" for port in own.of.ports if port.what == "inForce"}
-    ports = {f"in{port.number}" for port in own.of.ports if port.what.startswith("in")}
+def _page(writing: _Writing, title: str) -> Page:
+    pushes = {f"in{port.number}" for port in writing.of.ports if port.what == "inForce"}
+    ports = {f"in{port.number}" for port in writing.of.ports if port.what.startswith("in")}
     return Page(
-        head=_head(own, title),
-        inputs={name: own.inputs[name] for name in sorted(ports) if name in own.inputs},
+        head=_head(writing, title),
+        inputs={name: writing.inputs[name] for name in sorted(ports) if name in writing.inputs},
         pushes=pushes,
-        modules=own.modules,
-        outs=own.outs,
-        strikes=list(_kicks(own)),
+        modules=writing.modules,
+        outs=writing.outs,
+        strikes=list(_kicks(writing)),
     )
 
 
-def _head(own: _Writing, title: str) -> Iterator[str]:
-    kind = own.of.kind
+def _head(writing: _Writing, title: str) -> Iterator[str]:
+    kind = writing.of.kind
     yield f"From {title or 'a list'}, messages to an object [{kind}] of Pure Data."
     step = f"A bang is a sample of 1/{RATE} s" if kind == "pmpd" else f"One sample is 1/{RATE} s"
     yield f"{step}; the numbers are those of the discrete network."
     if kind == "pmpd~":
         yield "The first sample is what the object begins with; its own first sample follows."
-    if any(out.what.startswith("SOV") for out in own.outs):
+    if any(out.what.startswith("SOV") for out in writing.outs):
         yield "Speeds are those in the middle of a step, heard 7.5 samples late."
-    if kind == "pmpd" and not own.of.asked:
+    if kind == "pmpd" and not writing.of.asked:
         yield "Nothing is asked for: the mean of all masses that move is heard."
 
 
-def _kicks(own: _Writing) -> Iterator[Line]:
+def _kicks(writing: _Writing) -> Iterator[Line]:
     """Forces in the first sample, as strikes."""
-    what = "damping of what was put elsewhere" if own.of.kind == "pmpd" else "a force"
-    for at, force in own.kicks.items():
-        if not own.of.masses[at].is_mobile:
+    what = "damping of what was put elsewhere" if writing.of.kind == "pmpd" else "a force"
+    for index, force in writing.kicks.items():
+        if not writing.of.masses[index].is_mobile:
             continue
-        to = own.masses[at]
-        name = own.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
+        to = writing.masses[index]
+        name = writing.names.new(f"{_NO_LETTER.sub('_', to)}_kick")
         text = f"{{to: model.{to}, at: 0s, impulse: {force / RATE!r}Ns}}"
         yield Line(name, text, f"{what}, one sample")

@@ -28,34 +28,36 @@ def rows(
     """
     masses = network.masses
     between: dict[int, int] = {}  # the first link from a mass to the next one
-    for at, link in enumerate(network.links):
+    for index, link in enumerate(network.links):
         low, high = sorted((link.a, link.b))
         if high == low + 1 and link.L == 0.0 and is_plain(link):
-            between.setdefault(low, at)
-    found: dict[int, Row] = {}
+            between.setdefault(low, index)
+    row_by_first: dict[int, Row] = {}
     first = 0
     while first < len(masses):
-        own: list[int] = []
+        links_in_row: list[int] = []
         kind = _matter(masses[first], first in moved)
         last = first
         while kind is not None and last in between and last + 1 < len(masses):
-            at = between[last]
+            index = between[last]
             if _matter(masses[last + 1], last + 1 in moved) != kind:
                 break
-            if own and _tie(network.links[at]) != _tie(network.links[own[0]]):
+            if links_in_row and _tie(network.links[index]) != _tie(network.links[links_in_row[0]]):
                 break
-            own.append(at)
+            links_in_row.append(index)
             last += 1
         if last - first + 1 >= _LEAST:
-            found[first] = Row(first, last - first + 1, frozenset(own), network.links[own[0]])
+            row_by_first[first] = Row(
+                first, last - first + 1, frozenset(links_in_row), network.links[links_in_row[0]]
+            )
         first = last + 1
-    return found
+    return row_by_first
 
 
-def _matter(one: Mass, is_moved: bool) -> tuple[object, ...] | None:
+def _matter(mass: Mass, is_moved: bool) -> tuple[object, ...] | None:
     """The properties that all masses of a row share; None for a mass that cannot be in a row."""
-    is_free = one.is_mobile and not one.D and not is_moved
-    return (one.of, one.M, one.x, one.v) if is_free else None
+    is_free = mass.is_mobile and not mass.D and not is_moved
+    return (mass.of, mass.M, mass.x, mass.v) if is_free else None
 
 
 def _tie(link: Link) -> tuple[object, ...]:

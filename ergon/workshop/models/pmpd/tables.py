@@ -12,7 +12,7 @@ from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.pmpd.network import Link
 
 _BENDS = 20  # of a law: an expression has 2,000 characters
-_MOST = 2_000  # values of an array that is viscosity
+_VALUES_MAX = 2_000  # values of an array that is viscosity
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +53,9 @@ def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
     if d[0] and link.D:
         message = f"viscosity that jumps at rest is not built yet: let {name_d} begin with 0"
         raise ModelError(message, link.line)
-    if len(d) > _MOST:
+    if len(d) > _VALUES_MAX:
         raise ModelError(
-            f"{quote(name_d)} has {len(d):,} values, and {_MOST:,} are read", link.line
+            f"{quote(name_d)} has {len(d):,} values, and {_VALUES_MAX:,} are read", link.line
         )
     yield from _elastic([link.K * value for value in k], length_k)
     yield from _viscous([link.D * value for value in d], length_d)
@@ -79,8 +79,8 @@ def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
     n = len(values)
     slopes = [0.0, *((b - a) * n / length for a, b in pairwise(values)), 0.0]
     bends = [
-        (length * at / n, after - before)
-        for at, (before, after) in enumerate(pairwise(slopes))
+        (length * index / n, after - before)
+        for index, (before, after) in enumerate(pairwise(slopes))
         if after != before
     ]
     for first in range(0, len(bends), _BENDS):

@@ -29,12 +29,12 @@ class Value:
 
 
 def _values(form: str) -> tuple[Value, ...]:
-    found = []
+    values = []
     for word in form.split():
         named, has_default, default = word.partition("=")
         name, _, kind = named.partition(":")
-        found.append(Value(name, kind or "number", default if has_default else None))
-    return tuple(found)
+        values.append(Value(name, kind or "number", default if has_default else None))
+    return tuple(values)
 
 
 def _forms(text: str) -> dict[str, tuple[Value, ...]]:

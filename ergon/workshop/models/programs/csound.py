@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ergon.workshop.models.programs.bank import UNITS, Bank
 from ergon.workshop.models.programs.derivative import weights
 
-MOST = 20_000  # resonators
+BANK_MAX = 20_000  # resonators
 MODES_FROM, OUTPUT = 100, 9_999  # numbers of instruments; those of lower numbers come first
 
 
@@ -42,9 +42,9 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  gaPush{number} += aStrike"
         yield "endin"
         yield ""
-    for number, way in enumerate(bank.ways, MODES_FROM):
-        struck, heard = bank.struck[way.struck], bank.heard[way.heard][0]
-        yield f"instr {number}  ; a mode, from {_plain(struck)} to {_plain(heard)}"
+    for number, path in enumerate(bank.ways, MODES_FROM):
+        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
+        yield f"instr {number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
         yield "  iFrequency = p4  ; [Hz] damped"
         yield "  iDecay = p5      ; [1/s]; T60 = 6.9078/p5 s"
         yield "  iAmplitude = p6  ; [m/(N s)]"
@@ -52,10 +52,10 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "  iRadius = exp(-iDecay/sr)"
         yield "  iAngle = 2*$M_PI*iFrequency/sr"
         yield "  ; an impulse gives iAmplitude*exp(-iDecay*t)*sin(2*pi*iFrequency*t + iPhase)"
-        yield f"  aMode biquad gaPush{way.struck + 1}, iAmplitude*sin(iPhase), \\"
+        yield f"  aMode biquad gaPush{path.struck + 1}, iAmplitude*sin(iPhase), \\"
         yield "      iAmplitude*iRadius*sin(iAngle - iPhase), 0, \\"
         yield "      1, -2*iRadius*cos(iAngle), iRadius*iRadius"
-        yield f"  gaOut{way.heard + 1} += aMode"
+        yield f"  gaOut{path.heard + 1} += aMode"
         yield "endin"
         yield ""
     yield f"instr {OUTPUT}  ; what is heard"
@@ -80,11 +80,13 @@ def _differentiated(number: int, order: int) -> Iterator[str]:
     yield f"  ; differentiated over {2 * side - 2 + order} samples"
     yield f"  aWas{number}_0 = gaOut{number}"
     last = 2 * side - 2 + order
-    for at in range(1, last + 1):
-        yield f"  aWas{number}_{at} delay1 aWas{number}_{at - 1}"
+    for delay in range(1, last + 1):
+        yield f"  aWas{number}_{delay} delay1 aWas{number}_{delay - 1}"
     yield f"  aHeard{number} = 0"
-    for at, share in enumerate(shares):
-        before, after = (f"aWas{number}_{one}" for one in (side + at + order - 1, side - 1 - at))
+    for delay, share in enumerate(shares):
+        before, after = (
+            f"aWas{number}_{one}" for one in (side + delay + order - 1, side - 1 - delay)
+        )
         pair = (
             f"{after} - {before}" if order == 1 else f"{after} + {before} - 2*aWas{number}_{side}"
         )
@@ -96,17 +98,17 @@ def _score(bank: Bank) -> Iterator[str]:
     length = repr(bank.seconds)
     yield "<CsScore>"
     yield f"i {OUTPUT} 0 {length}"
-    for number, way in enumerate(bank.ways, MODES_FROM):
-        struck, heard = bank.struck[way.struck], bank.heard[way.heard][0]
-        yield f"; modes, from {_plain(struck)} to {_plain(heard)}"
+    for number, path in enumerate(bank.ways, MODES_FROM):
+        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
+        yield f"; modes, from {_plain(struck)} to {_plain(output_index)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
-        for row in way.rows:
+        for row in path.rows:
             yield f"i {number} 0 {length} {' '.join(map(repr, row))}"
     for number, (name, strikes) in enumerate(zip(bank.struck, bank.strikes, strict=True), 1):
         yield f"; strikes on {_plain(name)}"
         yield "; instr at lasts impulse[N s]"
-        for at, impulse in strikes:
-            begins = round(at * bank.rate) / bank.rate
+        for instant, impulse in strikes:
+            begins = round(instant * bank.rate) / bank.rate
             yield f"i {number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
     yield "e"
     yield "</CsScore>"

@@ -17,13 +17,13 @@ def weights(order: int) -> list[float]:
     sample.
     """
     first = Fraction(1, 2) if order == 1 else Fraction(1)
-    at = [first + k for k in range(_SIDE)]
-    squares = [t * t for t in at]
-    found = []
-    for t, own in zip(at, squares, strict=True):
-        shares = prod((one / (one - own) for one in squares if one != own), start=Fraction(1))
-        found.append(float(shares / (2 * t if order == 1 else own)))
-    return found
+    offsets = [first + k for k in range(_SIDE)]
+    squares = [t * t for t in offsets]
+    rows = []
+    for t, square in zip(offsets, squares, strict=True):
+        shares = prod((one / (one - square) for one in squares if one != square), start=Fraction(1))
+        rows.append(float(shares / (2 * t if order == 1 else square)))
+    return rows
 
 
 def differentiated(name: str, order: int, rate: float) -> str:

@@ -8,7 +8,7 @@ from ergon.workshop.models.programs.bank import UNITS, Bank
 from ergon.workshop.models.programs.derivative import differentiated
 from ergon.workshop.models.programs.faust_program import plain
 
-MOST = 2_000  # resonators: Faust 2.54 takes 14 s for them, 80 s for twice as many
+BANK_MAX = 2_000  # resonators: Faust 2.54 takes 14 s for them, 80 s for twice as many
 
 
 def program(bank: Bank) -> str:
@@ -36,24 +36,24 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  r = exp(0.0 - d/SR);"
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
-    for number, way in enumerate(bank.ways, 1):
-        struck, heard = bank.struck[way.struck], bank.heard[way.heard][0]
+    for number, path in enumerate(bank.ways, 1):
+        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
         yield ""
-        yield f"// from {plain(struck)} to {plain(heard)}"
-        terms = [f"mode({', '.join(map(_number, row))}, x)" for row in way.rows]
+        yield f"// from {plain(struck)} to {plain(output_index)}"
+        terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.rows]
         yield f"way_{number}(x) = {_sum(terms)};"
     yield ""
     inputs = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
     outputs = [f"out_{number}" for number in range(1, len(bank.heard) + 1)]
-    heard_as = zip(outputs, bank.heard, strict=True)
-    said = [_heard(name, order) for name, (_, order) in heard_as]
-    yield f"process({', '.join(inputs)}) = {', '.join(said)}"
+    output_orders = zip(outputs, bank.heard, strict=True)
+    expressions = [_output_text(name, order) for name, (_, order) in output_orders]
+    yield f"process({', '.join(inputs)}) = {', '.join(expressions)}"
     yield "with {"
-    for at, name in enumerate(outputs):
+    for index, name in enumerate(outputs):
         ways = [
-            f"way_{number}({inputs[way.struck]}/SR)"
-            for number, way in enumerate(bank.ways, 1)
-            if way.heard == at
+            f"way_{number}({inputs[path.struck]}/SR)"
+            for number, path in enumerate(bank.ways, 1)
+            if path.heard == index
         ]
         yield f"  {name} = {' + '.join(ways) or '0.0'};"
     yield "};"
@@ -69,7 +69,7 @@ def _sum(terms: Sequence[str]) -> str:
     return f"({_sum(terms[:half])}\n  + {_sum(terms[half:])})"
 
 
-def _heard(name: str, order: int) -> str:
+def _output_text(name: str, order: int) -> str:
     return "*".join([f"({differentiated(name, order, 1.0)})", *["SR"] * order])
 
 

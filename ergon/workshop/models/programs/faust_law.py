@@ -34,7 +34,9 @@ _INFIX: Mapping[type[ast.AST], tuple[str, int]] = {
     ast.Div: ("/", 3),
 }
 _ALONE = 4  # binds more tightly than any sign
-_WHOLE = 64.0  # the engine multiplies for whole exponents up to this, and calls pow beyond
+_INTEGER_EXPONENT_MAX = (
+    64.0  # the engine multiplies for whole exponents up to this, and calls pow beyond
+)
 
 
 @dataclass(slots=True)
@@ -67,10 +69,10 @@ class Laws:
         terms = [self._expression(one, letters) for one in (text, damping) if one is not None]
         if points:
             terms.insert(0, "line(d)")
-        own = [f"  {letters[one]} = {number(value)};" for one, value in constants.items()]
-        own += _line(points) if points else []
+        body = [f"  {letters[one]} = {number(value)};" for one, value in constants.items()]
+        body += _line(points) if points else []
         head = f"{name}(d, v) = {' + '.join(terms)}"
-        return [head, "with {", *own, "};"] if own else [f"{head};"]
+        return [head, "with {", *body, "};"] if body else [f"{head};"]
 
     def _expression(self, text: str, letters: Mapping[str, str]) -> str:
         """An expression that the engine has accepted; its operators have the precedence of
@@ -78,33 +80,33 @@ class Laws:
         """
         mapped = {name: f"c{at}" for at, name in enumerate(letters)}
 
-        def said(found: re.Match[str]) -> str:
-            word = found[0]
+        def said(match: re.Match[str]) -> str:
+            word = match[0]
             is_known = word in ("d", "v") or word in _CALLS
             known = word if is_known else mapped.get(word)
             return known or repr(float(word))
 
         tree = ast.parse(f"({_WORD.sub(said, text)})", mode="eval")
         back = {f"c{at}": faust for at, faust in enumerate(letters.values())}
-        return self._said(tree.body, back)
+        return self._faust(tree.body, back)
 
-    def _said(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
+    def _faust(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
         """A part of an expression, in parentheses if its precedence is below `least`."""
 
         def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
-            sign, own = _INFIX[type(operation)]
-            text = f"{self._said(a, letters, own)}{sign}{self._said(b, letters, own + 1)}"
-            return f"({text})" if own < least else text
+            sign, rank = _INFIX[type(operation)]
+            text = f"{self._faust(a, letters, rank)}{sign}{self._faust(b, letters, rank + 1)}"
+            return f"({text})" if rank < least else text
 
         match node:
             case ast.Constant(value=float(value)):
                 return repr(value)
             case ast.Name(id=name):
                 return letters.get(name, name)
-            case ast.UnaryOp(op=ast.UAdd(), operand=of):
-                return self._said(of, letters, least)
-            case ast.UnaryOp(operand=of):
-                return f"(0.0 - {self._said(of, letters, _ALONE)})"
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self._faust(operand, letters, least)
+            case ast.UnaryOp(operand=operand):
+                return f"(0.0 - {self._faust(operand, letters, _ALONE)})"
             case ast.BinOp(left=a, op=ast.Pow(), right=b):
                 return self._power(a, b, letters)
             case ast.BinOp(left=a, op=operation, right=b):
@@ -113,37 +115,39 @@ class Laws:
                 return two(a, operation, b)
             case ast.Call(func=ast.Name(id="where"), args=[condition, yes, no]):
                 if isinstance(condition, ast.Compare):
-                    is_true = self._said(condition, letters)
+                    is_true = self._faust(condition, letters)
                 else:
-                    is_true = f"{self._said(condition, letters, 2)} != 0.0"
-                values = f"{self._said(no, letters)}, {self._said(yes, letters)}"
+                    is_true = f"{self._faust(condition, letters, 2)} != 0.0"
+                values = f"{self._faust(no, letters)}, {self._faust(yes, letters)}"
                 return f"select2({is_true}, {values})"
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 self.helpers |= {name} & HELPERS.keys()
-                return f"{name}({', '.join(self._said(one, letters) for one in arguments)})"
+                return f"{name}({', '.join(self._faust(one, letters) for one in arguments)})"
         raise AssertionError(ast.dump(node))
 
-    def _power(self, of: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
+    def _power(self, base: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
         """A power by repeated squaring, from the highest bit of the exponent down, as the engine
         does.
         """
-        value = _whole(exponent)
+        value = _integer_exponent(exponent)
         if value is None:
-            return f"pow({self._said(of, letters)}, {self._said(exponent, letters)})"
-        own = text = self._said(of, letters, _ALONE)
+            return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
+        squared = text = self._faust(base, letters, _ALONE)
         for bit in bin(abs(value))[3:]:
             self.helpers.add("square")
-            text = f"square({text})" + (f"*{own}" if bit == "1" else "")
+            text = f"square({text})" + (f"*{squared}" if bit == "1" else "")
         text = text if abs(value) == 1 else f"({text})" if value else "1.0"
         return f"(1.0/{text})" if value < 0 else text
 
 
-def _whole(node: ast.expr) -> int | None:
+def _integer_exponent(node: ast.expr) -> int | None:
     match node:
-        case ast.Constant(value=float(value)) if value == int(value) and value <= _WHOLE:
+        case ast.Constant(value=float(value)) if (
+            value == int(value) and value <= _INTEGER_EXPONENT_MAX
+        ):
             return int(value)
-        case ast.UnaryOp(op=ast.USub(), operand=of):
-            size = _whole(of)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            size = _integer_exponent(operand)
             return None if size is None else -size
     return None
 
@@ -163,10 +167,10 @@ def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
     # knot to compare with.
     knots = [d for d, _ in points[1:-1]]
     knots += [sys.float_info.max] * (sum(steps) - len(knots))
-    at = "".join(f" : next({step})" for step in steps)
+    delays = "".join(f" : next({step})" for step in steps)
     yield "  line(d) = force(at) + slope(at)*(d - from(at))"
     yield "  with {"
-    yield f"    at = 0{at};"
+    yield f"    at = 0{delays};"
     yield "    next(n, i) = i + n*(d >= knot(i + n - 1));"
     yield "  };"
     for name, values in (

@@ -38,11 +38,11 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     yield f"// {plain(title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
     for kind, words in (
-        ("input", [one.name for one in network.inputs]),
-        ("output", [one.name for one in network.outputs]),
+        ("input", [port.name for port in network.inputs]),
+        ("output", [port.name for port in network.outputs]),
     ):
         yield from (f"// {kind} {number}: {plain(word)}" for number, word in enumerate(words, 1))
-    yield from (f"// Left out: {plain(one)}" for one in network.left_out)
+    yield from (f"// Left out: {plain(port)}" for port in network.left_out)
     yield f'declare name "{plain(title)}";'
     yield ""
     for word, point in zip(points, network.points, strict=True):
@@ -52,20 +52,22 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     yield from laws.written()
     yield ""
     yield f"process({', '.join(inputs)}) = " if inputs else "process = "
-    heard = zip(outputs, network.outputs, strict=True)
-    yield "  " + ",\n  ".join(differentiated(w, o.order, network.rate) for w, o in heard)
+    outputs_with_rates = zip(outputs, network.outputs, strict=True)
+    yield "  " + ",\n  ".join(
+        differentiated(w, o.order, network.rate) for w, o in outputs_with_rates
+    )
     yield "letrec {"
     for word, point in zip(points, network.points, strict=True):
         if _moves(point):
             yield f"  'u_{word} = u_{word} + y_{word};"
             yield f"  'e_{word} = y_{word} - D0_{word};"
-    for word, one in zip(outputs, network.outputs, strict=True):
+    for word, port in zip(outputs, network.outputs, strict=True):
         # The force heard is that on the second end of a link.
-        terms = [f"(0.0 - f_{links[link]})" for link in one.links]
-        ways = [points[point] for point in one.points]
+        terms = [f"(0.0 - f_{links[link]})" for link in port.links]
+        ways = [points[point] for point in port.points]
         # A differentiated signal stood still before it began. Without X0 it is 0 then, as Faust's
         # delays are.
-        terms += [f"(x_{way} - X0_{way})" if one.order else f"x_{way}" for way in ways]
+        terms += [f"(x_{way} - X0_{way})" if port.order else f"x_{way}" for way in ways]
         yield f"  '{word} = {' + '.join(terms) or '0.0'};"
     yield "where"
     for word, point in zip(points, network.points, strict=True):
@@ -76,15 +78,15 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     passed: list[list[str]] = [[] for _ in points]  # to masses of proxies
     for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
         if point.shares:
-            felt = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
-            felt += [f"+ {inputs[one]}" for one in point.forces]
-            yield f"  g_{word} = 0.0 {' '.join(felt)};"
+            force_terms = [f"{sign} f_{links[port]}" for port, sign in ends[number]]
+            force_terms += [f"+ {inputs[port]}" for port in point.forces]
+            yield f"  g_{word} = 0.0 {' '.join(force_terms)};"
             for mass, share in point.shares:
                 passed[mass].append(f"+ {share!r}*g_{word}")
     for number, (word, point) in enumerate(zip(points, network.points, strict=True)):
         if _moves(point):
-            terms = [f"{sign} f_{links[one]}" for one, sign in ends[number]]
-            terms += [f"+ {inputs[one]}" for one in point.forces]
+            terms = [f"{sign} f_{links[port]}" for port, sign in ends[number]]
+            terms += [f"+ {inputs[port]}" for port in point.forces]
             terms += [f"+ W_{word}"] if point.weight else []
             terms += passed[number]
             yield f"  y_{word} = {_step(word, point, terms)};"
@@ -126,9 +128,9 @@ def _state(word: str, point: Point, points: Sequence[str]) -> Iterator[str]:
             yield f"  {letter}_{word} = {' + '.join(terms)};"
         return
     if point.fed is not None:
-        given = f"in_{point.fed + 1}"
-        yield f"  x_{word} = {given};"
-        yield f"  d_{word} = ({given} - {given}') * 1';"
+        input_name = f"in_{point.fed + 1}"
+        yield f"  x_{word} = {input_name};"
+        yield f"  d_{word} = ({input_name} - {input_name}') * 1';"
     elif point.mass:
         yield f"  x_{word} = X0_{word} + u_{word};"
         yield f"  d_{word} = D0_{word} + e_{word};"

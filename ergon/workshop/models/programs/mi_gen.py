@@ -14,7 +14,7 @@ from ergon.workshop.models.page import RATE
 from ergon.workshop.models.programs.network import Body, Heard, Link, Point, Stepped, refusal
 from ergon.workshop.models.programs.places_back import place_of
 
-MOST = 20_000  # points
+NETWORK_MAX = 20_000  # points
 _CHANNELS = 99
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 _SPACES = re.compile(r"\s+")
@@ -48,9 +48,9 @@ class _Writing:
         for number, link in enumerate(network.links):
             for end in {link.a, link.b}:
                 self.ends.setdefault(end, []).append(number)
-        inputs = _channels("in", [one.take for one in network.inputs])
-        heard = [one.name.split(" ")[0].rpartition(".")[2] for one in network.outputs]
-        outputs = _channels("out", heard)
+        inputs = _channels("in", [port.take for port in network.inputs])
+        output_names = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
+        outputs = _channels("out", output_names)
         self.names.taken |= {*inputs, *outputs}
         if max(len(inputs), len(outputs)) > _CHANNELS:
             self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
@@ -60,8 +60,8 @@ class _Writing:
             if number not in self.links:
                 self._link(link)
         self._pushes(inputs)
-        for name, one in zip(outputs, network.outputs, strict=True):
-            self._output(name, one)
+        for name, port in zip(outputs, network.outputs, strict=True):
+            self._output(name, port)
         if self.refused:
             raise refusal(list(dict.fromkeys(self.refused)))
         return "\n".join([*self._heading(title, inputs, outputs), *self.lines]) + "\n"
@@ -75,9 +75,9 @@ class _Writing:
         yield "# in m, v0 in m/s; of a network under units: ca the numbers are its own."
         for name, fed in zip(inputs, self.of.inputs, strict=True):
             yield f"# {name}: {_plain(fed.name)}{f', from {_plain(fed.take)}' * bool(fed.take)}"
-        for name, one in zip(outputs, self.of.outputs, strict=True):
-            yield f"# {name}: {_plain(one.name)}"
-        yield from (f"# Left out: {_plain(one)}" for one in self.of.left_out)
+        for name, output in zip(outputs, self.of.outputs, strict=True):
+            yield f"# {name}: {_plain(output.name)}"
+        yield from (f"# Left out: {_plain(output)}" for output in self.of.left_out)
         yield ""
 
     # --- masses ---
@@ -92,8 +92,10 @@ class _Writing:
 
     def _bodies(self) -> None:
         for body in self.of.bodies:
-            own = [self.of.points[at] for at in body.points]
-            is_still = not any(one.x0 or one.d0 or one.weight or one.fed is not None for one in own)
+            body_points = [self.of.points[at] for at in body.points]
+            is_still = not any(
+                one.x0 or one.d0 or one.weight or one.fed is not None for one in body_points
+            )
             if is_still and body.K >= 0.0 and body.z >= 0.0:
                 self.whole[body.points[0]] = body
                 self.links.update(body.links)
@@ -262,8 +264,10 @@ class _Writing:
                 values["scale"] /= per_step
         words = _ORDER[word]
         values.setdefault("thresh", link.offset)
-        said = " ".join(_number(float(values.get(one, _SAID.get(one, 0.0)))) for one in words)
-        self.lines.append(f"@{name} {keyword} {ends} {said}")
+        values_text = " ".join(
+            _number(float(values.get(one, _DEFAULTS.get(one, 0.0)))) for one in words
+        )
+        self.lines.append(f"@{name} {keyword} {ends} {values_text}")
 
     def _linear(self, name: str, ends: str, K: float, z: float) -> None:
         """Write K·d + Z·v, of any sign, as a law whose cubic part is 0."""
@@ -280,36 +284,38 @@ class _Writing:
                 why = f"{self.of.inputs[number].name}: an input of mi-gen pushes one mass"
                 self.refuse(point.place, why)
 
-    def _output(self, name: str, one: Heard) -> None:
-        called = one.name.split(" ")[0]
-        if one.order:
-            self.refuse(one.place, f"{called}: mi-gen hears positions and forces (SOX, SOF) alone")
-        elif one.links:
-            self._force(name, called, one)
-        elif len(one.points) != 1:
-            self.refuse(one.place, f"{called}: an output of mi-gen hears one point")
+    def _output(self, name: str, output: Heard) -> None:
+        called = output.name.split(" ")[0]
+        if output.order:
+            self.refuse(
+                output.place, f"{called}: mi-gen hears positions and forces (SOX, SOF) alone"
+            )
+        elif output.links:
+            self._force(name, called, output)
+        elif len(output.points) != 1:
+            self.refuse(output.place, f"{called}: an output of mi-gen hears one point")
         else:
-            self.lines.append(f"@{name} posOutput {self.at[one.points[0]]}")
+            self.lines.append(f"@{name} posOutput {self.at[output.points[0]]}")
 
-    def _force(self, name: str, called: str, one: Heard) -> None:
+    def _force(self, name: str, called: str, output: Heard) -> None:
         """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
         none.
         """
-        ends = {self.of.links[link].b for link in one.links}
+        ends = {self.of.links[link].b for link in output.links}
         (end,) = ends if len(ends) == 1 else (-1,)
-        is_all = sorted(self.ends.get(end, [])) == sorted(one.links)
+        is_all = sorted(self.ends.get(end, [])) == sorted(output.links)
         if not is_all or self.of.points[end].forces or self.of.points[end].fed is not None:
             why = f"{called}: mi-gen hears the force of all links of one mass together"
-            self.refuse(one.place, f"{why}, and here they are others")
+            self.refuse(output.place, f"{why}, and here they are others")
         elif self.at[end].startswith("["):
-            self.refuse(one.place, f"{called}: mi-gen hears no force on a member of a body")
+            self.refuse(output.place, f"{called}: mi-gen hears no force on a member of a body")
         else:
             self.lines.append(f"@{name} frcOutput {self.at[end]}")
 
 
 _NEGATIVE = "a stiffness or a viscosity below 0"
 _LINEAR = {"k*d": "k", "lim*d": "lim", "": "k"}
-_SAID = {"smooth": 1.0}
+_DEFAULTS = {"smooth": 1.0}
 _PICKED = {
     "nlContact": "K Q lim Z thresh",
     "nlSpring2": "K Q Z",
@@ -337,10 +343,10 @@ def _channels(letters: str, wanted: list[str]) -> list[str]:
     left.
     """
     form = re.compile(rf"{letters}[1-9]\d?")
-    kept = [name if form.fullmatch(name) else "" for name in wanted]
-    kept = [name if name not in kept[:at] else "" for at, name in enumerate(kept)]
-    free = (f"{letters}{n}" for n in range(1, 10_000) if f"{letters}{n}" not in kept)
-    return [name or next(free) for name in kept]
+    matching = [name if form.fullmatch(name) else "" for name in wanted]
+    matching = [name if name not in matching[:at] else "" for at, name in enumerate(matching)]
+    free = (f"{letters}{n}" for n in range(1, 10_000) if f"{letters}{n}" not in matching)
+    return [name or next(free) for name in matching]
 
 
 def _share(at: int, count: int) -> str:

@@ -20,7 +20,7 @@ from ergon.notation.text.values import Place
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.programs.first_step import last_step, ratios
 
-MOST = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
+NETWORK_MAX = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
 
 NOWHERE = Place("", 0, 0)
 _WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
@@ -156,19 +156,19 @@ def stepped(
     struck: Iterable[Target],
     rate: float,
     *,
-    most: int = MOST,
+    points_max: int = NETWORK_MAX,
 ) -> Stepped:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
     `struck` points have an input for a force. Links to other parts are left out. There may be at
-    most `most` points. Raises ModelError with the places of all that cannot be written.
+    most `points_max` points. Raises ModelError with the places of all that cannot be written.
     """
-    return _Builder(Stepped(rate), most).made(parts, struck)
+    return _Builder(Stepped(rate), points_max).made(parts, struck)
 
 
 class _Builder:
-    def __init__(self, made: Stepped, most: int) -> None:
-        self.to, self.most = made, most
+    def __init__(self, target: Stepped, points_max: int) -> None:
+        self.to, self.most = target, points_max
         self.at: dict[tuple[str, str], list[int]] = {}  # points of a module
         self.centres: dict[tuple[str, str], int] = {}
         self.links: dict[tuple[str, str], list[int]] = {}
@@ -291,19 +291,19 @@ class _Builder:
         }
         rate = self.to.rate
         for member in range(count):
-            of, slot = f"{name}.{member}", slots.get(member)
+            member_name, slot = f"{name}.{member}", slots.get(member)
             if slot is None:
-                point = Point(of, 0.0, f"SOL of {module.kind}")
+                point = Point(member_name, 0.0, f"SOL of {module.kind}")
             else:
                 m = float(parts.masses[slot])
                 tie = dict(zip(("K", "Z"), ties.get(slot, (None, 0.0)), strict=True))
                 make = _mas if slot not in ties else _cel
-                point = make({"M": m, **tie, **starts}, of, part.ca_rate, rate)
+                point = make({"M": m, **tie, **starts}, member_name, part.ca_rate, rate)
             point.is_ca, point.place = part.ca_rate is not None, module.place
             self.to.points.append(point)
         first_link = len(self.to.links)
         ground = None
-        at = [first + mat for mat in parts.mats]
+        point_indices = [first + mat for mat in parts.mats]
         each = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
         for number, (kind, a, b, k, z) in enumerate(each):
             if kind == "CEL":
@@ -311,11 +311,11 @@ class _Builder:
             if ground is None and min(a, b) < 0:
                 ground = len(self.to.points)
                 self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
-            ends = [ground if end < 0 else at[end] for end in (int(a), int(b))]
+            ends = [ground if end < 0 else point_indices[end] for end in (int(a), int(b))]
             tie = {"K": float(k), "Z": float(z)}
             self._join(part, f"{name}.link.{number}", ends, kind, tie, module.place)
-        own = range(first, len(self.to.points)), range(first_link, len(self.to.links))
-        self._body(module, name, count, *own)
+        point_range = range(first, len(self.to.points)), range(first_link, len(self.to.links))
+        self._body(module, name, count, *point_range)
 
     def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
         """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
@@ -326,15 +326,15 @@ class _Builder:
         elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
             return
         is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
-        own = [self.to.links[link] for link in links]
+        body_links = [self.to.links[link] for link in links]
         masses = {self.to.points[point].mass for point in points[:count]}
-        ties = {(link.K, link.z) for link in own}
+        ties = {(link.K, link.z) for link in body_links}
         across, up = sides
         expected = across * (up - 1) + up * (across - 1)
         if is_held:
             expected += 2 if module.kind == "STRING" else 2 * (across + up)
         is_tied = any(self.to.points[point].kappa for point in points)
-        if len(masses) == len(ties) == 1 and len(own) == expected and not is_tied:
+        if len(masses) == len(ties) == 1 and len(body_links) == expected and not is_tied:
             (K, z), *_ = ties
             self.to.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
 
@@ -365,11 +365,11 @@ class _Builder:
                     self._push(end)
                 return
             first = len(self.to.links)
-            for one in single_links(module):
-                a, b = (self._members(end)[:1] for end in one.fields["between"])
+            for link in single_links(module):
+                a, b = (self._members(end)[:1] for end in link.fields["between"])
                 if a and b:
-                    called = f"{part.name}.{one.name}"
-                    self._join(part, called, [*a, *b], module.kind, one.fields, module.place)
+                    called = f"{part.name}.{link.name}"
+                    self._join(part, called, [*a, *b], module.kind, link.fields, module.place)
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{name}: a stiffness below 0")
             self.links[part.name, module.name] = list(range(first, len(self.to.links)))
@@ -387,25 +387,27 @@ class _Builder:
         z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
         a, b = (end for end in ends if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
-        said = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
+        description = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
         if kind == "LNL":
             terms = (fields[one] for one in ("law", "damping", "constants", "points"))
             law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
             rest = float(fields["rest"])
             words = (f"{one} = {fields[one]}" for one in ("law", "damping") if fields[one])
-            said = f"LNL: {', '.join([*words, f'rest = {rest!r} m'])}"
-            self.to.links.append(Link(name, a, b, 0.0, 0.0, rest, said, law=law, place=place))
+            description = f"LNL: {', '.join([*words, f'rest = {rest!r} m'])}"
+            self.to.links.append(
+                Link(name, a, b, 0.0, 0.0, rest, description, law=law, place=place)
+            )
             return
         if kind != "BUT":
             rest = float(fields.get("rest") or 0.0)
-            said += f", rest = {rest!r} m"
-            self.to.links.append(Link(name, a, b, K, z, rest, said, place=place))
+            description += f", rest = {rest!r} m"
+            self.to.links.append(Link(name, a, b, K, z, rest, description, place=place))
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
-        said += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
+        description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
         sign, clamped = 1 if side == "below" else -1, fields["clamp"]
         self.to.links.append(
-            Link(name, a, b, K, z, gap, said, exponent, sign, clamped, place=place)
+            Link(name, a, b, K, z, gap, description, exponent, sign, clamped, place=place)
         )
 
     def _members(self, target: Target) -> list[int]:
@@ -441,12 +443,16 @@ class _Builder:
 
     def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
         members = tuple(points)
-        moved = [one for one in members if self.to.points[one].mass or self.to.points[one].shares]
+        moved = [
+            point_index
+            for point_index in members
+            if self.to.points[point_index].mass or self.to.points[point_index].shares
+        ]
         if not moved or members in self.pushes:
             return
         number = self.pushes[members] = len(self.to.inputs)
-        one = self.to.points[members[0]].name
-        name = f"force on {one if len(members) == 1 else text} [N]"
+        point_index = self.to.points[members[0]].name
+        name = f"force on {point_index if len(members) == 1 else text} [N]"
         self.to.inputs.append(Fed(name, take))
         for member in moved:
             self.to.points[member].forces.append(number)
@@ -464,13 +470,13 @@ class _Builder:
                     self.to.left_out.append(f"{target.text}, which {name} hears")
                 points += self._members(target)
                 continue
-            own = self.links.get((target.part, target.module), [])
-            if not own or target.first == "centre":
+            link_members = self.links.get((target.part, target.module), [])
+            if not link_members or target.first == "centre":
                 quantity = "distance" if output.is_distance else traits.quantity
                 why = f"{name}: the {quantity} of {target.text} is not written yet"
                 self._refuse(output.place, why)
                 continue
-            links += own[target.first : target.first + target.count]
+            links += link_members[target.first : target.first + target.count]
         named = f"{name} [{traits.unit.replace('²', '^2')}]"
         self.to.outputs.append(Heard(named, points, links, traits.order, output.place))
 
@@ -489,8 +495,8 @@ class _Builder:
             force[link.a] += f
             force[link.b] -= f
         for point, f in zip(points, tuple(force), strict=True):
-            for one, share in point.shares:
-                force[one] += share * f
+            for base, share in point.shares:
+                force[base] += share * f
         for point, f in zip(points, force, strict=True):
             if point.fed is not None or not point.mass:
                 point.d0 = 0.0
@@ -527,8 +533,8 @@ def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
 def _mas(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
     m, v0 = fields["M"], fields.get("V0", 0.0)
     gain = _gain(m, ca_rate, rate)
-    said = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
-    return Point(name, fields.get("X0", 0.0), said, m, gain, v0=v0, d0=v0 / rate)
+    description = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
+    return Point(name, fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
 
 
 def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
@@ -538,8 +544,8 @@ def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
     kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
     d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest, v0)
     tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
-    said = f"CEL: M = {m!r}, {tie}"
-    return Point(name, x0, said, m, _gain(m, ca_rate, rate), kappa, zeta, rest, v0, d0)
+    description = f"CEL: M = {m!r}, {tie}"
+    return Point(name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest, v0, d0)
 
 
 def _gain(m: float, ca_rate: float | None, rate: float) -> float:

@@ -19,14 +19,14 @@ def place_of(
     """
     (across, up), is_string = body.sides, body.kind == "STRING"
     more = 2 * body.is_held
-    at: dict[tuple[int, int], float] = {}
-    own = {mass: place for place, mass in enumerate(body.points)}
-    ends = {own[mass] for mass, _ in shares if mass in own}
+    share_by_place: dict[tuple[int, int], float] = {}
+    place_by_mass = {mass: place for place, mass in enumerate(body.points)}
+    ends = {place_by_mass[mass] for mass, _ in shares if mass in place_by_mass}
     for mass, share in shares:
         if not share:
             continue
-        if mass in own:
-            row, column = divmod(own[mass], across)
+        if mass in place_by_mass:
+            row, column = divmod(place_by_mass[mass], across)
             where = (row + body.is_held * (not is_string), column + body.is_held)
         elif is_string and body.is_held and _is_still(point(mass)) and len(ends) == 1:
             (end,) = ends
@@ -35,12 +35,12 @@ def place_of(
                 return []
         else:
             return []
-        at[where] = at.get(where, 0.0) + share
+        share_by_place[where] = share_by_place.get(where, 0.0) + share
     sides = [across + more] if is_string else [up + more, across + more]
-    means = [sum(share * where[axis] for where, share in at.items()) for axis in (0, 1)]
-    if any(abs(_share(where, means) - share) > _CLOSE for where, share in at.items()):
+    means = [sum(share * where[axis] for where, share in share_by_place.items()) for axis in (0, 1)]
+    if any(abs(_share(where, means) - share) > _CLOSE for where, share in share_by_place.items()):
         return []
-    if abs(sum(at.values()) - 1.0) > _CLOSE:
+    if abs(sum(share_by_place.values()) - 1.0) > _CLOSE:
         return []
     return [
         mean / (side - 1) if side > 1 else 0.0

@@ -19,7 +19,7 @@ _TOKEN = re.compile(
     r'|(?P<text>"[^"]*")|(?P<sign><:|:>|[-+*/^%(),:_!~=;]))'
 )
 _LEVELS = ((":",), (",",), ("+", "-"), ("*", "/", "%"), ("^",))  # loosest first
-_MOST_NESTED, _MOST_TOKENS = 40, 20_000
+_DEPTH_MAX, _TOKENS_MAX = 40, 20_000
 _PLAIN = {"number", "name", "chain", "negative"}
 
 
@@ -66,22 +66,22 @@ def is_plain(node: Node) -> bool:
 
 def names(node: Node) -> set[str]:
     """The names in an expression."""
-    found = {node.word} if node.kind in ("name", "call") else set()
-    return found.union(*map(names, node.parts))
+    node_names = {node.word} if node.kind in ("name", "call") else set()
+    return node_names.union(*map(names, node.parts))
 
 
 class _Parser:
     def __init__(self, text: str, line: int) -> None:
         self.text, self.line, self.at, self.depth = text, line, 0, 0
         self.tokens: list[tuple[str, str]] = []
-        at = 0
-        while text[at:].strip():
-            found = _TOKEN.match(text, at)
-            if found is None or len(self.tokens) >= _MOST_TOKENS:
-                what = quote(text[at:].strip()[:20])
+        position = 0
+        while text[position:].strip():
+            match = _TOKEN.match(text, position)
+            if match is None or len(self.tokens) >= _TOKENS_MAX:
+                what = quote(text[position:].strip()[:20])
                 raise ModelError(f"of Faust {what} is not read here", line)
-            self.tokens.append((str(found.lastgroup), found[0].strip()))
-            at = found.end()
+            self.tokens.append((str(match.lastgroup), match[0].strip()))
+            position = match.end()
 
     def whole(self) -> Node:
         if not self.tokens:
@@ -124,8 +124,8 @@ class _Parser:
             raise self.wrong()
         kind, word = self.tokens[self.at]
         self.depth += 1
-        if self.depth > _MOST_NESTED:
-            message = f"more than {_MOST_NESTED} parentheses or signs inside one another"
+        if self.depth > _DEPTH_MAX:
+            message = f"more than {_DEPTH_MAX} parentheses or signs inside one another"
             raise ModelError(message, self.line)
         self.at += 1
         if kind == "number":
@@ -151,7 +151,7 @@ class _Parser:
 
     def arguments(self) -> tuple[Node, ...]:
         self.take("(")
-        found = []
+        nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
             first = self.at
@@ -160,14 +160,14 @@ class _Parser:
                 operators.append(":")
                 self.at += 1
                 parts.append(self.level(2))
-            one = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
+            node = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
             text = " ".join(word for _, word in self.tokens[first : self.at])
-            found.append(replace(one, text=text))
+            nodes.append(replace(node, text=text))
             if self.sign() != ",":
                 break
             self.at += 1
         self.take(")")
-        return tuple(found)
+        return tuple(nodes)
 
 
 # --- definitions --------------------------------------------------------------------------------
@@ -183,15 +183,15 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     Expressions are parsed when they are needed, so that Faust code that nothing uses cannot
     fail.
     """
-    found: dict[str, Definition] = {}
+    by_name: dict[str, Definition] = {}
     waiting, first = "", 0
     before: tuple[str, ...] = ()
-    for one in code:
-        said, comment = _without_comment(one.text)
-        parts = said.split(";")
+    for line in code:
+        source, comment = _without_comment(line.text)
+        parts = source.split(";")
         for nth, part in enumerate(parts):
             if not waiting.strip():
-                first, before = one.line, one.before if nth == 0 else ()
+                first, before = line.line, line.before if nth == 0 else ()
             waiting += part + " "
             if nth + 1 == len(parts):
                 break
@@ -201,15 +201,15 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
             if defined is None:
                 raise ModelError("a line of Faust is written faustcode: name = expression;", first)
             name, arguments, text = defined[1], defined[2], defined[3].strip()
-            if name in found:
-                message = f"{quote(name)} is defined in line {found[name].line} too"
+            if name in by_name:
+                message = f"{quote(name)} is defined in line {by_name[name].line} too"
                 raise ModelError(message, first)
             split = tuple(word.strip() for word in arguments.split(",")) if arguments else ()
-            found[name] = Definition(name, split, text, first, comment, before)
+            by_name[name] = Definition(name, split, text, first, comment, before)
             waiting = ""
     if waiting.strip():
         raise ModelError("a line of Faust ends with a semicolon", first)
-    return found
+    return by_name
 
 
 def _without_comment(line: str) -> tuple[str, str]:

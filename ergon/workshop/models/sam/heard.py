@@ -13,7 +13,7 @@ from ergon.workshop.models.sam.values import Sound
 from ergon.workshop.models.sam.words import LINKS
 from ergon.workshop.models.sam.writing import Writing, target
 
-_MOST_CHANNELS = 1_024
+_CHANNELS_MAX = 1_024
 # A spring so weak [N/m] that its force on the mass is lost in rounding.
 _EAR = 1e-12
 
@@ -22,63 +22,65 @@ def heard_names(statements: Sequence[Statement]) -> dict[str, Sound]:
     """The names that an expression of an output may use; the name of a port stands for the force on
     it.
     """
-    heard = {}
+    sound_by_name = {}
     forces: dict[str, dict[str, float]] = {}
-    for one in statements:
-        if one.word in LINKS:
-            for end, sign in zip(one.ends, (-1.0, 1.0), strict=True):
-                forces.setdefault(end, {})[one.name] = sign
-    for one in statements:
-        if one.word == "port":
-            heard[one.name] = Sound(forces.get(one.name, {}))
-        elif one.word in LINKS or one.word in ("mass", "resonators", "ground"):
-            heard[one.name] = Sound({one.name: 1.0})
-    return heard
+    for statement in statements:
+        if statement.word in LINKS:
+            for end, sign in zip(statement.ends, (-1.0, 1.0), strict=True):
+                forces.setdefault(end, {})[statement.name] = sign
+    for statement in statements:
+        if statement.word == "port":
+            sound_by_name[statement.name] = Sound(forces.get(statement.name, {}))
+        elif statement.word in LINKS or statement.word in ("mass", "resonators", "ground"):
+            sound_by_name[statement.name] = Sound({statement.name: 1.0})
+    return sound_by_name
 
 
 def sides_of(
-    own: Writing, outputs: Sequence[Statement], sounds: Iterable[Sound]
+    writing: Writing, outputs: Sequence[Statement], sounds: Iterable[Sound]
 ) -> dict[str, float]:
     """The sign with which the force of each link is heard. Raises ModelError if it is heard with
     both.
     """
     sides: dict[str, float] = {}
-    for one, sound in zip(outputs, sounds, strict=True):
+    for output, sound in zip(outputs, sounds, strict=True):
         for name, factor in sound.of.items():
-            if name not in own.links or factor == 0.0:
+            if name not in writing.links or factor == 0.0:
                 continue
             if sides.setdefault(name, math.copysign(1.0, factor)) != math.copysign(1.0, factor):
                 message = f"the force of {quote(name)} is heard with both signs, which is not built"
-                raise ModelError(message, one.line)
+                raise ModelError(message, output.line)
     return sides
 
 
-def hear(own: Writing, one: Statement, sound: Sound, channel: int) -> None:
+def hear(writing: Writing, statement: Statement, sound: Sound, channel: int) -> None:
     """Add the outputs and routes of a channel. Raises ModelError."""
-    if channel > _MOST_CHANNELS:
-        raise ModelError(f"more than {_MOST_CHANNELS:,} outputs", one.line)
-    heard = {name: factor for name, factor in sound.of.items() if factor != 0.0}
-    still = [name for name in heard if name in own.masses and own.masses[name].kind == "ground"]
-    constant = sound.constant + sum(heard.pop(name) * own.masses[name].x0 for name in still)
+    if channel > _CHANNELS_MAX:
+        raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", statement.line)
+    factors = {name: factor for name, factor in sound.of.items() if factor != 0.0}
+    still = [
+        name for name in factors if name in writing.masses and writing.masses[name].kind == "ground"
+    ]
+    constant = sound.constant + sum(factors.pop(name) * writing.masses[name].x0 for name in still)
     if constant != 0.0 and not any(each.order for each in sound.filters):
-        raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", one.line)
+        raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", statement.line)
     highpass, comment = _filter(sound)
-    for nth, (name, factor) in enumerate(heard.items(), 1):
-        out = own.targets[one.name]
-        if len(heard) > 1:
-            out = own.names.new(f"{out}_{nth}")
+    for nth, (name, factor) in enumerate(factors.items(), 1):
+        out = writing.targets[statement.name]
+        if len(factors) > 1:
+            out = writing.names.new(f"{out}_{nth}")
         loudness = abs(factor)
-        if name in own.links:
-            what, own.hears_forces = _force(own, own.targets[name]), True
+        if name in writing.links:
+            what, writing.hears_forces = _force(writing, writing.targets[name]), True
         elif factor > 0.0:
-            what = f"SOX: {target(own, name)}"
+            what = f"SOX: {target(writing, name)}"
         else:
-            what, loudness = _force(own, _ear(own, name)), loudness / _EAR
-        note = "; ".join(word for word in (comment, one.behind if nth == 1 else "") if word)
+            what, loudness = _force(writing, _ear(writing, name)), loudness / _EAR
+        note = "; ".join(word for word in (comment, statement.behind if nth == 1 else "") if word)
         options = gain(loudness)
         if highpass is not None:
             options += f", highpass: {number(highpass)}Hz"
-        own.outs.append(Out(out, what, channel, options, note))
+        writing.outs.append(Out(out, what, channel, options, note))
 
 
 def _force(own: Writing, name: str) -> str:
@@ -86,26 +88,26 @@ def _force(own: Writing, name: str) -> str:
     return f"SOF: {{{kind}: {name}}}"
 
 
-def _ear(own: Writing, mass: str) -> str:
+def _ear(writing: Writing, mass: str) -> str:
     """Add a spring whose force is a position with a negative factor, which a route cannot have;
     returns its name.
     """
-    if mass in own.ears:
-        return own.ears[mass]
-    if "" not in own.ears:
-        own.ears[""] = own.names.new("still")
-        own.modules.append(Line(own.ears[""], "{SOL: {}}"))
-    ear = own.ears[mass] = own.names.new(f"{own.targets[mass]}_ear")
-    text = f"{{RES: {{between: [{own.ears['']}, {target(own, mass)}], K: {_EAR}}}}}"
+    if mass in writing.ears:
+        return writing.ears[mass]
+    if "" not in writing.ears:
+        writing.ears[""] = writing.names.new("still")
+        writing.modules.append(Line(writing.ears[""], "{SOL: {}}"))
+    ear = writing.ears[mass] = writing.names.new(f"{writing.targets[mass]}_ear")
+    text = f"{{RES: {{between: [{writing.ears['']}, {target(writing, mass)}], K: {_EAR}}}}}"
     comment = "too weak to be felt: it is heard, for a factor below 0"
-    own.modules.append(Line(ear, text, comment))
+    writing.modules.append(Line(ear, text, comment))
     return ear
 
 
 def _filter(sound: Sound) -> tuple[float | None, str]:
     """The high-pass of a route, of second order, and a comment on it."""
     highs = [one for one in sound.filters if one.order]
-    said = [f"highpass({one.order}, {one.cutoff:g})" for one in highs]
+    filter_texts = [f"highpass({one.order}, {one.cutoff:g})" for one in highs]
     limited = ["the model's limiter is left out"] if len(highs) < len(sound.filters) else []
     if not highs:
         return None, "; ".join(limited)
@@ -113,5 +115,5 @@ def _filter(sound: Sound) -> tuple[float | None, str]:
     logs = sum(one.order * math.log(one.cutoff) for one in highs)
     cutoff = highs[0].cutoff if len(highs) == 1 else round(math.exp(logs / order), 3)
     if not (len(highs) == 1 and order == 2):
-        limited.insert(0, f"{' : '.join(said)} in the model; a route has one of order 2")
+        limited.insert(0, f"{' : '.join(filter_texts)} in the model; a route has one of order 2")
     return cutoff, "; ".join(limited)

@@ -78,19 +78,19 @@ class Start:
 def start(masses: Mapping[str, Mass], links: Sequence[Link]) -> Start:
     """Where a score begins."""
     pressed = dict.fromkeys(masses, 0.0)
-    for one in links:
-        if one.kind == "link" or one.o < 0.0:
-            _push(pressed, one, -one.o * (one.k + one.R * RATE))
+    for link in links:
+        if link.kind == "link" or link.o < 0.0:
+            _push(pressed, link, -link.o * (link.k + link.R * RATE))
     places, steps = {}, {}
     for name, mass in masses.items():
         step = pressed[name] * mass.mobility
         places[name] = mass.x0 + step
         steps[name] = mass.v0 / RATE + step
     kicks = dict.fromkeys(masses, 0.0)
-    for one in links:
-        apart = places[one.a] - places[one.b]
-        if one.kind == "link" or apart - one.o > 0.0:
-            _push(kicks, one, one.R * RATE * (apart - (steps[one.a] - steps[one.b])))
+    for link in links:
+        apart = places[link.a] - places[link.b]
+        if link.kind == "link" or apart - link.o > 0.0:
+            _push(kicks, link, link.R * RATE * (apart - (steps[link.a] - steps[link.b])))
     struck = {name: f for name, f in kicks.items() if f and masses[name].mobility}
     return Start(places, steps, struck)
 

@@ -11,44 +11,44 @@ from ergon.workshop.models.sam.words import RATE
 from ergon.workshop.models.sam.writing import Writing, target
 
 
-def page(own: Writing, title: str, begin: Start, n_channels: int) -> Page:
+def page(writing: Writing, title: str, begin: Start, n_channels: int) -> Page:
     """A score that begins as the model does."""
-    fed = [name for name in ports(own.sheet) if name in own.inputs]
+    fed = [name for name in ports(writing.sheet) if name in writing.inputs]
     return Page(
-        head=_head(own, title),
-        parameters=own.parameters.values(),
-        inputs={name: own.inputs[name] for name in fed},
-        modules=own.modules,
-        tail=own.sheet.tail,
-        outs=own.outs,
+        head=_head(writing, title),
+        parameters=writing.parameters.values(),
+        inputs={name: writing.inputs[name] for name in fed},
+        modules=writing.modules,
+        tail=writing.sheet.tail,
+        outs=writing.outs,
         n_channels=n_channels,
         before_strikes=[
             "In its first samples the model's masses jump from 0 to where they begin, which its",
             "dampers feel.",
         ],
-        strikes=list(_kicks(own, begin)),
+        strikes=list(_kicks(writing, begin)),
     )
 
 
-def _kicks(own: Writing, begin: Start) -> Iterator[Line]:
+def _kicks(writing: Writing, begin: Start) -> Iterator[Line]:
     for name, force in begin.kicks.items():
         impulse = f"{force / RATE!r}Ns"
-        text = f"{{to: model.{target(own, name)}, at: 0s, impulse: {impulse}}}"
-        yield Line(own.names.new(f"{own.targets[name]}_kick"), text)
+        text = f"{{to: model.{target(writing, name)}, at: 0s, impulse: {impulse}}}"
+        yield Line(writing.names.new(f"{writing.targets[name]}_kick"), text)
 
 
-def _head(own: Writing, title: str) -> Iterator[str]:
+def _head(writing: Writing, title: str) -> Iterator[str]:
     yield f"From {title or 'a model'}, a model of Synth-A-Modeler."
     yield f"One sample is 1/{RATE} s. M is in kg*fs*fs, K in N/m, Z in N/(m/s)*fs: the numbers of"
     yield "the discrete network."
-    free = [name for name in ports(own.sheet) if name not in own.inputs]
+    free = [name for name in ports(writing.sheet) if name not in writing.inputs]
     if free:
         yield f"Where a haptic device was ({_some(free)}) nothing moves."
         yield f"--input {free[0]}=FILE.wav moves it. To play it, write a key in place of its SOL:"
-        yield f"keys: {{{own.targets[free[0]]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
-    if own.hears_forces:
+        yield f"keys: {{{writing.targets[free[0]]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
+    if writing.hears_forces:
         yield "Forces are heard one sample before the model's own."
-    head = list(own.sheet.head)
+    head = list(writing.sheet.head)
     while head and not head[-1]:
         head.pop()
     if head:

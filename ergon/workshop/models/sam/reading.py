@@ -13,8 +13,8 @@ from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSED, WORDS, written
 
-MOST = 200_000  # lines
-_MOST_CHARACTERS = 100_000  # of a line
+LINES_MAX = 200_000  # lines
+_CHARACTERS_MAX = 100_000  # of a line
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -66,33 +66,35 @@ def parse(text: str) -> Sheet:
     sheet = Sheet()
     comments: list[str] = []
     lines = _LINE_END.split(text)
-    if len(lines) > MOST:
-        raise ModelError(f"it has more than {MOST:,} lines", MOST + 1)
+    if len(lines) > LINES_MAX:
+        raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     has_begun = False
     names: dict[str, int] = {}
-    for at, whole in enumerate(lines, 1):
-        if len(whole) > _MOST_CHARACTERS:
-            raise ModelError(f"a line has at most {_MOST_CHARACTERS:,} characters", at)
-        said, comment = _parted(whole)
-        if not said.strip():
-            comments += _kept(comment)
+    for line_number, full_line in enumerate(lines, 1):
+        if len(full_line) > _CHARACTERS_MAX:
+            raise ModelError(f"a line has at most {_CHARACTERS_MAX:,} characters", line_number)
+        source, comment = _parted(full_line)
+        if not source.strip():
+            comments += _comment_lines(comment)
             if comments and not comment and not has_begun:  # an empty line ends the head
                 sheet.head += [*comments, ""]
                 comments = []
             continue
         has_begun = True
-        head = _HEAD.match(said)
+        head = _HEAD.match(source)
         if head and head[1] == CODE and head[2] == ":":
-            sheet.code.append(Code(said[head.end() :], at, tuple(comments)))
+            sheet.code.append(Code(source[head.end() :], line_number, tuple(comments)))
             comments = []
             continue
-        one = _statement(said, at, tuple(comments), " ".join(_kept(comment)))
+        statement = _statement(
+            source, line_number, tuple(comments), " ".join(_comment_lines(comment))
+        )
         comments = []
-        if one.name in names:
-            message = f"{quote(one.name)} is the name of line {names[one.name]} too"
-            raise ModelError(message, at)
-        names[one.name] = at
-        sheet.statements.append(one)
+        if statement.name in names:
+            message = f"{quote(statement.name)} is the name of line {names[statement.name]} too"
+            raise ModelError(message, line_number)
+        names[statement.name] = line_number
+        sheet.statements.append(statement)
     sheet.tail = comments
     if not sheet.statements:
         raise ModelError("it has no statement of Synth-A-Modeler", len(lines))
@@ -102,15 +104,15 @@ def parse(text: str) -> Sheet:
 def _parted(line: str) -> tuple[str, str]:
     """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
     is_quoted = False
-    for at, letter in enumerate(line):
+    for position, letter in enumerate(line):
         if letter == '"':
             is_quoted = not is_quoted
         elif letter == "#" and not is_quoted:
-            return line[:at], line[at:]
+            return line[:position], line[position:]
     return line, ""
 
 
-def _kept(comment: str) -> list[str]:
+def _comment_lines(comment: str) -> list[str]:
     """The lines of a comment that a person wrote, without the layout of a drawing."""
     if drawn := _DRAWN.match(comment):
         return [line for line in drawn[1].split("|") if line.strip()]
@@ -119,73 +121,79 @@ def _kept(comment: str) -> list[str]:
     return [comment.lstrip("#").strip()]
 
 
-def _statement(said: str, at: int, before: tuple[str, ...], behind: str) -> Statement:
-    head = _HEAD.match(said)
-    word = head[1] if head else said.split(None, 1)[0].strip(",;(")
+def _statement(source: str, line_number: int, before: tuple[str, ...], behind: str) -> Statement:
+    head = _HEAD.match(source)
+    word = head[1] if head else source.split(None, 1)[0].strip(",;(")
     if word in REFUSED:
-        raise ModelError(f"{word}: {REFUSED[word]}", at)
+        raise ModelError(f"{word}: {REFUSED[word]}", line_number)
     if word not in WORDS:
         message = f"{quote(word)} is not a word of Synth-A-Modeler"
-        raise ModelError(message, at, nearest(word, WORDS))
-    if not said.rstrip().endswith(";"):
-        raise ModelError("a statement ends with a semicolon", at)
-    wrong = ModelError(f"{word} is written {written(word)}", at)
+        raise ModelError(message, line_number, nearest(word, WORDS))
+    if not source.rstrip().endswith(";"):
+        raise ModelError("a statement ends with a semicolon", line_number)
+    wrong = ModelError(f"{word} is written {written(word)}", line_number)
     if head is None or (head[2] == ",") != (word in OUTPUTS) or head[2] == ":":
         raise wrong
-    rest = said.rstrip()[:-1][head.end() :]
+    rest = source.rstrip()[:-1][head.end() :]
     if word in OUTPUTS:
         name, comma, expression = rest.partition(",")
         if not comma:
             raise wrong
-        return Statement(word, (expression.strip(),), _name(name, at), (), at, before, behind)
-    inside, found, outside = _closed(rest)
-    if not found:
-        raise ModelError("a parenthesis is not closed", at)
+        return Statement(
+            word, (expression.strip(),), _name(name, line_number), (), line_number, before, behind
+        )
+    inside, is_closed, outside = _closed(rest)
+    if not is_closed:
+        raise ModelError("a parenthesis is not closed", line_number)
     values = tuple(_split(inside)) if inside.strip() else ()
     form = MASSES.get(word, LINKS.get(word, ()))
     is_right = len(values) == len(form)
     if word == "resonators":
         if len(values) == 1:  # a list in parentheses of its own
-            own, _, more = _closed(values[0].strip()[1:])
+            content, _, more = _closed(values[0].strip()[1:])
             if values[0].strip().startswith("(") and not more.strip():
-                values = tuple(_split(own))
+                values = tuple(_split(content))
         is_right = len(values) > 0 and len(values) % len(form) == 0
     n_names = 3 if word in LINKS else 1
     names = outside.split(",")
     if "(" in names[-1] and is_right:
         message = f"the group {names[-1].strip()} says nothing any more; leave it out"
-        raise ModelError(message, at)
+        raise ModelError(message, line_number)
     if not is_right or names[0].strip() or len(names) != n_names + 1:
         raise wrong
     if not all(value.strip() for value in values):
         raise wrong
-    name, *ends = (_name(one, at) for one in names[1:])
-    return Statement(word, tuple(v.strip() for v in values), name, tuple(ends), at, before, behind)
+    name, *ends = (_name(one, line_number) for one in names[1:])
+    return Statement(
+        word, tuple(v.strip() for v in values), name, tuple(ends), line_number, before, behind
+    )
 
 
-def _name(text: str, at: int) -> str:
+def _name(text: str, line_number: int) -> str:
     name = text.strip()
     if not _NAME.fullmatch(name):
-        raise ModelError(f"{quote(name)} is not a name: a letter, then letters and digits", at)
+        raise ModelError(
+            f"{quote(name)} is not a name: a letter, then letters and digits", line_number
+        )
     return name
 
 
 def _closed(text: str) -> tuple[str, bool, str]:
     """The text before the closing parenthesis, whether there is one, and the text after it."""
     depth = 1
-    for at, letter in enumerate(text):
+    for position, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
         if depth == 0:
-            return text[:at], True, text[at + 1 :]
+            return text[:position], True, text[position + 1 :]
     return text, False, ""
 
 
 def _split(text: str) -> Iterator[str]:
     """The values between commas, except commas within parentheses."""
     depth, first = 0, 0
-    for at, letter in enumerate(text):
+    for position, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")
         if letter == "," and depth == 0:
-            yield text[first:at]
-            first = at + 1
+            yield text[first:position]
+            first = position + 1
     yield text[first:]

@@ -30,110 +30,122 @@ from ergon.workshop.models.sam.writing import (
 
 _FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
 _HELD = "1e9"  # mass of what is moved whatever pushes it
-_MOST_MODES = 500
+_MODES_MAX = 500
 
 
 def written(
-    sheet: Sheet, inputs: Mapping[str, Input], given: Mapping[str, float], title: str
+    sheet: Sheet, inputs: Mapping[str, Input], overrides: Mapping[str, float], title: str
 ) -> str:
     """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
-    `inputs` are files that drive ports, by their names; `given` are values of parameters.
+    `inputs` are files that drive ports, by their names; `overrides` are values of parameters.
     """
     code = definitions(sheet.code)
-    ids = {one.name: one for one in sheet.statements}
+    ids = {statement.name: statement for statement in sheet.statements}
     for name in set(code) & set(ids):
         message = f"{quote(name)} is a name of a line of Faust too, line {code[name].line}"
         raise ModelError(message, ids[name].line)
-    for name in given:
+    for name in overrides:
         if name not in code or code[name].arguments:
             near = nearest(name, code)
             raise ModelError(f"the model has no parameter {quote(name)}", 0, near)
     if "fs" in code:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
         raise ModelError(message, code["fs"].line)
-    values = Values({**LIBRARY, **code}, heard_names(sheet.statements), given)
+    values = Values({**LIBRARY, **code}, heard_names(sheet.statements), overrides)
     sixty = next(name for name in ("sixty", *(f"sixty{n}" for n in code)) if name not in code)
-    own = Writing(sheet, inputs, values, Params(["fs", *code, sixty]), sixty=sixty)
-    let(own, "fs", str(RATE), "samples in a second")
-    if not any(one.word in (*MASSES, *LINKS) for one in sheet.statements):
+    writing = Writing(sheet, inputs, values, Params(["fs", *code, sixty]), sixty=sixty)
+    let(writing, "fs", str(RATE), "samples in a second")
+    if not any(statement.word in (*MASSES, *LINKS) for statement in sheet.statements):
         raise ModelError("it has no mass and no link, of which a score is made")
-    for one in sheet.statements:
-        own.targets[one.name] = own.names.new(one.name)
-    for one in sheet.statements:
-        if one.word in MASSES:
-            _count(own, one)
-    for one in sheet.statements:
-        if one.word in LINKS:
-            _join(own, one)
-    begin = start(own.masses, list(own.links.values()))
-    outputs = [one for one in sheet.statements if one.word == "audioout"]
-    sounds = [own.values.sound(one.values[0], one.line) for one in outputs]
-    sides = sides_of(own, outputs, sounds)
-    for one in sheet.statements:
-        if one.word in MASSES:
-            _MAKERS[one.word](own, one, begin)
-        elif one.word in LINKS:
-            _link(own, one, sides.get(one.name, 1.0))
-    for channel, (one, sound) in enumerate(zip(outputs, sounds, strict=True), 1):
-        hear(own, one, sound, channel)
-    return page(own, title, begin, len(outputs)).written()
+    for statement in sheet.statements:
+        writing.targets[statement.name] = writing.names.new(statement.name)
+    for statement in sheet.statements:
+        if statement.word in MASSES:
+            _count(writing, statement)
+    for statement in sheet.statements:
+        if statement.word in LINKS:
+            _join(writing, statement)
+    begin = start(writing.masses, list(writing.links.values()))
+    outputs = [statement for statement in sheet.statements if statement.word == "audioout"]
+    sounds = [writing.values.sound(statement.values[0], statement.line) for statement in outputs]
+    sides = sides_of(writing, outputs, sounds)
+    for statement in sheet.statements:
+        if statement.word in MASSES:
+            _MAKERS[statement.word](writing, statement, begin)
+        elif statement.word in LINKS:
+            _link(writing, statement, sides.get(statement.name, 1.0))
+    for channel, (statement, sound) in enumerate(zip(outputs, sounds, strict=True), 1):
+        hear(writing, statement, sound, channel)
+    return page(writing, title, begin, len(outputs)).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _count(own: Writing, one: Statement) -> None:
+def _count(writing: Writing, statement: Statement) -> None:
     """Compute the values of a mass."""
-    if one.word == "resonators":
-        found = _resonances(own, one)
-        mobility = sum(each.mobility for each in found)
-        own.masses[one.name] = Mass(one.word, 0.0, 0.0, mobility, len(found) > 1)
+    if statement.word == "resonators":
+        resonances = _resonances(writing, statement)
+        mobility = sum(each.mobility for each in resonances)
+        writing.masses[statement.name] = Mass(
+            statement.word, 0.0, 0.0, mobility, len(resonances) > 1
+        )
         return
-    if one.word == "port":
-        fed = own.inputs.get(one.name)
-        own.masses[one.name] = Mass(one.word, 0.0 if fed is None else fed.first, 0.0, 0.0)
+    if statement.word == "port":
+        fed = writing.inputs.get(statement.name)
+        writing.masses[statement.name] = Mass(
+            statement.word, 0.0 if fed is None else fed.first, 0.0, 0.0
+        )
         return
-    if one.word == "ground":
-        x0 = value_of(own, one, 0)
-        within(one, "x0", x0, _FARTHEST)
-        own.masses[one.name] = Mass(one.word, x0, 0.0, 0.0)
+    if statement.word == "ground":
+        x0 = value_of(writing, statement, 0)
+        within(statement, "x0", x0, _FARTHEST)
+        writing.masses[statement.name] = Mass(statement.word, x0, 0.0, 0.0)
         return
-    m = value_of(own, one, 0)
+    m = value_of(writing, statement, 0)
     if m <= 0.0:
-        raise ModelError(f"m is {m:g}: a mass is above 0", one.line)
+        raise ModelError(f"m is {m:g}: a mass is above 0", statement.line)
     mobility = 1.0 / (m * RATE * RATE)
-    own.masses[one.name] = Mass(one.word, value_of(own, one, 1), value_of(own, one, 2), mobility)
+    writing.masses[statement.name] = Mass(
+        statement.word, value_of(writing, statement, 1), value_of(writing, statement, 2), mobility
+    )
 
 
-def _resonances(own: Writing, one: Statement) -> list[Resonance]:
-    found = []
-    for at in range(0, len(one.values), 3):
-        each = Resonance(*(value_of(own, one, at + nth) for nth in range(3)))
+def _resonances(writing: Writing, statement: Statement) -> list[Resonance]:
+    resonances = []
+    for first_value in range(0, len(statement.values), 3):
+        each = Resonance(*(value_of(writing, statement, first_value + nth) for nth in range(3)))
         if not 0.0 < each.f < RATE / 2:
             message = f"f is {each.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
-            raise ModelError(message, one.line)
+            raise ModelError(message, statement.line)
         for name, value in (("T60", each.T60), ("m", each.m)):
             if not 1e-9 < value < 1e9:
-                raise ModelError(f"{name} is {value:g}: it lies above 1e-9, below 1e9", one.line)
-        found.append(each)
-    if len(found) > _MOST_MODES:
-        raise ModelError(f"resonators have at most {_MOST_MODES} modes", one.line)
-    return found
+                raise ModelError(
+                    f"{name} is {value:g}: it lies above 1e-9, below 1e9", statement.line
+                )
+        resonances.append(each)
+    if len(resonances) > _MODES_MAX:
+        raise ModelError(f"resonators have at most {_MODES_MAX} modes", statement.line)
+    return resonances
 
 
-def _begin(own: Writing, one: Statement, begin: Start) -> list[str]:
+def _begin(writing: Writing, statement: Statement, begin: Start) -> list[str]:
     """X0 and V0; they stay expressions if no force acts in the first sample."""
-    mass = own.masses[one.name]
-    x, v = begin.places[one.name], begin.steps[one.name] * RATE
-    within(one, "x0", x, _FARTHEST)
-    within(one, "the speed at the beginning", v, _FASTEST)
-    is_free = one.word == "mass" and begin.steps[one.name] == mass.v0 / RATE
+    mass = writing.masses[statement.name]
+    x, v = begin.places[statement.name], begin.steps[statement.name] * RATE
+    within(statement, "x0", x, _FARTHEST)
+    within(statement, "the speed at the beginning", v, _FASTEST)
+    is_free = statement.word == "mass" and begin.steps[statement.name] == mass.v0 / RATE
     fields = []
     if x:
-        fields.append(f"X0: {unit_of(text_of(own, one, 1), 'm') if is_free else f'{x!r}m'}")
+        fields.append(
+            f"X0: {unit_of(text_of(writing, statement, 1), 'm') if is_free else f'{x!r}m'}"
+        )
     if v:
-        fields.append(f"V0: {unit_of(text_of(own, one, 2), 'm/s') if is_free else f'{v!r}m/s'}")
+        fields.append(
+            f"V0: {unit_of(text_of(writing, statement, 2), 'm/s') if is_free else f'{v!r}m/s'}"
+        )
     return fields
 
 
@@ -147,38 +159,42 @@ def _ground(own: Writing, one: Statement, _: Start) -> None:
     own.add(f"SOL: {{X0: {unit_of(text_of(own, one, 0), 'm')}}}" if x0 else "SOL: {}", one)
 
 
-def _port(own: Writing, one: Statement, _: Start) -> None:
-    fed, name = own.inputs.get(one.name), own.targets[one.name]
+def _port(writing: Writing, statement: Statement, _: Start) -> None:
+    fed, name = writing.inputs.get(statement.name), writing.targets[statement.name]
     if fed is None:
-        own.add("SOL: {}", one, "a port, where a device was")
+        writing.add("SOL: {}", statement, "a port, where a device was")
         return
     x0 = f", X0: {fed.first!r}m" if fed.first else ""
-    own.add(f"MAS: {{M: {_HELD}{x0}}}", one, "a port; its mass says nothing: its path is imposed")
-    path = own.names.new(f"{name}_path")
-    own.modules.append(Line(path, f"{{ENX: {{to: {name}, from: {one.name}{fed.start}}}}}"))
+    writing.add(
+        f"MAS: {{M: {_HELD}{x0}}}", statement, "a port; its mass says nothing: its path is imposed"
+    )
+    path = writing.names.new(f"{name}_path")
+    writing.modules.append(
+        Line(path, f"{{ENX: {{to: {name}, from: {statement.name}{fed.start}}}}}")
+    )
 
 
-def _resonators(own: Writing, one: Statement, begin: Start) -> None:
-    found = _resonances(own, one)
-    sixty = own.params.of[own.sixty]
-    if sixty not in own.parameters:
+def _resonators(writing: Writing, statement: Statement, begin: Start) -> None:
+    resonances = _resonances(writing, statement)
+    sixty = writing.params.of[writing.sixty]
+    if sixty not in writing.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
-        let(own, own.sixty, repr(SIXTY), comment, unit="s")
-    values = range(0, len(one.values), 3)
-    pitches = [unit_of(text_of(own, one, at), "Hz") for at in values]
-    decays = [times(text_of(own, one, at + 1), sixty) for at in values]
-    mass = f"M: {times(text_of(own, one, 2), f'fs*fs*{found[0].heavier!r}')}"
-    if len(found) == 1:
-        fields = [mass, f"f: {pitches[0]}", f"t60: {decays[0]}", *_begin(own, one, begin)]
-        own.add(f"CEL: {{{', '.join(fields)}}}", one)
+        let(writing, writing.sixty, repr(SIXTY), comment, unit="s")
+    values = range(0, len(statement.values), 3)
+    pitches = [unit_of(text_of(writing, statement, at), "Hz") for at in values]
+    decays = [times(text_of(writing, statement, at + 1), sixty) for at in values]
+    mass = f"M: {times(text_of(writing, statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
+    if len(resonances) == 1:
+        fields = [mass, f"f: {pitches[0]}", f"t60: {decays[0]}", *_begin(writing, statement, begin)]
+        writing.add(f"CEL: {{{', '.join(fields)}}}", statement)
         return
-    if begin.places[one.name]:
+    if begin.places[statement.name]:
         message = "an offset presses on these resonators before the first sample, and a MODES "
-        raise ModelError(f"{message}begins at 0; write the offset into a ground", one.line)
-    levels = [math.sqrt(each.mobility / found[0].mobility) for each in found]
+        raise ModelError(f"{message}begins at 0; write the offset into a ground", statement.line)
+    levels = [math.sqrt(each.mobility / resonances[0].mobility) for each in resonances]
     shape = ", ".join(map(number, levels))
     body = f"f: [{', '.join(pitches)}], t60: [{', '.join(decays)}]"
-    own.add(f"MODES: {{{mass}, {body}, places: {{point: [{shape}]}}}}", one)
+    writing.add(f"MODES: {{{mass}, {body}, places: {{point: [{shape}]}}}}", statement)
 
 
 _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _resonators}
@@ -187,52 +203,57 @@ _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _reson
 # --- links --------------------------------------------------------------------------------------
 
 
-def _join(own: Writing, one: Statement) -> None:
+def _join(writing: Writing, statement: Statement) -> None:
     """Compute the values of a link."""
-    for end in one.ends:
-        if end not in own.masses:
-            near = nearest(end, own.masses)
-            raise ModelError(f"no mass is called {quote(end)}", one.line, near)
-    a, b = one.ends
+    for end in statement.ends:
+        if end not in writing.masses:
+            near = nearest(end, writing.masses)
+            raise ModelError(f"no mass is called {quote(end)}", statement.line, near)
+    a, b = statement.ends
     if a == b:
-        raise ModelError(f"it joins {quote(a)} to itself", one.line)
-    k, R, o = (value_of(own, one, at) for at in range(3))
-    within(one, "o", o, _FARTHEST)
-    own.links[one.name] = Link(one.word, a, b, k, R, o)
+        raise ModelError(f"it joins {quote(a)} to itself", statement.line)
+    k, R, o = (value_of(writing, statement, at) for at in range(3))
+    within(statement, "o", o, _FARTHEST)
+    writing.links[statement.name] = Link(statement.word, a, b, k, R, o)
 
 
-def _link(own: Writing, one: Statement, side: float) -> None:
+def _link(writing: Writing, statement: Statement, side: float) -> None:
     """Add a link with its ends in order, or reversed if -F is heard."""
-    link = own.links[one.name]
-    ends = [target(own, name) for name in one.ends]
-    k, R, o = (text_of(own, one, at) for at in range(3))
-    is_touch, is_turned = one.word == "touch", side < 0.0
+    link = writing.links[statement.name]
+    ends = [target(writing, name) for name in statement.ends]
+    k, R, o = (text_of(writing, statement, at) for at in range(3))
+    is_touch, is_turned = statement.word == "touch", side < 0.0
     if is_turned:
         ends.reverse()
-    said = [f"between: [{', '.join(ends)}]"]
+    written_fields = [f"between: [{', '.join(ends)}]"]
     # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
     rest = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
-    at_rest = [f"rest: {rest}"] if link.o else []
+    rest_field = [f"rest: {rest}"] if link.o else []
     if link.k < 0.0 or link.R < 0.0:
         laws = ["k*d", "z*v"]
         if is_touch:
             reached = "d > 0" if is_turned else "d < 0"
             laws = [f"where({reached}, {law}, 0)" for law in laws]
-        said += [f'law: "{laws[0]}", damping: "{laws[1]}"']
-        said += [f"k: {number(link.k)}, z: {number(link.R * RATE)}", *at_rest]
-        own.add(f"LNL: {{{', '.join(said)}}}", one, "below 0 it gives energy")
+        written_fields += [f'law: "{laws[0]}", damping: "{laws[1]}"']
+        written_fields += [f"k: {number(link.k)}, z: {number(link.R * RATE)}", *rest_field]
+        writing.add(f"LNL: {{{', '.join(written_fields)}}}", statement, "below 0 it gives energy")
         return
     K, Z = f"K: {k}", f"Z: {times(R, 'fs')}"
     if is_touch:
         gap = [f"gap: {unit_of(o, 'm')}"] if link.o else []
-        said += [K, *([Z] if link.R else []), *gap, *(["side: above"] if is_turned else [])]
-        own.add(f"BUT: {{{', '.join(said)}}}", one)
+        written_fields += [
+            K,
+            *([Z] if link.R else []),
+            *gap,
+            *(["side: above"] if is_turned else []),
+        ]
+        writing.add(f"BUT: {{{', '.join(written_fields)}}}", statement)
     elif link.k and link.R:
-        own.add(f"REF: {{{', '.join([*said, K, Z, *at_rest])}}}", one)
+        writing.add(f"REF: {{{', '.join([*written_fields, K, Z, *rest_field])}}}", statement)
     elif link.R:
-        own.add(f"FRO: {{{', '.join([*said, Z])}}}", one)
+        writing.add(f"FRO: {{{', '.join([*written_fields, Z])}}}", statement)
     else:
-        own.add(f"RES: {{{', '.join([*said, K, *at_rest])}}}", one)
+        writing.add(f"RES: {{{', '.join([*written_fields, K, *rest_field])}}}", statement)
 
 
 def _is_literal(text: str) -> bool:

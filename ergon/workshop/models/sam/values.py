@@ -19,8 +19,8 @@ from ergon.workshop.models.sam.words import RATE
 SLIDERS = ("hslider", "vslider", "nentry")
 _SMOOTHERS = ("onePoleBLT", "smooth", "paramSmooth")
 _LIMITER = "SAMlimiter"
-_MOST_STEPS = 200_000
-_MOST_DEEP = 150  # parts of expressions inside one another, definitions included
+_STEPS_MAX = 200_000
+_DEPTH_MAX = 150  # parts of expressions inside one another, definitions included
 _NUMBERS: Mapping[str, Callable[[float], float]] = {
     "db2linear": lambda x: 10.0 ** (x / 20.0),
     "mtof": lambda x: 440.0 * 2.0 ** ((x - 69.0) / 12.0),
@@ -103,8 +103,8 @@ class Values:
     def tree(self, name: str) -> Node:
         """The expression that a name stands for. Raises ModelError."""
         if name not in self._trees:
-            one = self.definitions[name]
-            self._trees[name] = parse(one.text, one.line)
+            definition = self.definitions[name]
+            self._trees[name] = parse(definition.text, definition.line)
         return self._trees[name]
 
     def needed(self, name: str) -> set[str]:
@@ -134,67 +134,69 @@ class Values:
             raise ModelError(f"{quote(name)} is defined by itself", line)
         self._open.append(name)
 
-    def _value(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
-        """The value of an expression; `own` are arguments of the function around it."""
+    def _value(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
+        """The value of an expression; `arguments` are arguments of the function around it."""
         self._count(line)
         self._depth += 1
-        value = self._value_of(node, own, line)
+        value = self._value_of(node, arguments, line)
         self._depth -= 1
         return value
 
     def _count(self, line: int) -> None:
         """Raises ModelError if expressions take too many steps, or are nested too deeply."""
         self._steps += 1
-        if self._steps > _MOST_STEPS or self._depth > _MOST_DEEP:
+        if self._steps > _STEPS_MAX or self._depth > _DEPTH_MAX:
             raise ModelError("its expressions are nested too deeply, or are too many", line)
 
-    def _value_of(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
+    def _value_of(self, node: Node, arguments: Mapping[str, Value], line: int) -> Value:
         if node.kind == "number":
             return _finite(float(node.word), line)
         if node.kind == "name":
-            return own[node.word] if node.word in own else self.by_name(node.word, line)
+            return arguments[node.word] if node.word in arguments else self.by_name(node.word, line)
         if node.kind == "negative":
-            return _pair("*", -1.0, self._value(node.parts[0], own, line), line)
+            return _pair("*", -1.0, self._value(node.parts[0], arguments, line), line)
         if node.kind == "call":
-            return self._call(node, own, line)
+            return self._call(node, arguments, line)
         if node.kind == "chain" and node.operators[0] == ",":
-            return tuple(self._value(part, own, line) for part in node.parts)
+            return tuple(self._value(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
-            value = self._value(node.parts[0], own, line)
+            value = self._value(node.parts[0], arguments, line)
             for sign, part in zip(node.operators, node.parts[1:], strict=True):
                 if sign == ":":
-                    value = self._through(part, value, own, line)
+                    value = self._through(part, value, arguments, line)
                 else:
-                    value = _pair(sign, value, self._value(part, own, line), line)
+                    value = _pair(sign, value, self._value(part, arguments, line), line)
             return value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
     # --- functions ------------------------------------------------------------------------------
 
-    def _call(self, node: Node, own: Mapping[str, Value], line: int) -> Value:
+    def _call(self, node: Node, scope: Mapping[str, Value], line: int) -> Value:
         name = node.word
         if name in SLIDERS and name not in self.definitions:
             if len(node.parts) != 5:
                 message = f"{name} is written {name}(label, value, least, most, step)"
                 raise ModelError(message, line)
-            return self._value(node.parts[1], own, line)
+            return self._value(node.parts[1], scope, line)
         if name in ("checkbox", "button") and name not in self.definitions:
             return 0.0
         if name == "mytake" and name not in self.definitions and len(node.parts) == 3:
-            return self._value(node.parts[2], own, line)  # the list of a table
-        arguments = [self._value(part, own, line) for part in node.parts]
+            return self._value(node.parts[2], scope, line)  # the list of a table
+        arguments = [self._value(part, scope, line) for part in node.parts]
         if name == "rdtable" and name not in self.definitions and len(arguments) == 3:
             return _row(arguments, line)
-        if (one := self.definitions.get(name)) is not None:
-            if len(one.arguments) != len(arguments):
-                message = f"{name} has {len(one.arguments)} arguments, and here {len(arguments)}"
+        if (definition := self.definitions.get(name)) is not None:
+            if len(definition.arguments) != len(arguments):
+                message = (
+                    f"{name} has {len(definition.arguments)} arguments, and here {len(arguments)}"
+                )
                 raise ModelError(message, line)
             self._enter(name, line)
-            inner = dict(zip(one.arguments, arguments, strict=True))
-            value = self._value(self.tree(name), inner, one.line)
+            inner = dict(zip(definition.arguments, arguments, strict=True))
+            value = self._value(self.tree(name), inner, definition.line)
             self._open.pop()
             return value
-        numbers = [one for one in arguments if isinstance(one, float)]
+        numbers = [definition for definition in arguments if isinstance(definition, float)]
         if len(numbers) == len(arguments) == 1 and name in _NUMBERS:
             return _computed(_NUMBERS[name], numbers, line)
         if len(numbers) == len(arguments) == 2 and name in _PAIRS:
@@ -202,15 +204,15 @@ class Values:
         known = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
         raise ModelError(f"of Faust {quote(name)} is not read here", line, nearest(name, known))
 
-    def _takes(self, node: Node, own: Mapping[str, Value], depth: int = 0) -> bool:
+    def _takes(self, node: Node, arguments: Mapping[str, Value], depth: int = 0) -> bool:
         """Whether an expression takes an input."""
-        if node.kind in ("input", "partial") or depth > _MOST_DEEP:
+        if node.kind in ("input", "partial") or depth > _DEPTH_MAX:
             return True
         if node.kind == "call":
             is_own = node.word in self.definitions
             return not is_own and node.word in ("highpass", *_SMOOTHERS)
         if node.kind == "name":
-            if node.word in own or node.word in self.heard or node.word in self.given:
+            if node.word in arguments or node.word in self.heard or node.word in self.given:
                 return False
             if node.word in self.definitions:
                 if self.definitions[node.word].arguments:
@@ -218,20 +220,22 @@ class Values:
                 return self._takes(self.tree(node.word), {}, depth + 1)
             return node.word in (*_NUMBERS, *_SMOOTHERS, _LIMITER)
         if node.kind == "chain" and node.operators[0] == ":":
-            return self._takes(node.parts[0], own, depth + 1)
-        return any(self._takes(part, own, depth + 1) for part in node.parts)
+            return self._takes(node.parts[0], arguments, depth + 1)
+        return any(self._takes(part, arguments, depth + 1) for part in node.parts)
 
-    def _through(self, node: Node, value: Value, own: Mapping[str, Value], line: int) -> Value:
+    def _through(
+        self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
+    ) -> Value:
         """The output of an expression for an input value. Raises ModelError."""
         self._count(line)
-        if not self._takes(node, own):
+        if not self._takes(node, arguments):
             raise ModelError("what stands behind ':' takes nothing in", line)
         if node.kind == "input":
             return value
         if node.kind == "partial":
             if len(node.parts) != 1:
                 raise ModelError(f"{node.word}(...) takes one value here", line)
-            return _pair(node.word, value, self._value(node.parts[0], own, line), line)
+            return _pair(node.word, value, self._value(node.parts[0], arguments, line), line)
         if node.kind == "name":
             if node.word in self.definitions:
                 self._enter(node.word, line)
@@ -250,25 +254,29 @@ class Values:
         if node.kind == "call":
             if node.word in _SMOOTHERS:
                 return _smooth(value, line)
-            return self._filtered(node, value, own, line)
+            return self._filtered(node, value, arguments, line)
         if node.kind == "chain" and node.operators[0] == ":":
             for part in node.parts:
-                value = self._through(part, value, own, line)
+                value = self._through(part, value, arguments, line)
             return value
-        taking = [self._takes(part, own) for part in node.parts]
+        taking = [self._takes(part, arguments) for part in node.parts]
         if sum(taking) != 1 or node.kind != "chain" or "," in node.operators:
             raise ModelError("more than one part behind ':' takes a sound in", line)
-        found = [
-            self._through(part, value, own, line) if takes else self._value(part, own, line)
+        terms = [
+            self._through(part, value, arguments, line)
+            if takes
+            else self._value(part, arguments, line)
             for part, takes in zip(node.parts, taking, strict=True)
         ]
-        whole = found[0]
-        for sign, part_of in zip(node.operators, found[1:], strict=True):
-            whole = _pair(sign, whole, part_of, line)
-        return whole
+        total = terms[0]
+        for sign, part_of in zip(node.operators, terms[1:], strict=True):
+            total = _pair(sign, total, part_of, line)
+        return total
 
-    def _filtered(self, node: Node, value: Value, own: Mapping[str, Value], line: int) -> Value:
-        numbers = [self._value(part, own, line) for part in node.parts]
+    def _filtered(
+        self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
+    ) -> Value:
+        numbers = [self._value(part, arguments, line) for part in node.parts]
         if len(numbers) != 2 or not all(isinstance(one, float) for one in numbers):
             raise ModelError("highpass is written highpass(order, frequency)", line)
         order, cutoff = (one for one in numbers if isinstance(one, float))
@@ -300,10 +308,14 @@ def _smooth(value: Value, line: int) -> Value:
 
 def _row(arguments: list[Value], line: int) -> Value:
     """A value of a table."""
-    _, rows, at = arguments
-    if not isinstance(rows, tuple) or not isinstance(at, float) or not 0 <= int(at) < len(rows):
+    _, rows, index = arguments
+    if (
+        not isinstance(rows, tuple)
+        or not isinstance(index, float)
+        or not 0 <= int(index) < len(rows)
+    ):
         raise ModelError("rdtable is written rdtable(size, mytake(...), index) here", line)
-    return rows[int(at)]
+    return rows[int(index)]
 
 
 def _finite(value: float, line: int) -> float:
@@ -312,9 +324,9 @@ def _finite(value: float, line: int) -> float:
     return value
 
 
-def _computed(by: Callable[..., float], of: list[float], line: int) -> float:
+def _computed(by: Callable[..., float], values: list[float], line: int) -> float:
     try:
-        return _finite(float(by(*of)), line)
+        return _finite(float(by(*values)), line)
     except (ArithmeticError, ValueError, TypeError):
         raise ModelError(
             "an expression has no value: it divides by 0, or is too large", line
@@ -336,23 +348,23 @@ def _pair(sign: str, a: Value, b: Value, line: int) -> Value:
         def scaled(x: float) -> float:
             return _computed(_OPERATORS[sign], [x, b], line)
 
-        of = {name: scaled(factor) for name, factor in a.of.items()}
-        return Sound(of, a.filters, scaled(a.constant))
+        scaled_parts = {name: scaled(factor) for name, factor in a.of.items()}
+        return Sound(scaled_parts, a.filters, scaled(a.constant))
     raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
 
 
 def _sum(a: Value, b: Value, line: int) -> Sound:
     parts = [
-        one if isinstance(one, Sound) else Sound({}, (), one)
-        for one in (a, b)
-        if not isinstance(one, tuple)
+        summand if isinstance(summand, Sound) else Sound({}, (), summand)
+        for summand in (a, b)
+        if not isinstance(summand, tuple)
     ]
-    chains = {one.filters for one in parts if one.of}
+    chains = {summand.filters for summand in parts if summand.of}
     if len(chains) > 1:
         raise ModelError("a sum of sounds with filters of their own is not built", line)
-    of: dict[str, float] = {}
-    for one in parts:
-        for name, factor in one.of.items():
-            of[name] = _finite(of.get(name, 0.0) + factor, line)
-    constant = _finite(sum(one.constant for one in parts), line)
-    return Sound(of, chains.pop() if chains else (), constant)
+    factors: dict[str, float] = {}
+    for summand in parts:
+        for name, factor in summand.of.items():
+            factors[name] = _finite(factors.get(name, 0.0) + factor, line)
+    constant = _finite(sum(summand.constant for summand in parts), line)
+    return Sound(factors, chains.pop() if chains else (), constant)

@@ -17,7 +17,7 @@ from ergon.workshop.models.sam.reading import Sheet, Statement
 from ergon.workshop.models.sam.values import Values, text_of_slider
 from ergon.workshop.models.sam.words import LINKS, MASSES
 
-_MOST_TEXT = 160  # characters of an expression; a score has 200
+_TEXT_MAX = 160  # characters of an expression; a score has 200
 
 
 @dataclass(slots=True)
@@ -40,80 +40,89 @@ class Writing:
     hears_forces: bool = False  # of links, not by springs that hear a position
     sixty: str = ""  # the parameter that makes a T60 of the model one of the score
 
-    def add(self, text: str, one: Statement, comment: str = "") -> None:
+    def add(self, text: str, statement: Statement, comment: str = "") -> None:
         """Add the module of a statement, with the comments of its line."""
-        said = "; ".join(word for word in (comment, one.behind) if word)
-        self.modules.append(Line(self.targets[one.name], f"{{{text}}}", said, one.before))
+        remark = "; ".join(word for word in (comment, statement.behind) if word)
+        self.modules.append(
+            Line(self.targets[statement.name], f"{{{text}}}", remark, statement.before)
+        )
 
 
 def let(
-    own: Writing, name: str, text: str, comment: str, before: tuple[str, ...] = (), unit: str = ""
+    writing: Writing,
+    name: str,
+    text: str,
+    comment: str,
+    before: tuple[str, ...] = (),
+    unit: str = "",
 ) -> None:
     """Add a parameter under `let:`. Raises ModelError."""
-    said = own.params.of[name]
-    own.parameters[said] = Line(said, f"{text}{unit}", comment, before)
+    param_name = writing.params.of[name]
+    writing.parameters[param_name] = Line(param_name, f"{text}{unit}", comment, before)
     try:
-        own.amounts[said] = evaluate(f"{text}{unit}", own.amounts)
+        writing.amounts[param_name] = evaluate(f"{text}{unit}", writing.amounts)
     except TextError as error:
-        one = own.values.definitions.get(name)
-        raise ModelError(f"{name}: {error.message}", one.line if one else 0) from None
+        definition = writing.values.definitions.get(name)
+        raise ModelError(f"{name}: {error.message}", definition.line if definition else 0) from None
 
 
-def _named(own: Writing, name: str, line: int) -> bool:
+def _named(writing: Writing, name: str, line: int) -> bool:
     """Whether a name can be used under `let:`; it is added there, with the names that it needs."""
-    one = own.values.definitions.get(name)
-    if name in own.params.of and own.params.of[name] in own.parameters:
+    definition = writing.values.definitions.get(name)
+    if name in writing.params.of and writing.params.of[name] in writing.parameters:
         return True
-    if one is None or one.arguments:
+    if definition is None or definition.arguments:
         return False
-    value = own.values.by_name(name, line)
+    value = writing.values.by_name(name, line)
     if not isinstance(value, float):
         return False
-    if name in own.values.given:
-        let(own, name, number(value), f"{one.text} in the model")
+    if name in writing.values.given:
+        let(writing, name, number(value), f"{definition.text} in the model")
         return True
-    slider = text_of_slider(own.values.tree(name))
-    label, said = (one.comment, one.text) if slider is None else slider
-    text = _expression(own, said, value, one.line)
-    remark = [label if slider is not None or text is not None else one.text]
-    remark += [one.comment] if one.comment and remark != [one.comment] else []
-    let(own, name, text or number(value), "  ".join(filter(None, remark)), one.before)
+    slider = text_of_slider(writing.values.tree(name))
+    label, source = (definition.comment, definition.text) if slider is None else slider
+    text = _expression(writing, source, value, definition.line)
+    remark = [label if slider is not None or text is not None else definition.text]
+    remark += [definition.comment] if definition.comment and remark != [definition.comment] else []
+    let(writing, name, text or number(value), "  ".join(filter(None, remark)), definition.before)
     return True
 
 
-def _expression(own: Writing, text: str, value: float, line: int) -> str | None:
+def _expression(writing: Writing, text: str, value: float, line: int) -> str | None:
     """An expression of the score for one of the model, if it can be written and has the same
     value.
     """
     tree = parse(text, line)
     if tree.kind == "number":
         return number(value)
-    if not is_plain(tree) or len(text) > _MOST_TEXT:
+    if not is_plain(tree) or len(text) > _TEXT_MAX:
         return None
-    order = {name: at for at, name in enumerate(own.values.definitions)}
+    order = {name: at for at, name in enumerate(writing.values.definitions)}
     used = sorted(names(tree), key=lambda name: order.get(name, -1))
-    if not all(_named(own, name, line) for name in used):
+    if not all(_named(writing, name, line) for name in used):
         return None
-    said = own.params.written(text)
+    expression = writing.params.written(text)
     try:
-        found = evaluate(said, own.amounts)
+        amount = evaluate(expression, writing.amounts)
     except TextError:
         return None
-    same = math.isclose(float(found.number), value, rel_tol=1e-15, abs_tol=0.0)
-    return said if same and not found.unit and len(said) <= _MOST_TEXT else None
+    same = math.isclose(float(amount.number), value, rel_tol=1e-15, abs_tol=0.0)
+    return expression if same and not amount.unit and len(expression) <= _TEXT_MAX else None
 
 
-def value_of(own: Writing, one: Statement, at: int) -> float:
+def value_of(writing: Writing, statement: Statement, index: int) -> float:
     """A value of a statement as a number. Raises ModelError."""
-    what = MASSES.get(one.word) or LINKS[one.word]
-    return own.values.number(one.values[at], one.line, f"{what[at % len(what)]} of {one.name}")
+    what = MASSES.get(statement.word) or LINKS[statement.word]
+    return writing.values.number(
+        statement.values[index], statement.line, f"{what[index % len(what)]} of {statement.name}"
+    )
 
 
-def text_of(own: Writing, one: Statement, at: int) -> str:
+def text_of(writing: Writing, statement: Statement, index: int) -> str:
     """A value of a statement as an expression of the score. Raises ModelError."""
-    value = value_of(own, one, at)
-    found = _expression(own, one.values[at], value, one.line)
-    return number(value) if found is None else found
+    value = value_of(writing, statement, index)
+    expression = _expression(writing, statement.values[index], value, statement.line)
+    return number(value) if expression is None else expression
 
 
 def unit_of(text: str, unit: str) -> str:
@@ -128,10 +137,10 @@ def times(text: str, factor: str) -> str:
     return f"({text})*{factor}" if any(sign in text[1:] for sign in "+-/") else f"{text}*{factor}"
 
 
-def within(one: Statement, name: str, value: float, most: float) -> None:
+def within(statement: Statement, name: str, value: float, limit: float) -> None:
     """Raises ModelError where a value is greater than a score holds."""
-    if not abs(value) <= most:
-        raise ModelError(f"{name} is {value:g}: a score holds up to {most:g}", one.line)
+    if not abs(value) <= limit:
+        raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", statement.line)
 
 
 def target(own: Writing, mass: str) -> str:

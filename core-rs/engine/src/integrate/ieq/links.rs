@@ -132,11 +132,11 @@ impl Links {
     /// Set ψ and the constant part of c from the positions and last steps of the MATs.
     pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
         let mut first = 0;
-        for (at, run) in self.runs.iter().enumerate() {
+        for (run_index, run) in self.runs.iter().enumerate() {
             for i in 0..run.len {
                 let (e, de) = elongation(run, x, d, i);
                 let e = e - 0.5 * de;
-                state.psi[first + i] = match at.checked_sub(mesh.springs.len()) {
+                state.psi[first + i] = match run_index.checked_sub(mesh.springs.len()) {
                     None => sqrt(0.5 * run.q) * (e * e),
                     Some(other) => psi(&mesh.others[other], e),
                 };
@@ -182,12 +182,12 @@ impl Links {
         [right, diagonal]: [&mut [f64]; 2],
     ) {
         let mut first = 0;
-        for (at, run) in self.runs.iter().enumerate() {
+        for (run_index, run) in self.runs.iter().enumerate() {
             let span = first..first + run.len;
             let f = &mut forces[..run.len];
             let (psi, g) = (&state.psi[span.clone()], &mut state.g[span.clone()]);
             let c = &mut state.c[span];
-            match at.checked_sub(mesh.springs.len()) {
+            match run_index.checked_sub(mesh.springs.len()) {
                 None => springs(run, self.beta, [x, d], psi, [g, c, f]),
                 Some(other) => {
                     let other = &mesh.others[other];
@@ -237,19 +237,19 @@ impl Links {
         d: &[f64],
         state: &State,
     ) -> (f64, f64) {
-        let kept = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
+        let quadratic = state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum();
         let runs = self.runs.iter().enumerate();
-        let each = runs.flat_map(|(at, run)| {
+        let each = runs.flat_map(|(run_index, run)| {
             (0..run.len).map(move |i| {
                 let (e, de) = elongation(run, x, d, i);
-                let of = |e: f64| match at.checked_sub(mesh.springs.len()) {
+                let potential = |e: f64| match run_index.checked_sub(mesh.springs.len()) {
                     None => 0.25 * run.q * (e * e * e * e),
                     Some(other) => mesh.others[other].potential(e),
                 };
-                0.5 * (of(e) + of(e - de))
+                0.5 * (potential(e) + potential(e - de))
             })
         });
-        (kept, each.sum())
+        (quadratic, each.sum())
     }
 }
 

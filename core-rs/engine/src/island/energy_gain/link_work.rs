@@ -249,8 +249,12 @@ fn strength(run: &Run, scheme: &Scheme, gates: &[f64]) -> f64 {
     let open = run.gate.map_or(1.0, |gate| gates[gate]);
     let mut runs = scheme.runs.iter().chain(&scheme.exact);
     let now = runs.find(|own| own.links().contains(&run.first));
-    let of_k = now.map_or(1.0, |now| now.k / run.k);
-    if of_k.is_finite() { open * of_k } else { open }
+    let k_ratio = now.map_or(1.0, |now| now.k / run.k);
+    if k_ratio.is_finite() {
+        open * k_ratio
+    } else {
+        open
+    }
 }
 
 /// Elongations of a link now and a step before [m]; of bristles, their bend.
@@ -293,9 +297,9 @@ fn stored(run: &Run, [now, before]: [f64; 2]) -> f64 {
 
 /// Kinetic energy of the two ends of a link along one axis [J], without ends that are imposed.
 fn kinetic((a, b): (usize, usize), scheme: &Scheme, body: &Body) -> f64 {
-    let own = |mat: usize| {
+    let kinetic_of = |mat: usize| {
         let (d, w) = (body.d[mat], scheme.w[mat]);
         if w > 0.0 { 0.5 * d * d / w } else { 0.0 }
     };
-    own(a) + own(b)
+    kinetic_of(a) + kinetic_of(b)
 }

@@ -32,8 +32,8 @@ pub(super) struct At {
 
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
-    pub(super) fn new(reach: f64, most: f64) -> Self {
-        let n = (LEAST..MOST).find(|&n| error(reach, n) <= most);
+    pub(super) fn new(reach: f64, error_max: f64) -> Self {
+        let n = (LEAST..MOST).find(|&n| error(reach, n) <= error_max);
         let n = n.unwrap_or(MOST);
         let angle = |m: usize| PI * ((n - 1 - m) as f64 + 0.5) / n as f64;
         let part = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n as f64;
@@ -128,7 +128,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl At {
     pub(super) fn new(n: usize, s: f64) -> Self {
-        let (u, mut at) = (
+        let (u, mut values) = (
             2.0 * s - 1.0,
             Self {
                 s,
@@ -136,12 +136,13 @@ impl At {
                 slope: [0.0; MOST],
             },
         );
-        (at.value[0], at.value[1], at.slope[1]) = (1.0, u, 2.0);
+        (values.value[0], values.value[1], values.slope[1]) = (1.0, u, 2.0);
         for k in 2..n {
-            at.value[k] = 2.0 * u * at.value[k - 1] - at.value[k - 2];
-            at.slope[k] = 4.0 * at.value[k - 1] + 2.0 * u * at.slope[k - 1] - at.slope[k - 2];
+            values.value[k] = 2.0 * u * values.value[k - 1] - values.value[k - 2];
+            values.slope[k] =
+                4.0 * values.value[k - 1] + 2.0 * u * values.slope[k - 1] - values.slope[k - 2];
         }
-        at
+        values
     }
 }
 
@@ -174,13 +175,13 @@ mod tests {
             let basis = Basis::new(reach, ERROR);
             let n = basis.n();
             let values: Vec<f64> = basis.instants.iter().map(|s| sin(reach * s)).collect();
-            let mut own = vec![0.0; n];
-            basis.fit(&values, &mut own);
+            let mut fitted = vec![0.0; n];
+            basis.fit(&values, &mut fitted);
             for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
-                let at = At::new(n, s);
-                assert!((dot(&own, &at.value[..n]) - sin(reach * s)).abs() < 1e-8);
+                let instant = At::new(n, s);
+                assert!((dot(&fitted, &instant.value[..n]) - sin(reach * s)).abs() < 1e-8);
                 let slope = reach * cos(reach * s);
-                assert!((dot(&own, &at.slope[..n]) - slope).abs() < 1e-6 * reach.max(1.0));
+                assert!((dot(&fitted, &instant.slope[..n]) - slope).abs() < 1e-6 * reach.max(1.0));
             }
         }
     }

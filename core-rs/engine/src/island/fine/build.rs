@@ -40,13 +40,13 @@ impl Fine {
             let mut drives = timeline.drives.iter();
             drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
-        let own = |&mat: &usize| {
+        let new_joint = |&mat: &usize| {
             let known = (&basis, rate);
             joint(mat, is_held(mat), network, scheme, bodies, known)
         };
-        let joints: Vec<Joint> = mats.iter().map(own).collect();
-        let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
-        let ends = links.iter().map(|run| (at(run.a), at(run.b))).collect();
+        let joints: Vec<Joint> = mats.iter().map(new_joint).collect();
+        let slot = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
+        let ends = links.iter().map(|run| (slot(run.a), slot(run.b))).collect();
         let n_joints = joints.len();
         let crowded = crowded_bodies(&links, &joints, bodies, (&basis, rate));
         let is_crowded = |owner: usize| crowded.iter().any(|body| body.owner() == owner);
@@ -57,13 +57,14 @@ impl Fine {
         };
         let pairs = |joint: &Joint| {
             let same = |other: &&Joint| match (joint.port, other.port) {
-                (Some((owner, _)), Some((own, _))) => owner == own,
+                (Some((owner, _)), Some((new_joint, _))) => owner == new_joint,
                 _ => false,
             };
             joints.iter().filter(same).count().max(1) as u64
         };
         let instants = n as u64;
-        let has_rows = |own: &&Joint| own.port.is_none_or(|(owner, _)| !is_crowded(owner));
+        let has_rows =
+            |new_joint: &&Joint| new_joint.port.is_none_or(|(owner, _)| !is_crowded(owner));
         let tables = |body: &CrowdedBody| {
             let motions = 2 * instants * body.n_modes() as u64;
             motions * (RESPONSE + instants)
@@ -71,12 +72,12 @@ impl Fine {
         let responses = joints
             .iter()
             .filter(has_rows)
-            .map(|own| (RESPONSE + pairs(own)) * modes(own) * instants * instants)
+            .map(|new_joint| (RESPONSE + pairs(new_joint)) * modes(new_joint) * instants * instants)
             .sum::<u64>();
-        let of_crowded: u64 = crowded.iter().map(tables).sum();
+        let crowded_products: u64 = crowded.iter().map(tables).sum();
         let ways = joints
             .iter()
-            .map(|own| (2 * modes(own) + instants) * instants)
+            .map(|new_joint| (2 * modes(new_joint) + instants) * instants)
             .sum();
         let from = |joint: &Joint| moves(joint, &joints, bodies, (&basis, rate), is_crowded);
         let (moves, jumps): (Vec<_>, _) = joints.iter().flat_map(from).unzip();
@@ -125,7 +126,7 @@ impl Fine {
             has_touched: false,
             work: FineWork {
                 instants: 0,
-                products: responses + of_crowded,
+                products: responses + crowded_products,
                 couplings: 0,
             },
             laws: law_script.states(&script),
@@ -140,16 +141,16 @@ impl Fine {
 /// (n_joints²)
 fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
     let (n, start) = (basis.n(), At::new(basis.n(), 0.0));
-    let found = |(pair, moves): (usize, &Vec<f64>)| {
+    let response = |(pair, moves): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
             return Vec::new();
         }
-        let at = |&s: &f64| {
+        let basis_at = |&s: &f64| {
             let end = At::new(n, s);
             let rows = moves.chunks(n).zip(&start.value);
             rows.map(|(row, share)| share * dot(row, &end.value)).sum()
         };
-        basis.instants.iter().map(at).collect()
+        basis.instants.iter().map(basis_at).collect()
     };
-    moves.iter().enumerate().map(found).collect()
+    moves.iter().enumerate().map(response).collect()
 }

@@ -55,8 +55,9 @@ pub(super) fn crowded_bodies(
         return Vec::new();
     }
     let owners = 0..bodies.len();
-    let found = owners.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
-    found.collect()
+    let bodies_found =
+        owners.filter_map(|owner| CrowdedBody::new(owner, joints, bodies, (basis, rate)));
+    bodies_found.collect()
 }
 
 impl CrowdedBody {
@@ -68,8 +69,8 @@ impl CrowdedBody {
         (basis, rate): (&Basis, Rate),
     ) -> Option<Self> {
         let ports: Vec<(usize, usize)> = (joints.iter().enumerate())
-            .filter_map(|(at, joint)| match joint.port {
-                Some((own, port)) if own == owner => Some((at, port)),
+            .filter_map(|(joint_index, joint)| match joint.port {
+                Some((own, port)) if own == owner => Some((joint_index, port)),
                 _ => None,
             })
             .collect();
@@ -114,8 +115,8 @@ impl CrowdedBody {
     /// Body and row of each joint that is on such a body   (n_joints)
     pub(super) fn places(bodies: &[Self], n_joints: usize) -> Vec<Option<(usize, usize)>> {
         let mut places = vec![None; n_joints];
-        for (body, own) in bodies.iter().enumerate() {
-            for (row, &(joint, _)) in own.rows.iter().enumerate() {
+        for (body, crowded) in bodies.iter().enumerate() {
+            for (row, &(joint, _)) in crowded.rows.iter().enumerate() {
                 places[joint] = Some((body, row));
             }
         }
@@ -135,10 +136,10 @@ impl CrowdedBody {
 fn is_crowded(n_joints: usize, n_modes: usize, n: usize) -> bool {
     let (joints, modes, n) = (n_joints as f64, n_modes as f64, n as f64);
     let pushing = (PUSHING * joints).max(1.0);
-    let of_pairs = KICKS * pushing * joints * n * n;
+    let by_pairs = KICKS * pushing * joints * n * n;
     // For each kick the instant, and what each contact sees and pushes; for each step what all joints see.
-    let of_modes = modes * (KICKS * (2.0 * n + 8.0 + 3.0 * pushing) + 2.0 * joints);
-    of_pairs > GAIN * of_modes
+    let by_modes = modes * (KICKS * (2.0 * n + 8.0 + 3.0 * pushing) + 2.0 * joints);
+    by_pairs > GAIN * by_modes
 }
 
 /// The tables of modes with these motions. A group that is not full is filled with copies of a mode, which have no share
@@ -149,14 +150,18 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let mut motions = vec![[[0.0; SUMS]; 2]; n_groups * n];
     let mut rates = vec![[[0.0; SUMS]; 2]; n_groups];
     let mut coefficients = vec![0.0; n];
-    for at in 0..n_groups * SUMS {
-        let (cell, group, lane) = (&cells[at.min(cells.len() - 1)], at / SUMS, at % SUMS);
+    for index in 0..n_groups * SUMS {
+        let (cell, group, lane) = (
+            &cells[index.min(cells.len() - 1)],
+            index / SUMS,
+            index % SUMS,
+        );
         for which in 0..2 {
             let value = |s: &f64| unit_motion(cell, s * step, which, step);
             let values: Vec<f64> = basis.instants.iter().map(value).collect();
             basis.fit(&values, &mut coefficients);
-            let own = motions[group * n..(group + 1) * n].iter_mut();
-            for (motion, coefficient) in own.zip(&coefficients) {
+            let group_motions = motions[group * n..(group + 1) * n].iter_mut();
+            for (motion, coefficient) in group_motions.zip(&coefficients) {
                 motion[which][lane] = *coefficient;
             }
         }
@@ -217,22 +222,22 @@ impl Fine {
 
     /// An instant of this frame, 0 to 1. From now on joints are looked at, and pushed, at this instant.
     pub(super) fn at(&mut self, script: &Script, s: f64) -> At {
-        let at = At::new(script.basis.n(), s);
+        let instant = At::new(script.basis.n(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
             if motion.s.to_bits() != s.to_bits() {
-                bring(&body.tables, &at.value, &mut motion.groups);
+                bring(&body.tables, &instant.value, &mut motion.groups);
                 motion.s = s;
                 self.work.products += ((2 * body.tables.n + 8) * body.n_modes) as u64;
             }
         }
-        at
+        instant
     }
 
     /// Position [m] and velocity [m/frame] of a joint at this instant.
-    pub(super) fn see(&self, script: &Script, joint: usize, at: &At) -> [f64; 2] {
+    pub(super) fn see(&self, script: &Script, joint: usize, instant: &At) -> [f64; 2] {
         let n = script.basis.n();
-        let way = &self.way[joint * n..(joint + 1) * n];
-        let [x, v] = [&at.value, &at.slope].map(|polynomials| dot(way, polynomials));
+        let path = &self.way[joint * n..(joint + 1) * n];
+        let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(path, polynomials));
         match script.places[joint] {
             None => [x, v],
             Some((body, row)) => {
@@ -250,14 +255,14 @@ impl Fine {
         let Some((body, row)) = script.places[joint] else {
             return false;
         };
-        let (own, motion) = (&script.crowded[body], &mut self.crowded[body]);
+        let (crowded, motion) = (&script.crowded[body], &mut self.crowded[body]);
         push(
-            &own.rows[row].1,
+            &crowded.rows[row].1,
             impulse * script.rate.step(),
             &mut motion.groups,
         );
         // What it changes, and what is seen of it.
-        self.work.products += 3 * own.n_modes as u64;
+        self.work.products += 3 * crowded.n_modes as u64;
         true
     }
 }

@@ -38,7 +38,7 @@ pub(super) fn reach(
     timeline: &Timeline,
 ) -> f64 {
     let rate = timeline.rate;
-    let own = |mat: usize| {
+    let reach_of = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
         match body
             .into_iter()
@@ -53,7 +53,7 @@ pub(super) fn reach(
         .filter(|glide| mats.contains(&glide.mat))
         .flat_map(|glide| glide.points.iter().filter_map(|&(_, ties)| ties))
         .map(|[k, z, m]| Cell::new(m, k, z).reach());
-    let all = mats.iter().map(|&mat| own(mat)).chain(gliding);
+    let all = mats.iter().map(|&mat| reach_of(mat)).chain(gliding);
     all.fold(0.0, f64::max) * rate.step()
 }
 
@@ -62,21 +62,21 @@ impl Script {
     /// takes, or `None` if they do not make a cell. Nothing is allocated.
     pub(super) fn retune(&mut self, joint: usize, numbers: [[f64; 3]; 2]) -> Option<u64> {
         let n_joints = self.joints.len();
-        let own = &mut self.joints[joint];
-        own.numbers = numbers;
+        let joint_script = &mut self.joints[joint];
+        joint_script.numbers = numbers;
         let [now, next] = numbers;
         let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
         let (rate, step) = (self.rate, self.rate.step());
         let cell = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate)?;
-        own.cell = Some(cell);
+        joint_script.cell = Some(cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let masses = [w / now[0], w / next[0]];
-        let one_step = cell.response(step);
-        for ((way, split), &instant) in
-            (own.way.iter_mut().zip(&mut own.split)).zip(&self.basis.instants)
+        let step_response = cell.response(step);
+        for ((path, split), &instant) in
+            (joint_script.way.iter_mut().zip(&mut joint_script.split)).zip(&self.basis.instants)
         {
-            let (weights, forces) = cell.within_step(instant, rate, one_step);
-            *way = weights;
+            let (weights, forces) = cell.within_step(instant, rate, step_response);
+            *path = weights;
             *split = [forces[0] * masses[0], forces[1] * masses[1]];
         }
         let pair = joint * n_joints + joint;
@@ -152,7 +152,7 @@ pub(super) fn joint(
     });
     let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
     let instants = basis.instants.iter();
-    let (way, rest) = match &cell {
+    let (path, rest) = match &cell {
         Some(cell) => (
             instants
                 .clone()
@@ -168,7 +168,7 @@ pub(super) fn joint(
         port,
         rest,
         numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
-        way,
+        way: path,
         split: cell.as_ref().map(split).unwrap_or_default(),
         cell,
     }
@@ -186,7 +186,7 @@ pub(super) fn moves(
 ) -> Vec<(Vec<f64>, f64)> {
     let (n, step) = (basis.n(), rate.step());
     let body = |owner: usize| bodies[owner].modal();
-    let of_modes = from.port.and_then(|(owner, port)| {
+    let modal_responses = from.port.and_then(|(owner, port)| {
         if is_crowded(owner) {
             return None;
         }
@@ -203,11 +203,11 @@ pub(super) fn moves(
                 return (Vec::new(), 0.0);
             };
             let jump = step * modal.jump(from, to);
-            let Some(of_modes) = &of_modes else {
+            let Some(modal_responses) = &modal_responses else {
                 return (Vec::new(), jump);
             };
             let mut both = vec![0.0; n * n];
-            for (row, weight) in of_modes.chunks(n * n).zip(modal.weights(from, to)) {
+            for (row, weight) in modal_responses.chunks(n * n).zip(modal.weights(from, to)) {
                 for (value, answer) in both.iter_mut().zip(row) {
                     *value += weight * answer;
                 }

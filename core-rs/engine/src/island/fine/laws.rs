@@ -51,10 +51,10 @@ impl Fine {
         self.laws
             .iter_mut()
             .for_each(|state| state.look_ahead(laws));
-        let most = laws.divisions.len() - 1;
-        let rounds = if most == 0 { ROUNDS } else { FEW_ROUNDS };
+        let finest = laws.divisions.len() - 1;
+        let rounds = if finest == 0 { ROUNDS } else { FEW_ROUNDS };
         let left = self.solve(script, laws, (gates, 0), (0, rounds));
-        if most == 0 {
+        if finest == 0 {
             if left > LOST {
                 self.bracket(script, laws, (gates, 0, 0));
             }
@@ -73,9 +73,9 @@ impl Fine {
         let wanted = pow(missed / laws.smooth, 1.0 / 3.0);
         let finer = laws
             .divisions
-            .partition_point(|own| (own.parts as f64) < wanted);
-        let own = finer.clamp(1, most);
-        let division = &laws.divisions[own];
+            .partition_point(|division_index| (division_index.parts as f64) < wanted);
+        let division_index = finer.clamp(1, finest);
+        let division = &laws.divisions[division_index];
         for state in &mut self.laws {
             let first = [0, 1, 2].map(|stage: usize| shares(division.s[stage]));
             state.before = None;
@@ -94,10 +94,10 @@ impl Fine {
             for state in &mut self.laws {
                 state.see(division, part);
             }
-            if self.solve(script, laws, (gates, own), (part, ROUNDS)) > LOST {
-                self.bracket(script, laws, (gates, own, part));
+            if self.solve(script, laws, (gates, division_index), (part, ROUNDS)) > LOST {
+                self.bracket(script, laws, (gates, division_index, part));
             }
-            self.give_laws(script, laws, (own, part));
+            self.give_laws(script, laws, (division_index, part));
             self.bend_paths(script, division, part);
         }
         // Forces of parts of different lengths are not extrapolated together.
@@ -110,14 +110,14 @@ impl Fine {
         &mut self,
         script: &Script,
         laws: &LawScript,
-        (gates, own): (&[f64], usize),
+        (gates, law_index): (&[f64], usize),
         (part, rounds): (usize, usize),
     ) -> f64 {
         let mut last = 0.0;
         for _ in 0..rounds {
             let mut change = 0.0_f64;
             for law in 0..laws.links.len() {
-                change = change.max(self.meet(script, laws, (gates, own, part), law));
+                change = change.max(self.meet(script, laws, (gates, law_index, part), law));
             }
             // Estimate of the change still to come, from the ratio of the last two rounds: Newton's method squares the
             // change of one law, several laws approach each other step by step.
@@ -141,10 +141,10 @@ impl Fine {
         &mut self,
         script: &Script,
         laws: &LawScript,
-        (gates, own, part): (&[f64], usize, usize),
+        (gates, division_index, part): (&[f64], usize, usize),
     ) {
         const MIDDLE: usize = 1;
-        let (n_laws, division) = (laws.links.len(), &laws.divisions[own]);
+        let (n_laws, division) = (laws.links.len(), &laws.divisions[division_index]);
         let s = division.s[STAGES * part + MIDDLE];
         for state in &mut self.laws {
             // The last forces of Newton's method may be arbitrary.
@@ -180,8 +180,8 @@ impl Fine {
                 change = change.max((force - old).abs() - AGREE * force.abs());
                 if let Some(by) = now.bristle() {
                     let (_, v) = halfway(force);
-                    let bend = by.halfway(now.bend, v, taken / now.rate());
-                    self.laws[law].bend_at_end = 2.0 * bend - now.bend;
+                    let bristle = by.halfway(now.bend, v, taken / now.rate());
+                    self.laws[law].bend_at_end = 2.0 * bristle - now.bend;
                 }
                 self.laws[law].force = [force; STAGES];
             }
@@ -192,8 +192,13 @@ impl Fine {
     }
 
     /// Push by the forces that were found for a part of a frame.
-    fn give_laws(&mut self, script: &Script, laws: &LawScript, (own, part): (usize, usize)) {
-        let (n, division) = (script.basis.n(), &laws.divisions[own]);
+    fn give_laws(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        (division_index, part): (usize, usize),
+    ) {
+        let (n, division) = (script.basis.n(), &laws.divisions[division_index]);
         let h = script.rate.step() / division.parts as f64;
         for (state, &link) in self.laws.iter_mut().zip(&laws.links) {
             let (a, b) = script.ends[link];
@@ -202,17 +207,17 @@ impl Fine {
             for (stage, (weight, force)) in forces.enumerate() {
                 let impulse = weight * h * force;
                 let row = &division.value[(first + stage) * n..(first + stage + 1) * n];
-                for (at, share) in row.iter().enumerate() {
-                    self.pushed[a * n + at] += impulse * share;
-                    self.pushed[b * n + at] -= impulse * share;
+                for (instant, share) in row.iter().enumerate() {
+                    self.pushed[a * n + instant] += impulse * share;
+                    self.pushed[b * n + instant] -= impulse * share;
                 }
             }
-            let most = state
+            let greatest = state
                 .force
                 .iter()
-                .fold(0.0_f64, |most, force| most.max(force.abs()));
+                .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
             state.bend = state.bend_at_end;
-            state.largest = most.max(if part == 0 { FADE } else { 1.0 } * state.largest);
+            state.largest = greatest.max(if part == 0 { FADE } else { 1.0 } * state.largest);
         }
     }
 
@@ -241,21 +246,22 @@ impl Fine {
     fn missed(&mut self, script: &Script, laws: &LawScript, gates: &[f64]) -> f64 {
         let n_laws = laws.links.len();
         let mut missed = 0.0_f64;
-        for own in 0..n_laws {
-            let state = &self.laws[own];
+        for law_index in 0..n_laws {
+            let state = &self.laws[law_index];
             let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
-            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[own * n_laws..]) {
+            for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..])
+            {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
             }
             let law = LawNow {
                 bend: state.bend_at_end,
-                ..self.law(script, laws, gates, (own, 1.0))
+                ..self.law(script, laws, gates, (law_index, 1.0))
             };
-            let at_ends = [state.begin, law.at(e, v * law.rate())];
-            let largest = (state.force.iter().chain(&at_ends))
+            let end_forces = [state.begin, law.at(e, v * law.rate())];
+            let largest = (state.force.iter().chain(&end_forces))
                 .fold(state.largest, |most, force| most.max(force.abs()));
-            for (row, force) in laws.at_ends.iter().zip(at_ends) {
+            for (row, force) in laws.at_ends.iter().zip(end_forces) {
                 let apart = (dot(row, &state.force) - force).abs();
                 missed = missed.max(apart / largest.max(f64::MIN_POSITIVE));
             }
@@ -271,11 +277,11 @@ impl Fine {
         &mut self,
         script: &Script,
         laws: &LawScript,
-        (gates, own, part): (&[f64], usize, usize),
+        (gates, division_index, part): (&[f64], usize, usize),
         law: usize,
     ) -> f64 {
         let n_laws = laws.links.len();
-        let division = &laws.divisions[own];
+        let division = &laws.divisions[division_index];
         let (mut e, mut v) = (self.laws[law].elongation, self.laws[law].rate);
         for (other, [by_x, by_v]) in self.laws.iter().zip(&division.moves[law * n_laws..]) {
             for stage in 0..STAGES {
@@ -314,11 +320,11 @@ impl Fine {
         is_collocated: bool,
     ) {
         let n = script.basis.n();
-        for (own, &link) in laws.links.iter().enumerate() {
+        for (law_index, &link) in laws.links.iter().enumerate() {
             let ((a, b), rest) = (script.ends[link], script.links[link].rest);
             let [a, b] = [a, b].map(|end| &self.values[end * n..(end + 1) * n]);
-            let law = self.law(script, laws, gates, (own, 0.0));
-            let state = &mut self.laws[own];
+            let law = self.law(script, laws, gates, (law_index, 0.0));
+            let state = &mut self.laws[law_index];
             for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
                 *x = b - a - rest;
             }
@@ -343,9 +349,9 @@ impl Fine {
         script: &'a Script,
         laws: &LawScript,
         gates: &[f64],
-        (own, s): (usize, f64),
+        (law_index, s): (usize, f64),
     ) -> LawNow<'a> {
-        let link = laws.links[own];
+        let link = laws.links[law_index];
         let run = &script.links[link];
         let [k, z] = self.numbers(link, s);
         LawNow {
@@ -353,7 +359,7 @@ impl Fine {
             open: run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
-            bend: self.laws[own].bend,
+            bend: self.laws[law_index].bend,
         }
     }
 
@@ -362,24 +368,24 @@ impl Fine {
         &mut self,
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
-        (at, h): (&At, f64),
+        (instant, h): (&At, f64),
     ) {
-        for own in 0..laws.links.len() {
-            let now = self.law(script, laws, gates, (own, at.s));
+        for law_index in 0..laws.links.len() {
+            let now = self.law(script, laws, gates, (law_index, instant.s));
             if let Some(by) = now.bristle() {
-                let [_, v] = self.elongation(script, laws.links[own], at);
-                self.laws[own].bend = by.slide(now.bend, v * now.rate(), h / now.rate());
+                let [_, v] = self.elongation(script, laws.links[law_index], instant);
+                self.laws[law_index].bend = by.slide(now.bend, v * now.rate(), h / now.rate());
             }
         }
     }
 
     /// Elongation of a link [m] and its rate [m/frame].
-    pub(super) fn elongation(&self, script: &Script, link: usize, at: &At) -> [f64; 2] {
+    pub(super) fn elongation(&self, script: &Script, link: usize, instant: &At) -> [f64; 2] {
         let n = script.basis.n();
         let (a, b) = script.ends[link];
         let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
-        let e = dot(b, &at.value) - dot(a, &at.value) - script.links[link].rest;
-        [e, dot(b, &at.slope) - dot(a, &at.slope)]
+        let e = dot(b, &instant.value) - dot(a, &instant.value) - script.links[link].rest;
+        [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
     }
 
     /// A kick of a law that lasts `b` frames, in a frame of contacts.
@@ -388,25 +394,25 @@ impl Fine {
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
         law: usize,
-        (at, b): (&At, f64),
+        (instant, b): (&At, f64),
     ) {
         let link = laws.links[law];
         const AGAIN: usize = 4;
-        let [e, v] = self.elongation(script, link, at);
+        let [e, v] = self.elongation(script, link, instant);
         let (a, b_end) = script.ends[link];
         let jump = script.jump(a, b_end);
-        let (own, step) = (
-            self.law(script, laws, gates, (law, at.s)),
+        let (link_now, step) = (
+            self.law(script, laws, gates, (law, instant.s)),
             script.rate.step(),
         );
         let mut impulse = 0.0;
         for _ in 0..AGAIN {
             // The rate halfway through the kick.
             let v = v - 0.5 * jump * impulse;
-            impulse = b * step * own.at(e, v * own.rate());
+            impulse = b * step * link_now.at(e, v * link_now.rate());
         }
         self.work.instants += 1;
-        self.shove(script, a, impulse, at);
-        self.shove(script, b_end, -impulse, at);
+        self.shove(script, a, impulse, instant);
+        self.shove(script, b_end, -impulse, instant);
     }
 }

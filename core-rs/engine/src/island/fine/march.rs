@@ -17,12 +17,12 @@ use crate::scheme::Kind;
 use crate::state::Body;
 
 /// Most steps that are tried in a frame, before a step that is stable at any length takes the rest.
-const MOST: usize = 256;
+const STEPS_MAX: usize = 256;
 /// A resting contact that swings faster than this uses that stable step at once: half the frame rate is the highest
 /// audible frequency [rad/frame].
-const HEARD: f64 = PI;
+const STEP_PHASE_MAX: f64 = PI;
 /// An instant is found when a round moves it by less than this share of a step; and the most rounds.
-const FOUND: f64 = 1e-9;
+const CLOSING_TOLERANCE: f64 = 1e-9;
 const TRIES: usize = 30;
 /// Instants at which a frame without pushes is searched for closing contacts.
 const LOOKS: usize = 8;
@@ -35,7 +35,7 @@ const PULL: f64 = 1e-9;
 
 /// A contact in this frame.
 #[derive(Clone, Copy)]
-struct Own<'a> {
+struct LinkContact<'a> {
     but: &'a But,
     ends: (usize, usize),
     side: f64,
@@ -47,7 +47,7 @@ struct Own<'a> {
     jump: f64,
 }
 
-impl Own<'_> {
+impl LinkContact<'_> {
     fn elastic(&self, g: f64) -> f64 {
         let law = self.but.elastic(self.k);
         if g >= 0.0 {
@@ -133,16 +133,16 @@ impl Fine {
         for index in 0..script.links.len() {
             let rested = std::mem::take(&mut self.rests[index]);
             self.pushes[index] = false;
-            let Some(own) = self.own(script, gates, (index, 0.0)) else {
+            let Some(contact) = self.own(script, gates, (index, 0.0)) else {
                 continue;
             };
-            let now = self.look(script, &own, &start);
-            let pushes = own.holds(now) > 0.0;
+            let now = self.look(script, &contact, &start);
+            let pushes = contact.holds(now) > 0.0;
             (self.pushes[index], self.rests[index]) = (pushes, pushes);
             if pushes {
                 body.link[script.links[index].first] =
-                    own.side * (own.elastic(now[0]) + own.z * now[1]);
-                rests_fast |= rested && own.quickness(now, script.rate.step()) > HEARD;
+                    contact.side * (contact.elastic(now[0]) + contact.z * now[1]);
+                rests_fast |= rested && contact.quickness(now, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
         if rests_fast {
@@ -150,12 +150,12 @@ impl Fine {
             self.finish(script, laws, gates, 0.0);
             return;
         }
-        let (mut s, mut left) = (0.0, MOST);
+        let (mut s, mut left) = (0.0, STEPS_MAX);
         while s < 1.0 {
             if laws.links.is_empty() && !self.pushes.contains(&true) {
                 match self.next_closing(script, gates, s) {
-                    Some((at, index)) => {
-                        s = at;
+                    Some((close_at, index)) => {
+                        s = close_at;
                         self.pushes[index] = true;
                     }
                     None => return,
@@ -176,7 +176,7 @@ impl Fine {
         script: &'a Script,
         gates: &[f64],
         (index, s): (usize, f64),
-    ) -> Option<Own<'a>> {
+    ) -> Option<LinkContact<'a>> {
         let run = &script.links[index];
         let Kind::But(but) = &run.kind else {
             return None;
@@ -187,7 +187,7 @@ impl Fine {
         }
         let (a, b) = script.ends[index];
         let [k, z] = self.numbers(index, s);
-        Some(Own {
+        Some(LinkContact {
             but,
             ends: (a, b),
             side: but.sign(),
@@ -199,17 +199,20 @@ impl Fine {
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
-    fn look(&self, script: &Script, own: &Own<'_>, at: &At) -> [f64; 2] {
-        let (a, b) = own.ends;
-        let [[x_a, v_a], [x_b, v_b]] = [a, b].map(|end| self.see(script, end, at));
-        [own.side * (x_b - x_a - own.rest), own.side * (v_b - v_a)]
+    fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &At) -> [f64; 2] {
+        let (a, b) = contact.ends;
+        let [[x_a, v_a], [x_b, v_b]] = [a, b].map(|end| self.see(script, end, instant));
+        [
+            contact.side * (x_b - x_a - contact.rest),
+            contact.side * (v_b - v_a),
+        ]
     }
 
     /// Push both ends of a contact [N·s].
-    fn push(&mut self, script: &Script, own: &Own<'_>, impulse: f64, at: &At) {
-        let (a, b) = own.ends;
-        self.shove(script, a, own.side * impulse, at);
-        self.shove(script, b, -own.side * impulse, at);
+    fn push(&mut self, script: &Script, contact: &LinkContact<'_>, impulse: f64, instant: &At) {
+        let (a, b) = contact.ends;
+        self.shove(script, a, contact.side * impulse, instant);
+        self.shove(script, b, -contact.side * impulse, instant);
     }
 
     /// Advance from `s` by a step, or up to where a contact closes or opens in it; returns the instant reached.
@@ -221,9 +224,9 @@ impl Fine {
         left: &mut usize,
     ) -> f64 {
         let h = self.length(script, forces.1, s);
-        let [way, given] = &mut self.saved;
-        way.copy_from_slice(&self.way);
-        given.copy_from_slice(&self.given);
+        let [paths, impulses] = &mut self.saved;
+        paths.copy_from_slice(&self.way);
+        impulses.copy_from_slice(&self.given);
         self.save_crowded(script);
         for law in &mut self.laws {
             law.save();
@@ -243,7 +246,7 @@ impl Fine {
             self.pushes[index] = !self.pushes[index];
             self.rests[index] &= self.pushes[index];
         }
-        if s + taken > 1.0 - FOUND * h {
+        if s + taken > 1.0 - CLOSING_TOLERANCE * h {
             1.0
         } else {
             s + taken
@@ -259,20 +262,22 @@ impl Fine {
         (s, h, index): (f64, f64, usize),
         left: &mut usize,
     ) -> f64 {
-        let Some(own) = self.own(script, forces.1, (index, s)) else {
+        let Some(contact) = self.own(script, forces.1, (index, s)) else {
             return h;
         };
         let look = |fine: &mut Self, s: f64| {
-            let at = fine.at(script, s);
-            let own = fine.own(script, forces.1, (index, s)).unwrap_or(own);
-            (own, fine.look(script, &own, &at))
+            let instant = fine.at(script, s);
+            let contact = fine.own(script, forces.1, (index, s)).unwrap_or(contact);
+            (contact, fine.look(script, &contact, &instant))
         };
-        let at_end = look(self, s + h);
+        let end_state = look(self, s + h);
         self.restore();
-        let at_start = look(self, s);
-        let mut is_gap = !own.is_pulled_off() || (!self.pushes[index] && at_start.1[0] <= 0.0);
+        let start_state = look(self, s);
+        let mut is_gap =
+            !contact.is_pulled_off() || (!self.pushes[index] && start_state.1[0] <= 0.0);
         let differ = |is_gap: bool| {
-            let [start, end] = [at_start, at_end].map(|(own, state)| own.side_of(state, is_gap));
+            let [start, end] =
+                [start_state, end_state].map(|(contact, state)| contact.side_of(state, is_gap));
             (start > 0.0) != (end > 0.0)
         };
         // It may open and approach again within the step: its force is then positive at both ends.
@@ -280,9 +285,9 @@ impl Fine {
         if !differ(is_gap) {
             return 0.0; // it had turned before `s`
         }
-        let value = |(own, state): (Own<'_>, [f64; 2])| own.side_of(state, is_gap);
-        let (mut taken, mut state) = (h, at_end.1);
-        let (mut low, mut high) = ((0.0, value(at_start)), (h, value(at_end)));
+        let value = |(contact, state): (LinkContact<'_>, [f64; 2])| contact.side_of(state, is_gap);
+        let (mut taken, mut state) = (h, end_state.1);
+        let (mut low, mut high) = ((0.0, value(start_state)), (h, value(end_state)));
         for _ in 0..TRIES {
             // Newton's step if the criterion is the gap, whose slope is known.
             let newton = taken - state[0] / state[1];
@@ -294,17 +299,17 @@ impl Fine {
             self.restore();
             *left = left.saturating_sub(1);
             self.leap(script, forces, s, taken);
-            if moved <= FOUND * h || *left == 0 {
+            if moved <= CLOSING_TOLERANCE * h || *left == 0 {
                 break;
             }
-            let found = look(self, s + taken);
-            state = found.1;
-            let found = value(found);
+            let state_then = look(self, s + taken);
+            state = state_then.1;
+            let state_then = value(state_then);
             // Halving the value at the end that stays keeps the secant from approaching from one side only.
-            if (found > 0.0) == (low.1 > 0.0) {
-                (low, high.1) = ((taken, found), 0.5 * high.1);
+            if (state_then > 0.0) == (low.1 > 0.0) {
+                (low, high.1) = ((taken, state_then), 0.5 * high.1);
             } else {
-                (high, low.1) = ((taken, found), 0.5 * low.1);
+                (high, low.1) = ((taken, state_then), 0.5 * low.1);
             }
         }
         taken
@@ -321,11 +326,12 @@ impl Fine {
     /// Length of the step from `s`.
     fn length(&mut self, script: &Script, gates: &[f64], s: f64) -> f64 {
         let (steps, step) = (script.steps as f64, script.rate.step());
-        let at = self.at(script, s);
+        let instant = self.at(script, s);
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
-            if let Some(own) = self.own(script, gates, (index, s)) {
-                quickest = quickest.max(own.quickness(self.look(script, &own, &at), step));
+            if let Some(contact) = self.own(script, gates, (index, s)) {
+                quickest =
+                    quickest.max(contact.quickness(self.look(script, &contact, &instant), step));
             }
         }
         let rest = 1.0 - s;
@@ -336,10 +342,10 @@ impl Fine {
     fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
         self.bend(script, forces, (&At::new(script.basis.n(), s), 0.5 * h));
-        let mut at_stage = 0.0;
+        let mut stage_time = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
-            self.kick(script, forces, (s + at_stage * h, kick * h), stage > 3);
-            at_stage += drift;
+            self.kick(script, forces, (s + stage_time * h, kick * h), stage > 3);
+            stage_time += drift;
         }
         self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
         self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
@@ -354,12 +360,12 @@ impl Fine {
         (s, b): (f64, f64),
         is_back: bool,
     ) {
-        let at = self.at(script, s);
+        let instant = self.at(script, s);
         if script.is_coupled && self.order_matters(forces.0) {
-            self.kick_in_order(script, forces, (&at, 0.5 * b), false);
-            self.kick_in_order(script, forces, (&at, 0.5 * b), true);
+            self.kick_in_order(script, forces, (&instant, 0.5 * b), false);
+            self.kick_in_order(script, forces, (&instant, 0.5 * b), true);
         } else {
-            self.kick_in_order(script, forces, (&at, b), is_back);
+            self.kick_in_order(script, forces, (&instant, b), is_back);
         }
     }
 
@@ -382,13 +388,13 @@ impl Fine {
         &mut self,
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
-        (at, b): (&At, f64),
+        (instant, b): (&At, f64),
         is_back: bool,
     ) {
         let n = script.links.len();
         if is_back {
             for law in (0..laws.links.len()).rev() {
-                self.kick_law(script, (laws, gates), law, (at, b));
+                self.kick_law(script, (laws, gates), law, (instant, b));
             }
         }
         for turn in 0..n {
@@ -396,31 +402,31 @@ impl Fine {
             if !self.pushes[index] {
                 continue;
             }
-            let Some(own) = self.own(script, gates, (index, at.s)) else {
+            let Some(contact) = self.own(script, gates, (index, instant.s)) else {
                 continue;
             };
             self.work.instants += 1;
-            let impulse = own.kick(self.look(script, &own, at), b, script.rate.step());
-            self.push(script, &own, impulse, at);
+            let impulse = contact.kick(self.look(script, &contact, instant), b, script.rate.step());
+            self.push(script, &contact, impulse, instant);
         }
         if !is_back {
             for law in 0..laws.links.len() {
-                self.kick_law(script, (laws, gates), law, (at, b));
+                self.kick_law(script, (laws, gates), law, (instant, b));
             }
         }
     }
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn turned(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
-        let at = self.at(script, s);
+        let instant = self.at(script, s);
         let others = (0..script.links.len()).filter(|&index| !self.located[index]);
         others.into_iter().find(|&index| {
-            self.own(script, gates, (index, s)).is_some_and(|own| {
-                let state = self.look(script, &own, &at);
+            self.own(script, gates, (index, s)).is_some_and(|contact| {
+                let state = self.look(script, &contact, &instant);
                 if self.pushes[index] {
-                    own.holds(state) < 0.0
+                    contact.holds(state) < 0.0
                 } else {
-                    own.closes(state)
+                    contact.closes(state)
                 }
             })
         })
@@ -434,9 +440,11 @@ impl Fine {
             let mut first: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
-                    let at = self.at(script, s);
-                    let own = self.own(script, gates, (index, s));
-                    own.is_some_and(|own| own.closes(self.look(script, &own, &at)))
+                    let instant = self.at(script, s);
+                    let contact = self.own(script, gates, (index, s));
+                    contact.is_some_and(|contact| {
+                        contact.closes(self.look(script, &contact, &instant))
+                    })
                 };
                 if !closes(to) {
                     continue;
@@ -451,9 +459,9 @@ impl Fine {
                         open = half;
                     }
                 }
-                let at = if closes(open) { open } else { closed };
-                if first.is_none_or(|(other, _)| at < other) {
-                    first = Some((at, index));
+                let instant = if closes(open) { open } else { closed };
+                if first.is_none_or(|(other, _)| instant < other) {
+                    first = Some((instant, index));
                 }
             }
             if first.is_some() {
@@ -473,8 +481,10 @@ impl Fine {
             let instants = [s, s + 0.5 * h, s + h];
             let start = self.at(script, instants[0]);
             for index in 0..script.links.len() {
-                let own = self.own(script, gates, (index, instants[1]));
-                self.depths[index] = own.map_or(0.0, |own| self.look(script, &own, &start)[0]);
+                let link_contact = self.own(script, gates, (index, instants[1]));
+                self.depths[index] = link_contact.map_or(0.0, |link_contact| {
+                    self.look(script, &link_contact, &start)[0]
+                });
             }
             self.bend(script, (laws, gates), (&start, 0.5 * h));
             let middle = self.at(script, instants[1]);
@@ -485,26 +495,31 @@ impl Fine {
             for _ in 0..ROUNDS {
                 let mut change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(own) = self.own(script, gates, (index, middle.s)) else {
+                    let Some(link_contact) = self.own(script, gates, (index, middle.s)) else {
                         continue;
                     };
                     self.work.instants += 1;
                     let now = self.depths[index];
                     // Remove the force of the last round.
                     let middle = self.at(script, instants[1]);
-                    self.push(script, &own, -self.forces[index] * h * step, &middle);
+                    self.push(
+                        script,
+                        &link_contact,
+                        -self.forces[index] * h * step,
+                        &middle,
+                    );
                     let end = self.at(script, instants[2]);
-                    let [free, _] = self.look(script, &own, &end);
+                    let [free, _] = self.look(script, &link_contact, &end);
                     let contact = Contact {
-                        k: own.k,
-                        z: 2.0 * own.z / h,
-                        exponent: own.but.exponent,
-                        beta: 0.5 * h * h * own.jump * step,
-                        clamp: own.but.clamp,
+                        k: link_contact.k,
+                        z: 2.0 * link_contact.z / h,
+                        exponent: link_contact.but.exponent,
+                        beta: 0.5 * h * h * link_contact.jump * step,
+                        clamp: link_contact.but.clamp,
                     };
                     let force = contact.push(free, now, now.max(free));
                     let middle = self.at(script, instants[1]);
-                    self.push(script, &own, force * h * step, &middle);
+                    self.push(script, &link_contact, force * h * step, &middle);
                     change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
                     self.forces[index] = force;
                 }

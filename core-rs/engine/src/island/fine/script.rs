@@ -56,21 +56,21 @@ impl Script {
     pub(super) fn has_coupled_links(&self) -> bool {
         let ends = self.ends.iter().enumerate();
         let mut pairs =
-            ends.flat_map(|(at, one)| self.ends[..at].iter().map(move |other| (one, other)));
-        pairs.any(|(one, other)| {
-            let own = [*one, *other].map(|link| self.jump_between(link, link));
-            self.jump_between(*one, *other).abs() > UNCOUPLED * own[0].min(own[1])
+            ends.flat_map(|(at, first)| self.ends[..at].iter().map(move |other| (first, other)));
+        pairs.any(|(first, other)| {
+            let self_jumps = [*first, *other].map(|link| self.jump_between(link, link));
+            self.jump_between(*first, *other).abs() > UNCOUPLED * self_jumps[0].min(self_jumps[1])
         })
     }
 
     /// Change the paths of all joints by an impulse on one of them [N·s].
-    pub(super) fn bend(&self, joint: usize, impulse: f64, at: &At, way: &mut [f64]) {
+    pub(super) fn bend(&self, joint: usize, impulse: f64, instant: &At, path: &mut [f64]) {
         let (n, n_joints) = (self.basis.n(), self.joints.len());
-        let shares = at.value.map(|value| impulse * value);
+        let shares = instant.value.map(|value| impulse * value);
         let moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];
-        for (moves, way) in moves.iter().zip(way.chunks_mut(n)) {
+        for (moves, path) in moves.iter().zip(path.chunks_mut(n)) {
             if !moves.is_empty() {
-                add_rows(moves, &shares[..n], way);
+                add_rows(moves, &shares[..n], path);
             }
         }
     }

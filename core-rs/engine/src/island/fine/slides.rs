@@ -129,25 +129,25 @@ impl Fine {
                 self.finish_frame(frame, s);
                 return;
             }
-            let [way, given] = &mut self.saved;
-            way.copy_from_slice(&self.way);
-            given.copy_from_slice(&self.given);
+            let [paths, impulses] = &mut self.saved;
+            paths.copy_from_slice(&self.way);
+            impulses.copy_from_slice(&self.given);
             let mut taken = self.pace(frame).length(s);
             self.step_frictions(frame, (s, taken), &mut left);
             let slides = &mut self.frictions.slides;
             slides.iter_mut().for_each(|slide| slide.is_located = false);
             let mut first = None;
-            while let Some(own) = self.ended(frame, s + taken) {
-                taken = self.locate_end(frame, (s, taken, own), &mut left);
-                self.frictions.slides[own].is_located = true;
-                first = Some(own);
+            while let Some(ended_slide) = self.ended(frame, s + taken) {
+                taken = self.locate_end(frame, (s, taken, ended_slide), &mut left);
+                self.frictions.slides[ended_slide].is_located = true;
+                first = Some(ended_slide);
             }
             s += taken;
             if 1.0 - s < SKIPPED {
                 return;
             }
-            if let Some(own) = first {
-                let slide = &mut self.frictions.slides[own];
+            if let Some(ended_slide) = first {
+                let slide = &mut self.frictions.slides[ended_slide];
                 slide.holds = false;
                 slide.direction = match slide.direction {
                     0.0 => dot(&shares(1.0), &slide.force).signum(),
@@ -178,15 +178,15 @@ impl Fine {
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
     fn start_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
         let (script, start) = (frame.script, At::new(frame.script.basis.n(), 0.0));
-        for (own, &link) in frame.slides.links.iter().enumerate() {
+        for (slide_index, &link) in frame.slides.links.iter().enumerate() {
             let [_, v] = self.elongation(script, link, &start);
-            let friction = self.friction(frame, (own, 0.0));
+            let friction = self.friction(frame, (slide_index, 0.0));
             let (a, b) = script.ends[link];
             let taken = friction.level(0.0) * script.jump(a, b) * script.rate.step();
             let share = if self.rests[link] { STILL_HELD } else { STILL };
             let is_still = v.abs() <= share * taken;
             let direction = if is_still { 0.0 } else { v.signum() };
-            let slide = &mut self.frictions.slides[own];
+            let slide = &mut self.frictions.slides[slide_index];
             (slide.direction, slide.force) = (direction, [direction * friction.level(v); STAGES]);
         }
         self.settle(frame, 0.0);
@@ -204,19 +204,20 @@ impl Fine {
         while self.frictions.slides.iter().any(stands) {
             let h = self.pace(frame).length(s);
             self.solve_forces(frame, (s, h));
-            let excess = |own: usize| {
-                let slide = &self.frictions.slides[own];
-                let level = self.friction(frame, (own, s)).level(0.0);
+            let excess = |slide_index: usize| {
+                let slide = &self.frictions.slides[slide_index];
+                let level = self.friction(frame, (slide_index, s)).level(0.0);
                 let needed = dot(&shares(0.0), &slide.force);
                 let is_too_weak = stands(slide) && needed.abs() > level * (1.0 + EXCESS);
-                is_too_weak.then_some((own, needed.abs() - level, needed.signum()))
+                is_too_weak.then_some((slide_index, needed.abs() - level, needed.signum()))
             };
             let weak = (0..frame.slides.links.len()).filter_map(excess);
-            let Some((own, _, direction)) = weak.max_by(|one, other| one.1.total_cmp(&other.1))
+            let Some((slide_index, _, direction)) =
+                weak.max_by(|one, other| one.1.total_cmp(&other.1))
             else {
                 return;
             };
-            self.frictions.slides[own].direction = direction;
+            self.frictions.slides[slide_index].direction = direction;
         }
     }
 
@@ -229,9 +230,9 @@ impl Fine {
     }
 
     /// The friction of a link at an instant of this frame.
-    fn friction(&self, frame: Frame<'_>, (own, s): (usize, f64)) -> Friction {
-        let link = frame.slides.links[own];
-        let (by, rate) = frame.slides.dry[own];
+    fn friction(&self, frame: Frame<'_>, (slide, s): (usize, f64)) -> Friction {
+        let link = frame.slides.links[slide];
+        let (by, rate) = frame.slides.dry[slide];
         let [_, level] = self.numbers(link, s);
         let gate = frame.script.links[link].gate;
         Friction {
@@ -243,30 +244,31 @@ impl Fine {
 
     /// A value that is positive while a link goes on as it does, at the end `s` of a step: of a slide its speed, of a
     /// hold the force that its level leaves.
-    fn margin(&self, frame: Frame<'_>, (own, s): (usize, f64)) -> f64 {
-        let slide = &self.frictions.slides[own];
+    fn margin(&self, frame: Frame<'_>, (slide_index, s): (usize, f64)) -> f64 {
+        let slide = &self.frictions.slides[slide_index];
         if slide.direction == 0.0 {
-            return self.hold_margin(frame, (own, s), 1.0);
+            return self.hold_margin(frame, (slide_index, s), 1.0);
         }
-        let at = At::new(frame.script.basis.n(), s);
-        slide.direction * self.elongation(frame.script, frame.slides.links[own], &at)[1]
+        let instant = At::new(frame.script.basis.n(), s);
+        slide.direction
+            * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
     }
 
     /// The same at the start `s` of a step that was taken.
-    fn margin_at_start(&mut self, frame: Frame<'_>, (own, s): (usize, f64)) -> f64 {
-        if self.frictions.slides[own].direction == 0.0 {
-            return self.hold_margin(frame, (own, s), 0.0);
+    fn margin_at_start(&mut self, frame: Frame<'_>, (slide, s): (usize, f64)) -> f64 {
+        if self.frictions.slides[slide].direction == 0.0 {
+            return self.hold_margin(frame, (slide, s), 0.0);
         }
         std::mem::swap(&mut self.way, &mut self.saved[0]);
-        let margin = self.margin(frame, (own, s));
+        let margin = self.margin(frame, (slide, s));
         std::mem::swap(&mut self.way, &mut self.saved[0]);
         margin
     }
 
     /// The force that the level of a holding link leaves, at the start (0) or at the end (1) of a step [N].
-    fn hold_margin(&self, frame: Frame<'_>, (own, s): (usize, f64), at: f64) -> f64 {
-        let level = self.friction(frame, (own, s)).level(0.0);
-        level * (1.0 + EXCESS) - dot(&shares(at), &self.frictions.slides[own].force).abs()
+    fn hold_margin(&self, frame: Frame<'_>, (slide, s): (usize, f64), instant: f64) -> f64 {
+        let level = self.friction(frame, (slide, s)).level(0.0);
+        level * (1.0 + EXCESS) - dot(&shares(instant), &self.frictions.slides[slide].force).abs()
     }
 
     /// A link whose slide or hold has ended by the end `s` of a step, at an instant that is not located yet.
@@ -280,11 +282,11 @@ impl Fine {
     fn locate_end(
         &mut self,
         frame: Frame<'_>,
-        (s, h, own): (f64, f64, usize),
+        (s, h, slide): (f64, f64, usize),
         left: &mut usize,
     ) -> f64 {
-        let mut high = (h, self.margin(frame, (own, s + h)));
-        let mut low = (0.0, self.margin_at_start(frame, (own, s)));
+        let mut high = (h, self.margin(frame, (slide, s + h)));
+        let mut low = (0.0, self.margin_at_start(frame, (slide, s)));
         let mut taken = h;
         for _ in 0..TRIES_MAX {
             // A step that starts at an event has no margin there: then bisection, else a secant.
@@ -298,15 +300,15 @@ impl Fine {
             self.way.copy_from_slice(&self.saved[0]);
             self.given.copy_from_slice(&self.saved[1]);
             self.step_frictions(frame, (s, taken), left);
-            let found = self.margin(frame, (own, s + taken));
-            if moved <= LOCATED * h || found == 0.0 || *left == 0 {
+            let margin_then = self.margin(frame, (slide, s + taken));
+            if moved <= LOCATED * h || margin_then == 0.0 || *left == 0 {
                 break;
             }
             // Illinois rule: halve the value at the end that stays, so that the secant does not creep from one side.
-            if found > 0.0 {
-                (low, high.1) = ((taken, found), 0.5 * high.1);
+            if margin_then > 0.0 {
+                (low, high.1) = ((taken, margin_then), 0.5 * high.1);
             } else {
-                (high, low.1) = ((taken, found), 0.5 * low.1);
+                (high, low.1) = ((taken, margin_then), 0.5 * low.1);
             }
         }
         taken

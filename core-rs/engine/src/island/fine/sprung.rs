@@ -70,11 +70,11 @@ impl Sprung {
         let held = joints.filter(|(_, joint)| {
             joint.port.is_none() && joint.cell.is_some() && is_stepped(joint.mat)
         });
-        let point = |(at, joint): (usize, &super::Joint)| {
+        let point = |(index, joint): (usize, &super::Joint)| {
             let mut ends = script.ends.iter();
-            let link = ends.position(|&(a, b)| a == at || b == at)?;
+            let link = ends.position(|&(a, b)| a == index || b == index)?;
             Some(Point {
-                joint: at,
+                joint: index,
                 mat: joint.mat,
                 link: script.links[link].first,
                 free: [0.0; 2],
@@ -93,9 +93,9 @@ impl Sprung {
 
     /// Note where a joint would go in this frame: the step to the next frame, and half of the change of the step by
     /// forces that last [m].
-    pub(super) fn note_free(&mut self, joint: usize, step: f64, bend: f64) {
+    pub(super) fn note_free(&mut self, joint: usize, step: f64, curvature: f64) {
         if let Some(point) = self.points.iter_mut().find(|point| point.joint == joint) {
-            point.free = [step - bend, 2.0 * bend];
+            point.free = [step - curvature, 2.0 * curvature];
         }
     }
 
@@ -107,9 +107,9 @@ impl Sprung {
             if w > 0.0 {
                 around += 0.5 * step * step / w;
             }
-            let own = 0.5 * (point.step + step) * point.force;
-            point.created += own;
-            work += own;
+            let energy = 0.5 * (point.step + step) * point.force;
+            point.created += energy;
+            work += energy;
         }
         if work != 0.0 {
             self.account.take_from_masses(-work, around);
@@ -132,10 +132,10 @@ impl Sprung {
             let split = script.joints[point.joint].split.iter();
             let instants = script.basis.instants.iter();
             let (mut sum, mut moment) = (0.0, 0.0);
-            for ((impulse, s), [at_once, _]) in pushed.iter().zip(instants).zip(split) {
+            for ((impulse, s), [share_now, _]) in pushed.iter().zip(instants).zip(split) {
                 sum += impulse * rate;
                 moment += impulse * rate * s;
-                point.force += impulse * at_once;
+                point.force += impulse * share_now;
             }
             let [velocity, acceleration] = point.free;
             let halfway = velocity + 0.5 * scheme.w[point.mat] * sum;
@@ -165,15 +165,15 @@ impl Sprung {
         }
         let gain = self.account.gain(0.0, around(), n).of_at_least(put_in);
         let points = self.points.iter();
-        let most = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
+        let worst_point = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
         if !gain.is_reportable() {
             return None;
         }
         let worst = gain.worse_of(self.worst);
         if self.worst != Some(worst) {
-            (self.worst, self.link) = (Some(worst), most.link);
+            (self.worst, self.link) = (Some(worst), worst_point.link);
         }
-        Some((most.link, most.mat, gain))
+        Some((worst_point.link, worst_point.mat, gain))
     }
 
     /// The most energy that was created, and a link where most of it was.

@@ -18,7 +18,7 @@ pub(super) struct Between {
     kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
-const WHOLE: Lanes = Lanes([1.0; LANES]);
+const ONES: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
@@ -31,16 +31,18 @@ impl RunningModal {
             let n_padded = n.next_multiple_of(PADDING);
             let mut weights = vec![0.0; 2 * n_padded];
             let (now, next) = weights.split_at_mut(n_padded);
-            if let Some(own) = plan.response(mode) {
+            if let Some(mode_response) = plan.response(mode) {
                 for ((now, next), &instant) in now.iter_mut().zip(next).zip(instants) {
-                    (*now, *next) = own.interpolation(instant, rate);
+                    (*now, *next) = mode_response.interpolation(instant, rate);
                 }
             }
             weights
         };
         let kick = |port: usize, mode: usize, j: usize| {
-            let own = plan.port_response(port, mode);
-            own.map_or([0.0; 2], |own| own.split(square, instants[j], rate))
+            let mode_response = plan.port_response(port, mode);
+            mode_response.map_or([0.0; 2], |mode_response| {
+                mode_response.split(square, instants[j], rate)
+            })
         };
         let n_tables = match &plan.answers {
             Some(answers) => answers.ports.len(),
@@ -73,10 +75,10 @@ impl RunningModal {
     pub(crate) fn responses(&self, from: usize, times: &[f64]) -> Vec<f64> {
         let plan = &self.script.plan;
         let each = |mode: usize| {
-            let own = plan.port_response(from, mode);
+            let mode_response = plan.port_response(from, mode);
             times
                 .iter()
-                .map(move |&t| own.map_or(0.0, |own| own.around(t)))
+                .map(move |&t| mode_response.map_or(0.0, |mode_response| mode_response.around(t)))
         };
         (0..plan.modes.len()).flat_map(each).collect()
     }
@@ -158,7 +160,7 @@ impl RunningModal {
         {
             let rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
-            let share = if is_complex { &WHOLE } else { &rows[port] };
+            let share = if is_complex { &ONES } else { &rows[port] };
             let modes = [&mut self.motions[group].now, &mut self.pending[group]];
             let seen = (&mut self.seen[self.at + 1..], ROOM);
             ports::kick(impulses, table, share, modes, rows, seen);

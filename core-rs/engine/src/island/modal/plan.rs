@@ -95,8 +95,8 @@ impl Modal {
     pub(crate) fn gain(&self, port: usize, mode: usize) -> [f64; 2] {
         match &self.answers {
             Some(answers) => {
-                let (own, step) = (&answers.ports[port][mode], self.rate.step());
-                [own.at(step) * step, own.at(0.0) * step]
+                let (response, step) = (&answers.ports[port][mode], self.rate.step());
+                [response.at(step) * step, response.at(0.0) * step]
             }
             None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
         }
@@ -122,27 +122,27 @@ impl Modal {
     /// The body started against forces that act on its ports at frame 0 (n_mat of the island): as for any MAT, the
     /// position of each mode one frame earlier is shifted by ½·F·gain.
     pub(crate) fn pushed(&self, force: &[f64]) -> Self {
-        let mut own = self.clone();
+        let mut pushed_plan = self.clone();
         if let Some(answers) = &self.answers {
             let step = self.rate.step();
             for (answers, port) in answers.ports.iter().zip(&self.ports) {
                 let impulse = 0.5 * step * force[port.mat];
-                for (mode, answer) in own.modes.iter_mut().zip(answers) {
+                for (mode, answer) in pushed_plan.modes.iter_mut().zip(answers) {
                     // The response to half the impulse of a frame is subtracted from both positions.
                     mode.now -= impulse * answer.at(0.0);
                     mode.before -= impulse * if mode.b == 0.0 { 0.0 } else { answer.at(-step) };
                 }
             }
-            return own;
+            return pushed_plan;
         }
         for port in &self.ports {
-            for (mode, share) in own.modes.iter_mut().zip(&port.shape) {
+            for (mode, share) in pushed_plan.modes.iter_mut().zip(&port.shape) {
                 if mode.cell.is_some() {
                     mode.before += 0.5 * mode.gain * share * force[port.mat];
                 }
             }
         }
-        own
+        pushed_plan
     }
 
     /// Frequency of a mode [Hz].
@@ -195,13 +195,13 @@ impl Modal {
     }
 
     /// The body with some of its modes only.
-    pub(crate) fn only(&self, kept: &[usize]) -> Self {
-        let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
+    pub(crate) fn only(&self, modes_kept: &[usize]) -> Self {
+        let some = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
         Self {
             of: self.of.clone(),
-            kept: kept.iter().map(|&mode| self.kept[mode]).collect(),
+            kept: modes_kept.iter().map(|&mode| self.kept[mode]).collect(),
             turned: self.turned.clone(),
-            modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
+            modes: modes_kept.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
                 .ports
                 .iter()
@@ -229,12 +229,15 @@ impl Modal {
                 let some = |all: &Vec<Vec<Response>>| -> Vec<Vec<Response>> {
                     let points = all.iter();
                     points
-                        .map(|point| kept.iter().map(|&mode| point[mode]).collect())
+                        .map(|point| modes_kept.iter().map(|&mode| point[mode]).collect())
                         .collect()
                 };
                 Answers {
                     n_modes: answers.n_modes,
-                    places: kept.iter().map(|&mode| answers.places[mode]).collect(),
+                    places: modes_kept
+                        .iter()
+                        .map(|&mode| answers.places[mode])
+                        .collect(),
                     ports: some(&answers.ports),
                     struck: some(&answers.struck),
                 }

@@ -28,11 +28,11 @@ pub(super) struct Script {
 pub(super) type Blow = (u64, usize, usize, bool);
 
 /// One number of each mode of a group.
-pub(super) fn lanes(modes: &[Mode], group: usize, of: impl Fn(usize) -> f64) -> Lanes {
+pub(super) fn lanes(modes: &[Mode], group: usize, value_of: impl Fn(usize) -> f64) -> Lanes {
     let mut lanes = Lanes::ZERO;
     let members = group * LANES..modes.len().min((group + 1) * LANES);
     for (lane, mode) in lanes.0.iter_mut().zip(members) {
-        *lane = of(mode);
+        *lane = value_of(mode);
     }
     lanes
 }
@@ -99,9 +99,9 @@ impl Script {
             }
             return;
         }
-        for (mode, own) in self.plan.modes.iter().enumerate() {
+        for (mode, mode_plan) in self.plan.modes.iter().enumerate() {
             let impulse = impulse * struck.shape[mode];
-            let by = match own.cell {
+            let by = match mode_plan.cell {
                 Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * step * step,
                 None => impulse * rate.hertz(),
             };

@@ -100,15 +100,15 @@ impl SteppedSprings {
     fn pull(&mut self, slow: &Slow, x: &[f64], before: Option<&[f64]>, after: &mut [f64]) {
         let Self { scheme, body, laws } = self;
         let frames = f64::from(slow.macrostep);
-        for (own, &mat) in slow.free.iter().enumerate() {
-            body.x[mat] = x[own];
-            body.d[mat] = before.map_or(0.0, |before| frames * before[own]);
+        for (index, &mat) in slow.free.iter().enumerate() {
+            body.x[mat] = x[index];
+            body.d[mat] = before.map_or(0.0, |before| frames * before[index]);
         }
         let team = &mut ThreadTeam::alone();
         kernel::links(scheme, &[], body, laws, team);
         kernel::advance(scheme, &mut [], body, None, team);
-        for (own, &mat) in slow.free.iter().enumerate() {
-            after[own] = body.d[mat] / frames;
+        for (index, &mat) in slow.free.iter().enumerate() {
+            after[index] = body.d[mat] / frames;
         }
     }
 }

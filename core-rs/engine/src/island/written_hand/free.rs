@@ -51,12 +51,12 @@ pub(crate) struct FreeMotion {
 crate::archive::state!(FreeMotion { body, slow });
 
 impl FreeKey {
-    /// Whether the motion of another free key fits this one; `own` and `their` give the names of MATs in the two
+    /// Whether the motion of another free key fits this one; `name_of` and `their` give the names of MATs in the two
     /// scenes.
     pub(crate) fn is_like(
         &self,
         other: &Self,
-        own: impl Fn(usize) -> String,
+        name_of: impl Fn(usize) -> String,
         their: impl Fn(usize) -> String,
     ) -> bool {
         let same = |(a, b): (&Slow, &Slow)| a.is_same(b);
@@ -68,39 +68,39 @@ impl FreeKey {
                 .members
                 .iter()
                 .zip(&other.members)
-                .all(|(&a, &b)| own(a) == their(b))
+                .all(|(&a, &b)| name_of(a) == their(b))
     }
 }
 
 /// The force near `guess` [N] at which `off` is 0 [m]; `off` rises with the force by at most `w` [m/N].
 fn find_force(guess: f64, w: f64, off: &mut dyn FnMut(f64) -> f64) -> f64 {
-    let (mut a, mut at_a) = (guess, off(guess));
-    if at_a.abs() <= kernel::STILL {
+    let (mut a, mut off_a) = (guess, off(guess));
+    if off_a.abs() <= kernel::STILL {
         return a;
     }
-    let mut reach = 2.0 * at_a / w;
-    let (mut b, mut at_b) = (a, at_a);
+    let mut reach = 2.0 * off_a / w;
+    let (mut b, mut off_b) = (a, off_a);
     for _ in 0..ROUNDS_MAX {
         b = guess - reach;
-        at_b = off(b);
-        if at_b * at_a <= 0.0 {
+        off_b = off(b);
+        if off_b * off_a <= 0.0 {
             break;
         }
-        (a, at_a) = (b, at_b);
+        (a, off_a) = (b, off_b);
         reach *= 2.0;
     }
     for round in 0..2 * ROUNDS_MAX {
-        if at_b.abs() <= kernel::STILL || at_b * at_a > 0.0 {
+        if off_b.abs() <= kernel::STILL || off_b * off_a > 0.0 {
             break;
         }
         let halved = 0.5 * (a + b);
-        let secant = b - at_b * ((b - a) / (at_b - at_a));
+        let secant = b - off_b * ((b - a) / (off_b - off_a));
         let c = if round % 3 == 2 { halved } else { secant };
-        let at_c = off(c);
-        if at_c * at_b < 0.0 {
-            (a, at_a) = (b, at_b);
+        let off_c = off(c);
+        if off_c * off_b < 0.0 {
+            (a, off_a) = (b, off_b);
         }
-        (b, at_b) = (c, at_c);
+        (b, off_b) = (c, off_c);
     }
     b
 }
@@ -148,13 +148,13 @@ impl FreeMotion {
     /// Give a MAT that is led along a path the velocity that it lacks, if its springs pull next; returns it [m a
     /// frame].
     pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
-        let mut given = 0.0;
+        let mut released = 0.0;
         for slow in &mut self.slow {
-            let own = slow.release_at_pull(mat);
-            slow.give(mat, own);
-            given += own;
+            let impulse = slow.release_at_pull(mat);
+            slow.give(mat, impulse);
+            released += impulse;
         }
-        given
+        released
     }
 
     /// Corrections of a MAT's velocity [m a frame] and of its change a frame, if both are estimated from successive

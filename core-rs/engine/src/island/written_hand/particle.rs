@@ -7,7 +7,7 @@ use crate::state::Body;
 /// any key's (error of the impulse below 1e-6 for velocity steps from 1e-5 to 0.5 m/s).
 pub(crate) const SPEED: f64 = 1000.0;
 /// Most particles near the key at once: a contact lasts two steps, and dense ergons come every step.
-const AT_ONCE: usize = 4;
+const BLOCK: usize = 4;
 /// A particle this far out never returns [m]: it leaves at 23 mm a step.
 const GONE: f64 = 1e-3;
 
@@ -28,7 +28,7 @@ crate::archive::state!(Particle { x, d, w, k, sign });
 
 /// The particles of one voice.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Flight([Particle; AT_ONCE]);
+pub(crate) struct Flight([Particle; BLOCK]);
 
 crate::archive::state!(Flight { 0 });
 

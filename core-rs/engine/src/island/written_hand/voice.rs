@@ -24,7 +24,7 @@ use crate::state::{Body, Target};
 use join::Joining;
 
 /// A layer's free key counts as at rest below this, in metres and in metres a second: far below what is heard.
-const AT_REST: f64 = 1e-12;
+const STILL: f64 = 1e-12;
 
 /// The constant data of a voice.
 #[derive(Clone, Debug)]
@@ -149,11 +149,11 @@ impl Voice {
         gestures: &[FramedGesture],
         n: u64,
     ) -> bool {
-        let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
+        let is_due = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate
-            > AT_REST;
-        !script.layer || moves || script.gestures.iter().any(own)
+        let moves =
+            self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate > STILL;
+        !script.layer || moves || script.gestures.iter().any(is_due)
     }
 
     /// The first frame, `n` or later, at which a gesture plays.
@@ -161,8 +161,11 @@ impl Voice {
         if self.running.is_some() {
             return n;
         }
-        let own = script.gestures.iter().map(|&own| &gestures[own]);
-        let left = own.filter(|gesture| gesture.last() >= n);
+        let voice_gestures = script
+            .gestures
+            .iter()
+            .map(|&voice_gestures| &gestures[voice_gestures]);
+        let left = voice_gestures.filter(|gesture| gesture.last() >= n);
         let due = left.map(|gesture| gesture.join_from.min(gesture.first).max(n));
         due.min().unwrap_or(u64::MAX)
     }
@@ -257,10 +260,10 @@ impl Voice {
         };
         self.is_led = matches!(ask, Some(Ask::Pass(_)));
         if self.is_led {
-            let given = self.free.release_at_pull(script.free.struck);
-            if given != 0.0 {
+            let impulse = self.free.release_at_pull(script.free.struck);
+            if impulse != 0.0 {
                 let bodies = scene.bodies.iter_mut();
-                bodies.for_each(|body| body.give(script.struck, given));
+                bodies.for_each(|body| body.give(script.struck, impulse));
             }
         }
         if let Some(running) = self

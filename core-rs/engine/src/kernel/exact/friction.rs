@@ -27,8 +27,8 @@ pub(super) fn force(
     let v = body.d[b] - body.d[a];
     let by = by.with(run.z);
     let level = |v: f64| open * by.level_at(v * rate);
-    let told = |i: usize| targets.iter().find(|target| target.mat == i);
-    let moved = |i: usize| match told(i) {
+    let imposed = |i: usize| targets.iter().find(|target| target.mat == i);
+    let moved = |i: usize| match imposed(i) {
         Some(target) => (target.x - body.x[i], 0.0),
         None => (predict(scheme, body, i) - body.x[i], scheme.w[i]),
     };
@@ -61,7 +61,7 @@ pub(super) fn force(
     }
     // The ends do not slide: friction gives the force that holds them, limited by its level.
     let holding = |i: usize| {
-        told(i)
+        imposed(i)
             .filter(|_| scheme.w[i] > 0.0)
             .map(|target| needed(scheme, body, i, target.x))
     };

@@ -127,19 +127,19 @@ impl Batch {
     /// pressed there.
     #[cold]
     fn drop_rounded(&mut self, n: usize) -> usize {
-        let mut kept = 0;
+        let mut n_retained = 0;
         for i in 0..n {
             if self.e[i] >= 0.0 {
                 continue;
             }
-            self.ends[kept] = self.ends[i];
-            self.e[kept] = self.e[i];
+            self.ends[n_retained] = self.ends[i];
+            self.e[n_retained] = self.e[i];
             for one in &mut self.along {
-                one[kept] = one[i];
+                one[n_retained] = one[i];
             }
-            kept += 1;
+            n_retained += 1;
         }
-        kept
+        n_retained
     }
 }
 

@@ -147,9 +147,9 @@ impl Grid {
 
     #[inline(always)]
     fn index(self, [x, y, z]: [u32; AXES_MAX]) -> usize {
-        let [of_x, of_y, of_z] = self.bits;
+        let [x_bits, y_bits, z_bits] = self.bits;
         let within = |cell: u32, bits: u32| (cell & ((1 << bits) - 1)) as usize;
-        (((within(z, of_z) << of_y) | within(y, of_y)) << of_x) | within(x, of_x)
+        (((within(z, z_bits) << y_bits) | within(y, y_bits)) << x_bits) | within(x, x_bits)
     }
 
     /// The cell at `x` and its two neighbours in a row (y, z): one range of cells, or two if the row wraps around

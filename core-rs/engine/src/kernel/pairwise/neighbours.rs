@@ -153,16 +153,16 @@ impl Neighbours {
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
         for (range, starts) in groups(run) {
-            let own = || first[range.clone()].iter().zip(&second[range.clone()]);
+            let slices = || first[range.clone()].iter().zip(&second[range.clone()]);
             for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
-                for (force, (first, second)) in force[start..].iter_mut().zip(own()) {
+                for (force, (first, second)) in force[start..].iter_mut().zip(slices()) {
                     *force += second[axis] + first[axis];
                 }
             }
         }
         let first_told = first.len() - pushes.len();
-        let own = first[first_told..].iter().zip(&second[first_told..]);
-        for (push, (first, second)) in pushes.iter_mut().zip(own) {
+        let slices = first[first_told..].iter().zip(&second[first_told..]);
+        for (push, (first, second)) in pushes.iter_mut().zip(slices) {
             *push = second[AXES_MAX] - first[AXES_MAX];
         }
         if self.is_full {
@@ -180,8 +180,8 @@ fn square(x: f64) -> f64 {
 fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
     let Pairwise { link, n_first, .. } = &run.pairs;
     let (a, b): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
-        let at = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
-        let all: [(usize, usize); AXES_MAX] = std::array::from_fn(at);
+        let coordinates = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
+        let all: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
         (all.map(|ends| ends.0), all.map(|ends| ends.1))
     };
     let second = *n_first..run.pairs.n_points(run.n);
@@ -189,11 +189,11 @@ fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
 }
 
 /// Copy values of MATs to arrays in which the coordinates of a point lie together.
-fn gather(run: &PairRun, into: &mut [Quad], of: impl Fn(usize) -> f64) {
+fn gather(run: &PairRun, into: &mut [Quad], value_of: impl Fn(usize) -> f64) {
     for (range, starts) in groups(run) {
         for (axis, start) in starts.into_iter().enumerate().take(run.pairs.link.n_axes) {
             for (i, own) in into[range.clone()].iter_mut().enumerate() {
-                own[axis] = of(start + i);
+                own[axis] = value_of(start + i);
             }
         }
     }

@@ -86,8 +86,8 @@ pub(super) fn push(
 /// Set `may_touch` for the points of the second group that a wall may touch.
 fn select(run: &PairRun, first: usize, x: &[f64], may_touch: &mut [bool]) {
     let link = &run.pairs.link;
-    let at = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
-    let ends: [(usize, usize); AXES_MAX] = std::array::from_fn(at);
+    let coordinates = |axis: usize| link.pair((run.a + first, run.b), axis.min(link.n_axes - 1));
+    let ends: [(usize, usize); AXES_MAX] = std::array::from_fn(coordinates);
     let wall = ends.map(|(a, _)| x[a]);
     let points = ends.map(|(_, b)| &x[b..b + run.n]);
     let is_deep = if link.n_axes == AXES_MAX { 1.0 } else { 0.0 };

@@ -22,8 +22,8 @@ pub(super) struct Step<'a> {
 impl<const N: usize> Motion<N> {
     /// The derivatives of a step: first those that follow from the derivatives of the state, then the direct
     /// contribution of each parameter to its own column.
-    pub(super) fn advance_columns(&mut self, of: &Step<'_>) {
-        let (h, contact, turned) = (self.step, of.contact, of.turned);
+    pub(super) fn advance_columns(&mut self, step: &Step<'_>) {
+        let (h, contact, turned) = (self.step, step.contact, step.turned);
         let (stiffness, presliding) = (
             self.spring_fraction * self.key.stiffness,
             self.key.presliding,
@@ -31,7 +31,7 @@ impl<const N: usize> Motion<N> {
         let per_force = self.h_over_m / self.denominator;
         let by_force = turned.by_gain * per_force;
         let by_v = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
-            + turned.by_bound * of.per_level * of.friction.slope;
+            + turned.by_bound * step.per_level * step.friction.slope;
         let mut force = [0.0; N];
         for (column, force) in force.iter_mut().enumerate() {
             let (dx, dv) = (self.dx[column], self.dv[column]);
@@ -54,7 +54,7 @@ impl<const N: usize> Motion<N> {
             *dv = by_v * *dv + by_force * force;
         }
         for column in 0..self.columns.len() {
-            let direct = self.direct(self.columns[column], column, of);
+            let direct = self.direct(self.columns[column], column, step);
             self.dv[column] += by_force * direct.force
                 + turned.by_gain * direct.gain
                 + turned.by_bound * direct.bound;
@@ -70,12 +70,12 @@ impl<const N: usize> Motion<N> {
     }
 
     /// The direct contribution of a parameter to the derivatives in its own column.
-    fn direct(&mut self, parameter: Parameter, column: usize, of: &Step<'_>) -> Direct {
+    fn direct(&mut self, parameter: Parameter, column: usize, step: &Step<'_>) -> Direct {
         let key = &self.key;
         let half = 0.5 * self.h_over_m / self.denominator; // relative derivative of 1 + Z h/2m by Z
         let none = Direct::default();
         let level = |by: f64| Direct {
-            bound: of.per_level * by,
+            bound: step.per_level * by,
             level: by,
             ..none
         };
@@ -89,8 +89,8 @@ impl<const N: usize> Motion<N> {
             Parameter::Mass => {
                 let share = -1.0 / (key.mass * self.denominator);
                 Direct {
-                    gain: share * of.gain,
-                    bound: share * of.bound,
+                    gain: share * step.gain,
+                    bound: share * step.bound,
                     ..none
                 }
             }
@@ -99,8 +99,8 @@ impl<const N: usize> Motion<N> {
                 ..none
             },
             Parameter::Damping => Direct {
-                gain: -half * (2.0 * self.v + of.gain),
-                bound: -half * of.bound,
+                gain: -half * (2.0 * self.v + step.gain),
+                bound: -half * step.bound,
                 ..none
             },
             Parameter::Weight => Direct {
@@ -108,20 +108,20 @@ impl<const N: usize> Motion<N> {
                 ..none
             },
             Parameter::Delay => Direct {
-                force: of.slope,
+                force: step.slope,
                 ..none
             },
             Parameter::Force(tick) => Direct {
-                force: self.share_of(tick, of.before),
+                force: self.share_of(tick, step.before),
                 ..none
             },
-            Parameter::Dry => level(1.0 - of.friction.share),
-            Parameter::StaticDry => level(of.friction.share),
+            Parameter::Dry => level(1.0 - step.friction.share),
+            Parameter::StaticDry => level(step.friction.share),
             Parameter::StaticSpeed if key.static_speed == 0.0 => none,
-            Parameter::StaticSpeed => level(-of.friction.slope * self.v / key.static_speed),
+            Parameter::StaticSpeed => level(-step.friction.slope * self.v / key.static_speed),
             Parameter::Presliding => Direct {
-                force: -of.contact.s,
-                contact: of.contact.by_presliding,
+                force: -step.contact.s,
+                contact: step.contact.by_presliding,
                 ..none
             },
             Parameter::ModeMass(index) => Direct {
@@ -145,7 +145,7 @@ impl<const N: usize> Motion<N> {
         if let Parameter::ModeFrequency(index) | Parameter::ModeRatio(index) = parameter {
             self.modes[index].dv[column] -= self.step * direct.mode_gain;
         }
-        let ds = direct.contact + of.contact.by_level * direct.level;
+        let ds = direct.contact + step.contact.by_level * direct.level;
         self.ds[column] += ds;
         Direct {
             force: direct.force - self.key.presliding * ds,

@@ -23,14 +23,17 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
 
 /// Compute one step for all lanes of `out`, from registers of as many lanes. Constants are in place.
 #[inline(always)]
-fn compute<'r>(step: &Step, out: &mut [f64], of: impl Fn(usize) -> &'r [f64]) {
+fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f64]) {
     match *step {
         Step::Constant(_) | Step::Open(..) => {}
-        Step::Unary(operation, a) => unary(operation, out, of(a)),
-        Step::WholePower(exponent, a) => whole_powers(exponent, out, of(a)),
-        Step::Binary(operation, a, b) => binary(operation, out, of(a), of(b)),
+        Step::Unary(operation, a) => unary(operation, out, value_of(a)),
+        Step::WholePower(exponent, a) => whole_powers(exponent, out, value_of(a)),
+        Step::Binary(operation, a, b) => binary(operation, out, value_of(a), value_of(b)),
         Step::Where(c, a, b) => {
-            for (out, ((c, a), b)) in out.iter_mut().zip(of(c).iter().zip(of(a)).zip(of(b))) {
+            for (out, ((c, a), b)) in out
+                .iter_mut()
+                .zip(value_of(c).iter().zip(value_of(a)).zip(value_of(b)))
+            {
                 *out = choose(*c, *a, *b);
             }
         }

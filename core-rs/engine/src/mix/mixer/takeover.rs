@@ -14,7 +14,7 @@ impl Mixer {
     pub fn take_over(&mut self, old: &mut Self, outputs: Option<&[Option<usize>]>) {
         self.frame = old.frame;
         let groups = self.groups.iter_mut().zip(&old.groups);
-        groups.for_each(|(own, old)| *own = *old);
+        groups.for_each(|(group, old)| *group = *old);
         let out = |before: usize| match outputs {
             Some(outputs) => outputs.get(before).copied().flatten(),
             None => Some(before),
@@ -22,40 +22,45 @@ impl Mixer {
         // The routes of both mixers are in about the same order: start the search after the previous match.
         let in_turn = |next: usize, n: usize| (next..n).chain(0..next.min(n));
         let (mut next, n) = (0, old.routes.len());
-        for own in &mut self.routes {
-            let is_same = |&at: &usize| own.continues(&old.routes[at], out(old.routes[at].out));
-            let Some(at) = in_turn(next, n).find(is_same) else {
+        for group in &mut self.routes {
+            let is_same =
+                |&index: &usize| group.continues(&old.routes[index], out(old.routes[index].out));
+            let Some(index) = in_turn(next, n).find(is_same) else {
                 // One that is like it, by other values, leads into it; both are heard while they change places.
-                let is_like = |&at: &usize| own.is_like(&old.routes[at], out(old.routes[at].out));
-                let like = in_turn(next, n).find(is_like).map(|at| &old.routes[at]);
+                let is_like =
+                    |&index: &usize| group.is_like(&old.routes[index], out(old.routes[index].out));
+                let like = in_turn(next, n)
+                    .find(is_like)
+                    .map(|index| &old.routes[index]);
                 let fade = Glide::between(self.rate, 0.0, 1.0);
                 let Some(before) = like else {
-                    let is_late = own.delay.is_some();
-                    (own.entry, own.fade) = (is_late.then_some(fade), (!is_late).then_some(fade));
+                    let is_late = group.delay.is_some();
+                    (group.entry, group.fade) =
+                        (is_late.then_some(fade), (!is_late).then_some(fade));
                     continue;
                 };
-                own.take_over(before);
+                group.take_over(before);
                 // A longer delay is silent at first: fade in when its first sample comes out.
                 let mut fade = Glide::new(self.rate, 0.0);
-                fade.set_later(1.0, own.lag().saturating_sub(before.lag()) as u64);
-                (own.entry, own.fade) = (before.entry, Some(fade));
+                fade.set_later(1.0, group.lag().saturating_sub(before.lag()) as u64);
+                (group.entry, group.fade) = (before.entry, Some(fade));
                 continue;
             };
-            next = at + 1;
-            let before = &old.routes[at];
-            own.take_over(before);
-            (own.entry, own.fade) = (before.entry, before.fade);
-            own.residual_gain = before.residual_gain;
-            let (old_gain, new_gain) = (before.gain_at(old.frame), own.gain_at(old.frame));
+            next = index + 1;
+            let before = &old.routes[index];
+            group.take_over(before);
+            (group.entry, group.fade) = (before.entry, before.fade);
+            group.residual_gain = before.residual_gain;
+            let (old_gain, new_gain) = (before.gain_at(old.frame), group.gain_at(old.frame));
             if new_gain == old_gain {
                 continue;
             }
-            let heard = before.faded_gain_at(old.frame);
-            (own.fade, own.residual_gain) = (None, None);
-            if new_gain == 0.0 || own.curve.is_some() {
-                own.residual_gain = glide_to_zero(self.rate, heard - new_gain); // a factor would grow with the curve
+            let gain_before = before.faded_gain_at(old.frame);
+            (group.fade, group.residual_gain) = (None, None);
+            if new_gain == 0.0 || group.curve.is_some() {
+                group.residual_gain = glide_to_zero(self.rate, gain_before - new_gain); // a factor would grow with the curve
             } else {
-                own.fade(self.rate, heard / new_gain, 1.0);
+                group.fade(self.rate, gain_before / new_gain, 1.0);
             }
         }
         let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
@@ -74,27 +79,32 @@ impl Mixer {
 
     /// Frozen outputs at the same place continue, new ones fade in, and those that are gone fade out.
     fn take_over_frozen(&mut self, old: &Self, out: impl Fn(usize) -> Option<usize>) {
-        for own in &mut self.frozen {
-            let is_same = |one: &&Placed| out(one.out).is_some_and(|here| own.continues(one, here));
-            own.fade = match old.frozen.iter().find(is_same) {
+        for placed in &mut self.frozen {
+            let is_same =
+                |other: &&Placed| out(other.out).is_some_and(|here| placed.continues(other, here));
+            placed.fade = match old.frozen.iter().find(is_same) {
                 Some(before) => before.fade,
                 None => Glide::between(self.rate, 0.0, 1.0),
             };
         }
         let gone = old.frozen.iter().filter_map(|before| {
             let here = out(before.out)?;
-            let goes_on = self.frozen.iter().any(|own| own.continues(before, here));
+            let goes_on = self
+                .frozen
+                .iter()
+                .any(|placed| placed.continues(before, here));
             let fade = Glide::between(self.rate, before.fade.at(old.frame), 0.0);
             (!goes_on).then(|| before.fading(here, fade))
         });
         let fading_out = old.frozen_fading_out.iter().flatten();
-        let fading_out = fading_out.filter_map(|one| Some(one.fading(out(one.out)?, one.fade)));
-        for (place, one) in self
+        let fading_out =
+            fading_out.filter_map(|other| Some(other.fading(out(other.out)?, other.fade)));
+        for (place, other) in self
             .frozen_fading_out
             .iter_mut()
             .zip(fading_out.chain(gone))
         {
-            *place = Some(one);
+            *place = Some(other);
         }
     }
 
@@ -107,14 +117,14 @@ impl Mixer {
         let fading_out = old.fading_out.iter_mut().flatten().filter(sounds);
         for before in fading_out.chain(&mut old.routes) {
             let here = out(before.out);
-            let (Some(own), true) = (here, before.group < self.groups.len()) else {
+            let (Some(out_now), true) = (here, before.group < self.groups.len()) else {
                 continue;
             };
             let successor = (next..n)
                 .chain(0..next)
-                .find(|&at| self.routes[at].continues(before, here));
-            if let Some(at) = successor {
-                next = at + 1;
+                .find(|&route_index| self.routes[route_index].continues(before, here));
+            if let Some(route_index) = successor {
+                next = route_index + 1;
                 continue;
             }
             let is_there = match before.to {
@@ -128,7 +138,7 @@ impl Mixer {
             let (delay, curve) = (before.delay.take(), before.curve.take());
             let filters = std::mem::take(&mut before.filters);
             let mut route = Route {
-                out: own,
+                out: out_now,
                 filters,
                 delay,
                 curve,

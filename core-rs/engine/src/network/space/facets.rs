@@ -54,7 +54,7 @@ impl Facets {
         if triangles.len() > Self::MOST {
             return Err("its surface has more than 200,000 triangles");
         }
-        let mut whole = Vec::with_capacity(triangles.len());
+        let mut valid = Vec::with_capacity(triangles.len());
         for triangle in triangles {
             let corner = |number: u32| corners.get(number as usize).copied();
             let [Some(a), Some(b), Some(c)] = triangle.map(corner) else {
@@ -62,14 +62,14 @@ impl Facets {
             };
             let normal = cross(difference(b, a), difference(c, a));
             if dot(normal, normal) > 0.0 {
-                whole.push([a, b, c]);
+                valid.push([a, b, c]);
             }
         }
-        if whole.is_empty() {
+        if valid.is_empty() {
             return Err("its surface has no triangle with an area");
         }
         let mut facets = Self {
-            triangles: whole,
+            triangles: valid,
             reach,
             bounds: [[0.0; AXES_MAX]; 2],
             wide: 0.0,
@@ -107,10 +107,10 @@ impl Facets {
         let mut least = f64::INFINITY;
         let mut apart = [0.0; AXES_MAX];
         for &member in self.around(place) {
-            let own = difference(place, nearest(&self.triangles[member as usize], place));
-            let square = dot(own, own);
+            let offset = difference(place, nearest(&self.triangles[member as usize], place));
+            let square = dot(offset, offset);
             if square < least {
-                (least, apart) = (square, own);
+                (least, apart) = (square, offset);
             }
         }
         if least == f64::INFINITY {
@@ -185,9 +185,9 @@ impl Facets {
             for z in up {
                 for y in along.clone() {
                     for x in across.clone() {
-                        let at = [x, y, z];
+                        let cell_at = [x, y, z];
                         let middle: Vector = std::array::from_fn(|axis| {
-                            self.bounds[0][axis] + self.wide * at[axis] as f64 + half
+                            self.bounds[0][axis] + self.wide * cell_at[axis] as f64 + half
                         });
                         let apart = difference(middle, nearest(triangle, middle));
                         // A triangle so thin that the distance is NaN is kept.
@@ -206,12 +206,12 @@ impl Facets {
     fn span(&self, triangle: &[Vector; 3]) -> [std::ops::Range<usize>; AXES_MAX] {
         std::array::from_fn(|axis| {
             let all = triangle.map(|corner| corner[axis]);
-            let [least, most] = [all.into_iter().fold(f64::INFINITY, f64::min), {
+            let [least, greatest] = [all.into_iter().fold(f64::INFINITY, f64::min), {
                 all.into_iter().fold(f64::NEG_INFINITY, f64::max)
             }];
             let cell = |x: f64| ((x - self.bounds[0][axis]) / self.wide).floor().max(0.0) as usize;
             let last = self.counts[axis] - 1;
-            cell(least - self.reach).min(last)..cell(most + self.reach).min(last) + 1
+            cell(least - self.reach).min(last)..cell(greatest + self.reach).min(last) + 1
         })
     }
 }
@@ -251,8 +251,8 @@ fn nearest([a, b, c]: &[Vector; 3], place: Vector) -> Vector {
         let share = (d4 - d3) / ((d4 - d3) + (d5 - d6));
         return beside(*b, share, difference(*c, *b));
     }
-    let whole = 1.0 / (towards_a + towards_b + towards_c);
-    let (v, w) = (towards_b * whole, towards_c * whole);
+    let normaliser = 1.0 / (towards_a + towards_b + towards_c);
+    let (v, w) = (towards_b * normaliser, towards_c * normaliser);
     std::array::from_fn(|axis| a[axis] + ab[axis] * v + ac[axis] * w)
 }
 
@@ -288,10 +288,10 @@ mod tests {
         for i in 0..=n {
             for j in 0..=n - i {
                 let (v, w) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
-                let at: Vector = std::array::from_fn(|axis| {
+                let nearest_point: Vector = std::array::from_fn(|axis| {
                     a[axis] + v * (b[axis] - a[axis]) + w * (c[axis] - a[axis])
                 });
-                let apart = difference(place, at);
+                let apart = difference(place, nearest_point);
                 least = least.min(dot(apart, apart));
             }
         }
@@ -327,8 +327,8 @@ mod tests {
         let mut n_seen = 0;
         for _ in 0..3_000 {
             let place: Vector = std::array::from_fn(|_| chance.uniform(-1.3, 1.3));
-            let all = facets.triangles.iter().map(|own| {
-                let apart = difference(place, nearest(own, place));
+            let all = facets.triangles.iter().map(|triangle| {
+                let apart = difference(place, nearest(triangle, place));
                 distance(apart[0], apart[1], apart[2])
             });
             let least = all.fold(f64::INFINITY, f64::min);
@@ -347,14 +347,14 @@ mod tests {
     #[test]
     fn what_is_no_surface_is_refused() {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
-        for (triangles, reach, said) in [
+        for (triangles, reach, message) in [
             (vec![[0, 1, 2]], 0.1, "no triangle with an area"),
             (vec![[0, 1, 3]], 0.1, "a corner that it does not have"),
             (vec![[0, 1, 2]], 0.0, "a gap above 0"),
             (vec![[0, 1, 2]; 200_001], 0.1, "more than 200,000"),
         ] {
             let error = Facets::new(&corners, &triangles, reach).unwrap_err();
-            assert!(error.contains(said), "{error}");
+            assert!(error.contains(message), "{error}");
         }
         // A very large surface with a very small gap.
         let wide = [[-1e6, -1e6, -1e6], [1e6, 1e6, 1e6], [1e6, -1e6, 1e6]];

@@ -38,11 +38,11 @@ impl SpaceLink {
         }
     }
 
-    /// The same link at the frame rate `at` [Hz].
-    pub(crate) fn at_rate(&self, at: f64) -> Self {
+    /// The same link at the frame rate `new_rate` [Hz].
+    pub(crate) fn at_rate(&self, new_rate: f64) -> Self {
         let mut stepped = self.clone();
         if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
-            *rate = at;
+            *rate = new_rate;
         }
         stepped
     }
@@ -146,15 +146,18 @@ impl Network {
         let distance = self.distance(ends, n_axes);
         let from = distance - rest;
         // Largest stiffness at the initial length and at rest: along its line the slope of the law, across it f/ℓ.
-        let at = |e: f64| {
+        let slope = |e: f64| {
             let across = inverse(rest + e) * law.spring(e);
             law.slope(e).max(across).max(0.0)
         };
         let [k, z] = if rest > 0.0 {
             let viscosity = |e| law.damping_slope(e);
-            [at(from).max(at(0.0)), viscosity(from).max(viscosity(0.0))]
+            [
+                slope(from).max(slope(0.0)),
+                viscosity(from).max(viscosity(0.0)),
+            ]
         } else {
-            [at(from), law.damping_slope(from)]
+            [slope(from), law.damping_slope(from)]
         };
         if !law.spring(from).is_finite() {
             return Err(self.refused(

@@ -95,8 +95,13 @@ impl Network {
     /// The initial distance of two points [m].
     pub fn distance(&self, (a, b): (SpacePoint, SpacePoint), n_axes: usize) -> f64 {
         let apart = |axis: usize| {
-            let at = |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
-            if axis < n_axes { at(b) - at(a) } else { 0.0 }
+            let coordinate =
+                |end: SpacePoint| end.coordinate(axis).map_or(0.0, |mat| self.mats.x0[mat]);
+            if axis < n_axes {
+                coordinate(b) - coordinate(a)
+            } else {
+                0.0
+            }
         };
         distance(apart(0), apart(1), apart(2))
     }

@@ -44,23 +44,28 @@ impl Maker<'_> {
     }
 
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
-    pub(super) fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Solved {
-        let (seldom, mut best) = self.offer_only_seen(subset, own, plain);
+    pub(super) fn offered(
+        &self,
+        subset: &Subset,
+        island_timeline: &OwnTimeline,
+        plain: Solved,
+    ) -> Solved {
+        let (seldom, mut best) = self.offer_only_seen(subset, island_timeline, plain);
         let subset = seldom.as_ref().unwrap_or(subset);
         for &(every, preserved) in &PRESERVED {
             // Without allowance an offer cannot be measured.
             if self.allowance.n_refused() > 0 {
                 break;
             }
-            let most = preserved.min(self.budget.contact());
-            let keys = multirate::offer(subset, own, self.budget, Offered::Keys, every);
+            let error_max = preserved.min(self.budget.contact());
+            let keys = multirate::offer(subset, island_timeline, self.budget, Offered::Keys, every);
             let is_right = |solved: &Solved, best: &Solved| {
-                solved.slow_error.is_some_and(|error| error.db <= most)
+                solved.slow_error.is_some_and(|error| error.db <= error_max)
                     && solved.cost() < WORTH * best.cost()
                     && solved.is_as_exact(best, self.budget)
             };
             if let Some(slow) = keys
-                && let Some(solved) = self.try_offer(&slow, own, &best, is_right)
+                && let Some(solved) = self.try_offer(&slow, island_timeline, &best, is_right)
             {
                 best = solved;
             }
@@ -72,19 +77,25 @@ impl Maker<'_> {
     fn offer_only_seen(
         &self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         plain: Solved,
     ) -> (Option<Subset>, Solved) {
         let mut every = self.seen_every;
         while every > 1 && self.allowance.n_refused() == 0 {
-            let seldom = multirate::offer(subset, own, self.budget, Offered::OnlySeen, every);
+            let seldom = multirate::offer(
+                subset,
+                island_timeline,
+                self.budget,
+                Offered::OnlySeen,
+                every,
+            );
             let is_right = |solved: &Solved, plain: &Solved| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
                     && solved.sounds_as_exact(plain, self.budget)
             };
             if let Some(seldom) = seldom
-                && let Some(solved) = self.try_offer(&seldom, own, &plain, is_right)
+                && let Some(solved) = self.try_offer(&seldom, island_timeline, &plain, is_right)
             {
                 return (Some(seldom), solved);
             }
@@ -97,11 +108,11 @@ impl Maker<'_> {
     fn try_offer(
         &self,
         slow: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         plain: &Solved,
         is_right: impl Fn(&Solved, &Solved) -> bool,
     ) -> Option<Solved> {
-        let solved = self.solve(slow, own, None).ok()?;
+        let solved = self.solve(slow, island_timeline, None).ok()?;
         is_right(&solved, plain).then(|| Solved {
             is_offered: true,
             refused_slow: plain.refused_slow.clone(),
@@ -113,19 +124,19 @@ impl Maker<'_> {
     pub(super) fn pinned_offer(
         &self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         pin: &Choice,
     ) -> Option<Solved> {
         let plain = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
         if subset.network.has_slow_parts()
-            && let Ok(solved) = self.solve(&plain, own, Some(pin))
+            && let Ok(solved) = self.solve(&plain, island_timeline, Some(pin))
         {
             return Some(solved);
         }
         let times = pin.oversampling.max(1);
         let mut each = vec![1];
-        for kept in &pin.kept {
-            if let [steps] = kept[..]
+        for numbers in &pin.kept {
+            if let [steps] = numbers[..]
                 && steps > times
                 && !each.contains(&(steps / times))
             {
@@ -134,21 +145,21 @@ impl Maker<'_> {
         }
         let offer = |subset: &Subset, offered, every| match every {
             1 => Some(subset.clone()),
-            _ => multirate::offer(subset, own, self.budget, offered, every),
+            _ => multirate::offer(subset, island_timeline, self.budget, offered, every),
         };
         let both = each
             .iter()
             .flat_map(|seen| each.iter().map(move |key| (*seen, *key)));
-        let mut found = both
+        let mut first_offer = both
             .filter(|&both| both != (1, 1))
             .filter_map(|(seen, key)| {
                 let slow = offer(subset, Offered::OnlySeen, seen)?;
                 let slow = offer(&slow, Offered::Keys, key)?;
-                self.solve(&slow, own, Some(pin)).ok()
+                self.solve(&slow, island_timeline, Some(pin)).ok()
             });
         Some(Solved {
             is_offered: true,
-            ..found.next()?
+            ..first_offer.next()?
         })
     }
 }

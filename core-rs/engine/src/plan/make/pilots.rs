@@ -18,17 +18,17 @@ impl Maker<'_> {
     pub(super) fn choose_by_pilot(
         &self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let known = (&self.allowance, self.store);
-        let result = self.pilot((subset, own), self.budget, assemble)?;
-        let at_first = result.chosen.error;
+        let result = self.pilot((subset, island_timeline), self.budget, assemble)?;
+        let first_error = result.chosen.error;
         let chosen = result.extend_error(self.budget, known)?;
-        let Some(stricter) = chosen.stricter(at_first, self.budget) else {
+        let Some(stricter) = chosen.stricter(first_error, self.budget) else {
             return Ok(chosen);
         };
-        let result = self.pilot((subset, own), &stricter, assemble)?;
+        let result = self.pilot((subset, island_timeline), &stricter, assemble)?;
         let other = result.extend_error(&stricter, known)?;
         let is_within = |error: Measured| match self.budget {
             Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
@@ -45,22 +45,22 @@ impl Maker<'_> {
     /// The result of a pilot, or the record of an earlier one that would find the same.
     fn pilot(
         &self,
-        (subset, own): (&Subset, &OwnTimeline),
+        (subset, island_timeline): (&Subset, &OwnTimeline),
         budget: &Budget,
         assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
-        let is_tried = !matches!(budget, Budget::Method(_)) && !own.timeline.is_open;
+        let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
         let series = self.store.filter(|_| is_tried).map(|store| {
             let also = format_args!("pilot {budget:?}");
             Series::new(
                 store,
-                IslandContent::of(&subset.network, &own.timeline, also),
+                IslandContent::of(&subset.network, &island_timeline.timeline, also),
             )
         });
         let recalled = series.as_ref().and_then(|series| {
             let (taken, record) = series.find(&self.allowance)?;
             let assemble = |how: How<'_>, pin: Option<&Choice>| {
-                Assembled::new(subset, own, self.budget, how, pin, &self.memo)
+                Assembled::new(subset, island_timeline, self.budget, how, pin, &self.memo)
             };
             let result = PilotResult::recalled(&record, &assemble)?;
             // The record includes the work of solving bodies.

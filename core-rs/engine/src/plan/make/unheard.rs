@@ -32,20 +32,21 @@ pub(super) fn plan(
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)
     };
-    let is_loose =
-        |own: &IslandMembers| budget.takes_modes() && cells::is_loose(network, own, timeline.rate);
+    let is_loose = |members: &IslandMembers| {
+        budget.takes_modes() && cells::is_loose(network, members, timeline.rate)
+    };
     let (subsets, n_islands) = seen::subsets(network, unheard, is_loose)?;
-    for (at, (subset, own)) in split(subsets, timeline).into_iter().enumerate() {
-        if at >= n_islands {
-            maker.cells(&subset, &own)?;
+    for (island_timeline, (subset, members)) in split(subsets, timeline).into_iter().enumerate() {
+        if island_timeline >= n_islands {
+            maker.cells(&subset, &members)?;
             continue;
         }
         let first_row = maker.plan.rows.len();
-        maker.island(subset.clone(), own.clone())?;
+        maker.island(subset.clone(), members.clone())?;
         if let Some(Unit::IslandPlan(slow)) = maker.plan.units.last()
             && slow.every > 1
         {
-            let each = (&subset, &own, budget);
+            let each = (&subset, &members, budget);
             let error = seen_rate::error(slow, each, (&maker.memo, &allowance, known.store))?;
             let rows = maker.plan.rows[first_row..].iter_mut();
             rows.for_each(|row| row.error = error);
@@ -59,14 +60,14 @@ impl Maker<'_> {
     pub(super) fn plan_at_lower_rate(
         &mut self,
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         modules: usize,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
         let parts = subset.network.parts();
-        let mut own_parts = subset.network.mats().part.iter();
+        let mut mat_parts = subset.network.mats().part.iter();
         // A discrete network that is the reference has only one rate.
-        let is_discrete = own_parts.any(|&part| parts[part as usize].ca_rate.is_some());
+        let is_discrete = mat_parts.any(|&part| parts[part as usize].ca_rate.is_some());
         // If the whole island has a lower rate, its parts have none of their own.
         let alike = Subset {
             network: subset.network.with_macrosteps(|_, _| None),
@@ -75,7 +76,7 @@ impl Maker<'_> {
         let mut every = if is_discrete { 1 } else { self.every };
         while every > 1 {
             let before = self.counts();
-            let slower = own.slower(every);
+            let slower = island_timeline.slower(every);
             let is_made = slower.is_some_and(|slower| {
                 self.stepped(&alike, &slower, modules, None, why.clone())
                     .is_ok()
@@ -91,10 +92,10 @@ impl Maker<'_> {
             every /= 2;
         }
         let [_, first_row, ..] = self.counts();
-        self.stepped(subset, own, modules, None, why)?;
+        self.stepped(subset, island_timeline, modules, None, why)?;
         let why = if is_discrete {
             "its numbers are those of one rate (`units: ca`)"
-        } else if own.slower(self.every).is_none() {
+        } else if island_timeline.slower(self.every).is_none() {
             "it is played live, or a gesture is too fast for a slower one"
         } else {
             "it is not stable at a slower one"

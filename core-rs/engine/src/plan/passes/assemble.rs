@@ -85,7 +85,7 @@ impl Assembled {
     /// Assembles an island at some oversampling. Refused if that is not stable.
     pub(in crate::plan) fn new(
         subset: &Subset,
-        own: &OwnTimeline,
+        island_timeline: &OwnTimeline,
         budget: &Budget,
         how: How<'_>,
         pin: Option<&Choice>,
@@ -97,9 +97,9 @@ impl Assembled {
             is_plain,
         } = how;
         let timeline = if oversampling == 1 {
-            own.timeline.clone()
+            island_timeline.timeline.clone()
         } else {
-            faster(&own.timeline, oversampling, &subset.network)?
+            faster(&island_timeline.timeline, oversampling, &subset.network)?
         };
         // The macrostep of a slow part keeps its duration at a higher rate.
         let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
@@ -111,34 +111,37 @@ impl Assembled {
         let subset = sped.as_ref().unwrap_or(subset);
         // What was decided to be computed once a step stays so.
         let is_once = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
-        let most = if is_once { 1 } else { Budget::STEPS_MAX };
+        let steps_max = if is_once { 1 } else { Budget::STEPS_MAX };
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, choice, memo);
-        let mut found = None;
+        let mut body_steps = None;
         if let Some(cut) = cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
             // faster than a frame, that coupling would oscillate and grow.
-            let steps_over = |found: &PortedBody| match &found.inside {
+            let steps_over = |body_steps: &PortedBody| match &body_steps.inside {
                 BodyPlan::Mesh(mesh) => mesh.steps_over_fast_motion(),
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
             let once = cut.bodies.iter().any(steps_over).then_some(1);
             let timeline = &cut.own.timeline;
-            let by = |most| hub(&cut.hub.network, timeline, budget, most, Refusal::Bare);
-            match once.map_or_else(|| by(most), by).or_else(|_| by(most)) {
-                Ok(stable) => found = Some((cut, stable)),
+            let by = |steps_max| hub(&cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
+            match once
+                .map_or_else(|| by(steps_max), by)
+                .or_else(|_| by(steps_max))
+            {
+                Ok(stable) => body_steps = Some((cut, stable)),
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (cut, (contact_substeps, may_collocate, certificate)) = match found {
-            Some(found) => found,
+        let (cut, (contact_substeps, may_collocate, certificate)) = match body_steps {
+            Some(body_steps) => body_steps,
             None => {
                 // Only at the score's own rate does the composer get an explanation.
                 let refusal = match oversampling {
                     1 => Refusal::Explained,
                     _ => Refusal::Bare,
                 };
-                let stable = hub(&subset.network, &timeline, budget, most, refusal)?;
-                (ported::whole(subset, own, timeline), stable)
+                let stable = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
+                (ported::whole(subset, island_timeline, timeline), stable)
             }
         };
         let Cut {
@@ -150,12 +153,15 @@ impl Assembled {
             to_whole: Whole {
                 mats: Some(through(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
-                keys: Some(through(&own.keys, &inner.keys)),
-                gestures: Some(through(&own.gestures, &inner.gestures)),
+                keys: Some(through(&island_timeline.keys, &inner.keys)),
+                gestures: Some(through(&island_timeline.gestures, &inner.gestures)),
             },
             network: Arc::new(hub.network),
             timeline: inner.timeline,
-            bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
+            bodies: bodies
+                .iter()
+                .map(|body_steps| body_steps.inside.clone())
+                .collect(),
             contact_substeps,
             counted_cost: None,
             oversampling,
@@ -216,14 +222,18 @@ impl Assembled {
         bodies.map(BodyPlan::mesh_method).collect()
     }
 
-    /// The same island with only the modes `kept`, and these contact substeps.
-    pub(in crate::plan) fn only(mut self, contact_substeps: usize, kept: Vec<KeptModes>) -> Self {
+    /// The same island with only the modes `modes_kept`, and these contact substeps.
+    pub(in crate::plan) fn only(
+        mut self,
+        contact_substeps: usize,
+        modes_kept: Vec<KeptModes>,
+    ) -> Self {
         let mut hub = (*self.island_plan.network).clone();
-        for (body, kept) in self.bodies.iter_mut().zip(kept) {
+        for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
             if let BodyPlan::Modal(modal) = &body.inside {
-                body.inside = BodyPlan::Modal(modal.only(&kept.modes));
-                body.left_out = kept.left_out;
-                body.kept = kept.numbers();
+                body.inside = BodyPlan::Modal(modal.only(&modes_kept.modes));
+                body.left_out = modes_kept.left_out;
+                body.kept = modes_kept.numbers();
                 ported::set_free(&mut hub, &body.inside);
             }
         }
@@ -251,13 +261,13 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// Chooses the contact substeps a frame of a network, at most `most`; also returns whether laws may be computed between
+/// Chooses the contact substeps a frame of a network, at most `steps_max`; also returns whether laws may be computed between
 /// frames, and the certificate of the rest.
 pub(in crate::plan) fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,
-    most: usize,
+    steps_max: usize,
     refusal: Refusal,
 ) -> Result<(usize, bool, Certificate), Error> {
     let network = &greatest(network, &timeline.leads)?;
@@ -269,14 +279,14 @@ pub(in crate::plan) fn hub(
     let steered = timeline.steered();
     let (has_contacts, has_laws) = scheme.has_fine(&steered);
     let mut contact_substeps = if has_contacts && !is_discrete {
-        budget.contact_substeps().min(most)
+        budget.contact_substeps().min(steps_max)
     } else {
         1
     };
     if contact_substeps > 1 {
         scheme.take_fine(&steered);
     }
-    let may_collocate = has_laws && !is_discrete && most > 1;
+    let may_collocate = has_laws && !is_discrete && steps_max > 1;
     let may_collocate_alone =
         may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     if timeline.is_unguarded {
@@ -285,7 +295,7 @@ pub(in crate::plan) fn hub(
     let certificate = match scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && scheme.bears_springs(network) => {
-            contact_substeps = Budget::STEPS_MIN.min(most);
+            contact_substeps = Budget::STEPS_MIN.min(steps_max);
             scheme.take_fine(&steered);
             scheme.certify_or(network, refusal)?
         }

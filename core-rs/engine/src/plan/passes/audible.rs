@@ -56,9 +56,9 @@ pub(in crate::plan) fn keep(
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
-    let mut kept = body.loudest(allowed);
-    let Some(most) = allowed else {
-        return kept;
+    let mut loudest = body.loudest(allowed);
+    let Some(loudness_max) = allowed else {
+        return loudest;
     };
     let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
     let first = frames.min().filter(|_| !body.is_moving());
@@ -69,23 +69,23 @@ pub(in crate::plan) fn keep(
     };
     let mut all = None;
     loop {
-        let stays = |mode: &usize| kept.modes.binary_search(mode).is_ok();
+        let stays = |mode: &usize| loudest.modes.binary_search(mode).is_ok();
         let is_heard = |mode: &usize| body.frequency(*mode) <= budget.highest();
         let fallen: Vec<usize> = (0..body.n_modes())
             .filter(|mode| !stays(mode) && is_heard(mode))
             .collect();
         if fallen.is_empty() {
-            kept.left_out = None;
-            return kept;
+            loudest.left_out = None;
+            return loudest;
         }
         let all = all.get_or_insert_with(|| loudness(&(0..body.n_modes()).collect::<Vec<_>>()));
         let loud = loudness(&fallen).relative_to(all);
-        kept.left_out = Some(loud);
-        if loud <= most {
-            return kept;
+        loudest.left_out = Some(loud);
+        if loud <= loudness_max {
+            return loudest;
         }
-        allowed = allowed.map(|db| db - (loud - most).max(LEAST));
-        kept = body.loudest(allowed);
+        allowed = allowed.map(|db| db - (loud - loudness_max).max(LEAST));
+        loudest = body.loudest(allowed);
     }
 }
 

@@ -78,22 +78,22 @@ fn normal(
     if modes.is_free() && !timeline.is_open {
         return Err(NoModes::Slow);
     }
-    let (seen, felt) = modes.shapes.split_at(n_out);
-    let own = Normal {
+    let (seen, excited) = modes.shapes.split_at(n_out);
+    let normal = Normal {
         modes: &modes,
         seen,
-        felt,
+        felt: excited,
         strikes,
         budget,
         rate,
     };
-    let kept = match pinned {
-        Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
+    let chosen = match pinned {
+        Some([chosen]) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
         None => {
             // What a session will strike is not known: no audible mode is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);
-            audible::keep(&own, strikes, network, allowed, budget, rate)
+            audible::keep(&normal, strikes, network, allowed, budget, rate)
         }
     };
     let rest = (0..n_out)
@@ -109,11 +109,11 @@ fn normal(
     Ok(Body {
         bank: BankPlan {
             turned,
-            ..own.bank(&kept.modes, &subset.outputs)
+            ..normal.bank(&chosen.modes, &subset.outputs)
         },
         rest,
         modes: modes.len(),
-        kept,
+        kept: chosen,
         kind: ModeKind::Normal,
     })
 }
@@ -145,12 +145,12 @@ impl ModalBody for Normal<'_> {
     }
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let (seen, felt, given) = (self.seen, self.felt, impulses(self.strikes));
+        let (seen, excited, impulse_rows) = (self.seen, self.felt, impulses(self.strikes));
         truncate::keep(
             self.modes,
             seen,
-            felt,
-            &given,
+            excited,
+            &impulse_rows,
             allowed,
             self.budget,
             self.rate,
@@ -174,7 +174,7 @@ impl ModalBody for Normal<'_> {
 fn bank_of(
     modes: &Modes,
     some: &[usize],
-    [seen, felt]: [&[Vec<f64>]; 2],
+    [seen, excited]: [&[Vec<f64>]; 2],
     outputs: &[u32],
     strikes: &Blows,
     rate: Rate,
@@ -182,20 +182,20 @@ fn bank_of(
     let mut bank = BankPlan::default();
     for &mode in some {
         let ratios = modes.ratios(mode, rate);
-        let mut own = Vec::new();
+        let mut weights = Vec::new();
         for (row, &output) in seen.iter().zip(outputs) {
-            add_weight(&mut own, output, row[mode]);
+            add_weight(&mut weights, output, row[mode]);
         }
         bank.oscillators.push(Oscillator {
             a: 2.0 - ratios.kappa - ratios.zeta,
             b: 1.0 - ratios.zeta,
             now: modes.x0[mode] - modes.rest[mode],
             before: modes.before(mode, rate),
-            heard: own,
+            heard: weights,
             blows: Vec::new(),
         });
     }
-    for (shape, blows) in felt.iter().zip(strikes.values()) {
+    for (shape, blows) in excited.iter().zip(strikes.values()) {
         bank.strikes.push(Strikes {
             among: 0..some.len(),
             responses: if modes.is_discrete {
@@ -224,22 +224,22 @@ pub(in crate::plan) fn blows(
     is_ours: impl Fn(u32) -> bool,
     is_discrete: bool,
 ) -> Blows {
-    let mut found = Blows::new();
+    let mut by_mat = Blows::new();
     for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
-        let at = strike.at * rate.hertz();
+        let instant = strike.at * rate.hertz();
         let (frame, alpha) = if is_discrete {
             (frame(strike.at, rate.hertz()), 0.0)
         } else {
-            let n = floor_frame(at);
-            (n, (at - n as f64).clamp(0.0, 1.0))
+            let n = floor_frame(instant);
+            (n, (instant - n as f64).clamp(0.0, 1.0))
         };
-        let blows = found.entry(strike.mat).or_default();
+        let blows = by_mat.entry(strike.mat).or_default();
         blows.push((frame, alpha, strike.impulse));
     }
-    for blows in found.values_mut() {
+    for blows in by_mat.values_mut() {
         blows.sort_by_key(|&(frame, _, _)| frame);
     }
-    found
+    by_mat
 }
 
 /// What outputs sum.
@@ -282,9 +282,9 @@ pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, No
                     for link in first..first + len {
                         let run = network.run_of(link).filter(|run| run.is_undamped_spring());
                         let (run, weight) = (run.ok_or(NoModes::ForceHeard)?, -weight);
-                        let at = link - run.first;
-                        add(run.b + at, weight * run.k);
-                        add(run.a + at, -weight * run.k);
+                        let offset = link - run.first;
+                        add(run.b + offset, weight * run.k);
+                        add(run.a + offset, -weight * run.k);
                         rests -= weight * run.k * run.rest;
                     }
                 }

@@ -78,12 +78,12 @@ pub(in crate::plan) fn oscillators(
                 Term::Force { .. } | Term::Length { .. } => continue,
             };
             for i in interrupt::steps(first..first + len) {
-                let own = &mut all[i];
+                let cell = &mut all[i];
                 let weight = weight * if is_force { mats.k[i] } else { 1.0 };
                 if !is_force {
                     still[index as usize] += weight * mats.rest[i];
                 }
-                add_weight(&mut own.heard, index, weight);
+                add_weight(&mut cell.heard, index, weight);
             }
         }
     }
@@ -106,8 +106,8 @@ pub(in crate::plan) fn oscillators(
         });
     }
     let mut sizes = HashMap::new();
-    for (part, own) in mats.part.iter().zip(&all) {
-        *sizes.entry(*part).or_insert(0) += usize::from(!own.heard.is_empty());
+    for (part, cell) in mats.part.iter().zip(&all) {
+        *sizes.entry(*part).or_insert(0) += usize::from(!cell.heard.is_empty());
     }
     let mut banks: Vec<BankPlan> = Vec::new();
     // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
@@ -141,17 +141,17 @@ pub(in crate::plan) fn oscillators(
 }
 
 /// Add a weight to what an output hears.
-pub(in crate::plan) fn add_weight(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
+pub(in crate::plan) fn add_weight(weights: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
     if weight == 0.0 {
         return;
     }
-    match heard.iter_mut().find(|(known, _)| *known == output) {
+    match weights.iter_mut().find(|(known, _)| *known == output) {
         Some((_, known)) => *known += weight,
         None => {
-            if heard.is_empty() {
-                heard.reserve_exact(1); // most are heard by one output alone
+            if weights.is_empty() {
+                weights.reserve_exact(1); // most are heard by one output alone
             }
-            heard.push((output, weight));
+            weights.push((output, weight));
         }
     }
 }

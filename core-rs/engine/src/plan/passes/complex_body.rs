@@ -34,29 +34,29 @@ pub(in crate::plan) fn bank(
     let (sums, held) = output_sums(network);
     let struck: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
     let modes = memo.complex(network, &sums, &struck, rate)?;
-    let own = Complex {
+    let complex = Complex {
         modes: &modes,
         strikes,
         budget,
         rate,
     };
-    let kept = match pinned {
-        Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
+    let chosen = match pinned {
+        Some([chosen]) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
         None => {
             let allowed = budget.left_out();
-            let kept = audible::keep(&own, strikes, network, allowed, budget, rate);
-            own.or_all(kept)
+            let chosen = audible::keep(&complex, strikes, network, allowed, budget, rate);
+            complex.or_all(chosen)
         }
     };
-    let mut bank = own.bank(&kept.modes, &subset.outputs);
-    let places = places(&parts(&modes, &kept.modes, rate));
+    let mut bank = complex.bank(&chosen.modes, &subset.outputs);
+    let places = places(&parts(&modes, &chosen.modes, rate));
     bank.complex = Some((Arc::new(network.clone()), places));
     Ok(Body {
         bank,
         rest: modes.rest.iter().zip(held).map(|(a, b)| a + b).collect(),
         modes: modes.len(),
-        kept,
+        kept: chosen,
         kind: ModeKind::Complex,
     })
 }
@@ -133,7 +133,7 @@ pub(in crate::plan) struct Part {
 fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
     let [x, y] = modes.start[mode];
     let step = rate.step();
-    let one = |recurrence, [now, before]: [f64; 2], part, sign| Part {
+    let new_part = |recurrence, [now, before]: [f64; 2], part, sign| Part {
         mode,
         part,
         sign,
@@ -150,17 +150,17 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
             let grown = if b == 0.0 { 0.0 } else { exp(decay * step) };
             let re = [x, grown * (c * x + s * y)];
             let im = [y, grown * (c * y - s * x)];
-            vec![one((a, b), re, 0, 1.0), one((a, b), im, 1, -1.0)]
+            vec![new_part((a, b), re, 0, 1.0), new_part((a, b), im, 1, -1.0)]
         }
         Pole::Real { decay } => {
             // The recurrence does not use the frame before, but a port needs it for its velocity.
             let s = decay * step;
             let grown = if s < 1.0 { exp(s) } else { 1.0 + s };
-            vec![one((exp(-s), 0.0), [x, grown * x], 0, 1.0)]
+            vec![new_part((exp(-s), 0.0), [x, grown * x], 0, 1.0)]
         }
         Pole::Free => vec![
-            one((2.0, 1.0), [x, x - y * step], 0, 1.0),
-            one((1.0, 0.0), [y, 0.0], 1, 1.0),
+            new_part((2.0, 1.0), [x, x - y * step], 0, 1.0),
+            new_part((1.0, 0.0), [y, 0.0], 1, 1.0),
         ],
     }
 }
@@ -173,14 +173,14 @@ pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -
 }
 
 /// The response of a part to an impulse at a point.
-pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) -> Response {
-    let gain = modes.felt[point][own.mode];
-    match modes.poles[own.mode] {
+pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
+    let gain = modes.felt[point][part.mode];
+    match modes.poles[part.mode] {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
             decay,
             omega,
-            gain: if own.part == 0 {
+            gain: if part.part == 0 {
                 gain
             } else {
                 [gain[1], -gain[0]]
@@ -190,7 +190,7 @@ pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) 
             decay,
             gain: gain[0],
         },
-        Pole::Free if own.part == 0 => Response::Free { gain: gain[1] },
+        Pole::Free if part.part == 0 => Response::Free { gain: gain[1] },
         Pole::Free => Response::Real {
             decay: 0.0,
             gain: gain[1],
@@ -200,22 +200,22 @@ pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) 
 
 /// Which parts of which modes the oscillators are.
 pub(in crate::plan) fn places(all: &[Part]) -> Vec<ComplexPart> {
-    let place = |own: &Part| ComplexPart {
-        mode: own.mode,
-        part: own.part,
-        sign: own.sign,
+    let place = |part: &Part| ComplexPart {
+        mode: part.mode,
+        part: part.part,
+        sign: part.sign,
     };
     all.iter().map(place).collect()
 }
 
 impl Complex<'_> {
     /// All modes, unless those that were kept are cheaper by enough.
-    fn or_all(&self, kept: KeptModes) -> KeptModes {
+    fn or_all(&self, modes_kept: KeptModes) -> KeptModes {
         let all: Vec<usize> = (0..self.modes.len()).collect();
         let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
         // A group of lanes costs the same whether it is full or not.
-        if cost(&all) > LANES as f64 && cost(&kept.modes) <= WORTH * cost(&all) {
-            return kept;
+        if cost(&all) > LANES as f64 && cost(&modes_kept.modes) <= WORTH * cost(&all) {
+            return modes_kept;
         }
         KeptModes {
             modes: all,
@@ -239,14 +239,16 @@ impl ModalBody for Complex<'_> {
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
         let modes = self.modes;
-        let given = impulses(self.strikes);
+        let impulse_rows = impulses(self.strikes);
         let square = |[re, im]: [f64; 2]| re * re + im * im;
         let energy = |mode: usize| {
             let blows = modes
                 .felt
                 .iter()
-                .zip(&given)
-                .flat_map(|(felt, given)| given.iter().map(|p| p * p * square(felt[mode])));
+                .zip(&impulse_rows)
+                .flat_map(|(felt, impulse_rows)| {
+                    impulse_rows.iter().map(|p| p * p * square(felt[mode]))
+                });
             let (_, decay) = modes.pitch(mode);
             // ∫ e^(−2σt) over the first moments.
             let time = if decay * FIRST > 1e-9 {
@@ -256,43 +258,46 @@ impl ModalBody for Complex<'_> {
             };
             (square(modes.start[mode]) + blows.sum::<f64>()) * time
         };
-        let own: Vec<f64> = (0..modes.len()).map(energy).collect();
+        let energies: Vec<f64> = (0..modes.len()).map(energy).collect();
         let size = |row: &Vec<[f64; 2]>| row.iter().map(|&c| square(c).sqrt()).collect();
         let rows: Vec<Vec<f64>> = modes.seen.iter().map(size).collect();
         let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
         let frequency = |mode: usize| modes.pitch(mode).0;
-        let mut kept = truncate::choose(&[own], &rows, allowed, self.budget, frequency);
+        let mut loudest = truncate::choose(&[energies], &rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free = |mode: &usize| modes.poles[*mode] == Pole::Free;
-        kept.modes.extend((0..modes.len()).filter(is_free));
-        kept.modes.sort_unstable();
-        kept.modes.dedup();
-        kept
+        loudest.modes.extend((0..modes.len()).filter(is_free));
+        loudest.modes.sort_unstable();
+        loudest.modes.dedup();
+        loudest
     }
 
     fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
         let modes = self.modes;
         let mut bank = BankPlan::default();
         let all = parts(modes, some, self.rate);
-        for own in &all {
-            let mut heard = Vec::new();
+        for part in &all {
+            let mut weights = Vec::new();
             for (row, &output) in modes.seen.iter().zip(outputs) {
-                add_weight(&mut heard, output, own.sign * row[own.mode][own.part]);
+                add_weight(&mut weights, output, part.sign * row[part.mode][part.part]);
             }
-            let (a, b) = own.recurrence;
+            let (a, b) = part.recurrence;
             bank.oscillators.push(Oscillator {
                 a,
                 b,
-                now: own.now,
-                before: own.before,
-                heard,
+                now: part.now,
+                before: part.before,
+                heard: weights,
                 blows: Vec::new(),
             });
         }
         for (point, blows) in self.strikes.values().enumerate() {
             bank.strikes.push(Strikes {
                 among: 0..all.len(),
-                responses: all.iter().map(|own| response(modes, own, point)).collect(),
+                responses: all
+                    .iter()
+                    .map(|part| response(modes, part, point))
+                    .collect(),
                 share: vec![1.0; all.len()],
                 w: self.rate.step() * self.rate.step(),
                 blows: blows.clone(),

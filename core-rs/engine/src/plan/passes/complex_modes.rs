@@ -124,8 +124,8 @@ impl ComplexModes {
                 for block in blocks::all(damping, n) {
                     match block[..] {
                         [mode] => {
-                            let own = damping[mode * n + mode];
-                            decoupled::add(&mut modes, &coordinates, mode, own)?;
+                            let diagonal = damping[mode * n + mode];
+                            decoupled::add(&mut modes, &coordinates, mode, diagonal)?;
                         }
                         _ => blocks::add(&mut modes, &coordinates, damping, &block)?,
                     }
@@ -177,12 +177,12 @@ impl ComplexModes {
         self.poles.iter().any(is_slow).then_some(NoModes::Slow)
     }
 
-    /// Adds a mode: `seen` by each output, and `felt` from 1 N·s at each struck point.
+    /// Adds a mode: `seen` by each output, and `excitation` from 1 N·s at each struck point.
     fn add(
         &mut self,
         (pole, start): (Pole, Complex),
         seen: impl Fn(usize) -> Complex,
-        felt: impl Fn(usize) -> Complex,
+        excitation: impl Fn(usize) -> Complex,
     ) {
         self.poles.push(pole);
         self.start.push(start);
@@ -190,7 +190,7 @@ impl ComplexModes {
             row.push(seen(output));
         }
         for (point, row) in self.felt.iter_mut().enumerate() {
-            row.push(felt(point));
+            row.push(excitation(point));
         }
     }
 }
@@ -221,8 +221,8 @@ impl Coordinates {
         let row = |row: &Row| {
             let mut sum = vec![0.0; n];
             for &(mat, weight) in row {
-                if let Some(own) = slot(mat) {
-                    sum[own] += weight / linear.root[own];
+                if let Some(local) = slot(mat) {
+                    sum[local] += weight / linear.root[local];
                 }
             }
             sum
@@ -230,13 +230,15 @@ impl Coordinates {
         let mut rows: Vec<Vec<f64>> = outputs.iter().map(|sum| row(&sum.positions)).collect();
         rows.extend(outputs.iter().map(|sum| row(&sum.velocities)));
         rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
-        let weighted = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let all = linear.free.iter().enumerate();
-            all.map(|(own, &mat)| of(own, mat)).collect()
+            all.map(|(local, &mat)| value_of(local, mat)).collect()
         };
-        rows.push(weighted(&|own, mat| linear.root[own] * mats.x0[mat]));
-        rows.push(weighted(&|own, mat| linear.root[own] * mats.v0[mat]));
-        rows.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        rows.push(weighted(&|local, mat| linear.root[local] * mats.x0[mat]));
+        rows.push(weighted(&|local, mat| linear.root[local] * mats.v0[mat]));
+        rows.push(weighted(&|local, _| {
+            linear.force[local] / linear.root[local]
+        }));
         let n_first = rows.len();
         if is_damped {
             rows.extend(
@@ -259,7 +261,11 @@ impl Coordinates {
                 Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect())
             }
             None => {
-                let signs: Vec<f64> = linear.dampers.iter().map(|own| own.z.signum()).collect();
+                let signs: Vec<f64> = linear
+                    .dampers
+                    .iter()
+                    .map(|local| local.z.signum())
+                    .collect();
                 for group in equal_frequencies(&lambda) {
                     rotate_group(&mut rows, n_first, group, &signs).ok_or(NoModes::NotFinite)?;
                 }
@@ -296,8 +302,8 @@ impl Coordinates {
 fn damper_row(damper: &Damper, root: &[f64]) -> Vec<f64> {
     let mut row = vec![0.0; root.len()];
     for (end, sign) in damper.ends.iter().zip([1.0, -1.0]) {
-        if let Some(own) = *end {
-            row[own] += sign * damper.z.abs().sqrt() / root[own];
+        if let Some(local) = *end {
+            row[local] += sign * damper.z.abs().sqrt() / root[local];
         }
     }
     row
@@ -306,18 +312,18 @@ fn damper_row(damper: &Damper, root: &[f64]) -> Vec<f64> {
 /// Ranges of undamped modes of the same frequency, first those that no spring holds: any rotation among them gives
 /// equally valid modes.
 fn equal_frequencies(lambda: &[f64]) -> Vec<Range<usize>> {
-    let mut found = Vec::new();
+    let mut ranges = Vec::new();
     let mut first = 0;
     while first < lambda.len() {
         let low = lambda[first];
         let is_same = |high: &&f64| **high - low <= 2.0 * NOTHING * high.sqrt();
         let n = lambda[first..].iter().take_while(is_same).count().max(1);
         if n > 1 || low == 0.0 {
-            found.push(first..first + n);
+            ranges.push(first..first + n);
         }
         first += n;
     }
-    found
+    ranges
 }
 
 /// Rotates modes of the same frequency so that dampers do not couple them with each other: equal poles are then

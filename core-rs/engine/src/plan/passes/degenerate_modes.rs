@@ -45,19 +45,20 @@ impl Modes {
             if left.is_empty() {
                 return;
             }
-            let own = &rows[row][left.clone()];
-            let size = norm(own);
+            let remainder = &rows[row][left.clone()];
+            let size = norm(remainder);
             if size <= NOTHING * norm(rows[row]) {
                 continue;
             }
-            let mut mirror = own.to_vec();
-            mirror[0] += size.copysign(own[0]);
+            let mut mirror = remainder.to_vec();
+            mirror[0] += size.copysign(remainder[0]);
             let square: f64 = mirror.iter().map(|v| v * v).sum();
             for row in &mut rows {
-                let own = &mut row[left.clone()];
-                let along: f64 = own.iter().zip(&mirror).map(|(x, v)| x * v).sum();
+                let remainder = &mut row[left.clone()];
+                let along: f64 = remainder.iter().zip(&mirror).map(|(x, v)| x * v).sum();
                 let twice = 2.0 * along / square;
-                own.iter_mut()
+                remainder
+                    .iter_mut()
                     .zip(&mirror)
                     .for_each(|(x, v)| *x -= twice * v);
             }

@@ -43,38 +43,38 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(key.struck, mat);
         }
     }
-    let (moved, heard) = (
+    let (moved, listened) = (
         moved(network, timeline),
         ListenedMats::new(network, timeline),
     );
     let mut index = vec![u32::MAX; n];
-    let mut found: Vec<IslandMembers> = Vec::new();
+    let mut members: Vec<IslandMembers> = Vec::new();
     for mat in interrupt::steps(0..n) {
         let root = forest.root(mat);
         if index[root] == u32::MAX {
-            index[root] = found.len() as u32;
-            found.push(IslandMembers::default());
+            index[root] = members.len() as u32;
+            members.push(IslandMembers::default());
         }
-        let island = &mut found[index[root] as usize];
+        let island = &mut members[index[root] as usize];
         island.mats.push(mat as u32);
-        island.is_heard |= heard.mats[mat];
+        island.is_heard |= listened.mats[mat];
         island.is_moved |= moved[mat];
     }
     for (link, mats) in links(network) {
         let [.., last] = mats.all() else { continue };
-        let own = mats.all().iter().copied().find(|&mat| is_free[mat]);
-        let own = own.unwrap_or(*last);
-        let island = &mut found[index[forest.root(own)] as usize];
+        let first_free = mats.all().iter().copied().find(|&mat| is_free[mat]);
+        let first_free = first_free.unwrap_or(*last);
+        let island = &mut members[index[forest.root(first_free)] as usize];
         island.links.push(link as u32);
-        island.is_heard |= heard.links[link];
+        island.is_heard |= listened.links[link];
         // A gated force changes even between two points that never move.
-        island.is_moved |= heard.links[link]
+        island.is_moved |= listened.links[link]
             && timeline
                 .gates
                 .iter()
                 .any(|gate| gate.links().contains(&link));
         let held = mats.all().iter().filter(|&&mat| !is_free[mat]);
-        for &other in held.filter(|_| is_free[own]) {
+        for &other in held.filter(|_| is_free[first_free]) {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];
             island.is_handled |= moved[other];
@@ -82,7 +82,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
-        let island = &mut found[index[forest.root(proxy.mat)] as usize];
+        let island = &mut members[index[forest.root(proxy.mat)] as usize];
         let others = proxy.masses().chain(proxy.guides());
         for other in others.filter(|&mat| !is_free[mat]) {
             island.guests.push(other as u32);
@@ -92,7 +92,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // MATs that laws and masses follow.
     for (mat, guide) in network.followed() {
-        let island = &mut found[index[forest.root(mat)] as usize];
+        let island = &mut members[index[forest.root(mat)] as usize];
         island.is_handled = true;
         if !is_free[guide] {
             island.guests.push(guide as u32);
@@ -103,7 +103,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     let glides = timeline.glides.iter().map(|glide| glide.mat);
     let drives = timeline.drives.iter().map(|drive| drive.mat);
     for mat in keys.chain(drives).chain(glides) {
-        found[index[forest.root(mat)] as usize].is_handled = true;
+        members[index[forest.root(mat)] as usize].is_handled = true;
     }
     for (link, a, b) in ends(network) {
         if timeline
@@ -111,15 +111,15 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             .iter()
             .any(|lead| lead.links().contains(&link))
         {
-            let own = if is_free[a] { a } else { b };
-            found[index[forest.root(own)] as usize].is_handled = true;
+            let first_free = if is_free[a] { a } else { b };
+            members[index[forest.root(first_free)] as usize].is_handled = true;
         }
     }
-    for island in &mut found {
+    for island in &mut members {
         island.guests.sort_unstable();
         island.guests.dedup();
     }
-    found
+    members
 }
 
 /// MATs that a force can move.
@@ -142,17 +142,17 @@ struct ListenedMats {
 
 impl ListenedMats {
     fn new(network: &Network, timeline: &Timeline) -> Self {
-        let mut heard = Self {
+        let mut listened = Self {
             mats: vec![false; network.n_mat()],
             links: vec![false; network.n_lia()],
         };
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                    heard.mats[first..first + len].fill(true);
+                    listened.mats[first..first + len].fill(true);
                 }
                 Term::Force { first, len, .. } | Term::Length { first, len, .. } => {
-                    heard.links[first..first + len].fill(true);
+                    listened.links[first..first + len].fill(true);
                 }
             }
         }
@@ -164,9 +164,9 @@ impl ListenedMats {
             .filter(|drive| drive.hand().is_some());
         hands.for_each(|hand| is_held[hand.mat] = true);
         for (link, a, b) in ends(network) {
-            heard.links[link] |= is_held[a] || is_held[b];
+            listened.links[link] |= is_held[a] || is_held[b];
         }
-        heard
+        listened
     }
 }
 

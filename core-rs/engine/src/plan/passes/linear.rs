@@ -165,14 +165,14 @@ impl Linear {
                         z: run.z,
                     });
                 }
-                for (own, sign) in [(sa, 1.0), (sb, -1.0)] {
-                    let Some(own) = own else { continue };
-                    stiffness[own * n + own] += run.k / (root[own] * root[own]);
+                for (local, sign) in [(sa, 1.0), (sb, -1.0)] {
+                    let Some(local) = local else { continue };
+                    stiffness[local * n + local] += run.k / (root[local] * root[local]);
                     let held = |end: usize, other: Option<usize>| match other {
                         Some(_) => 0.0,
                         None => mats.x0[end],
                     };
-                    force[own] += sign * run.k * (held(b, sb) - held(a, sa) - run.rest);
+                    force[local] += sign * run.k * (held(b, sb) - held(a, sa) - run.rest);
                 }
                 if let (Some(a), Some(b)) = (sa, sb) {
                     stiffness[a * n + b] -= run.k / (root[a] * root[b]);
@@ -180,19 +180,19 @@ impl Linear {
                 }
             }
         }
-        for (own, &i) in free.iter().enumerate() {
+        for (local, &i) in free.iter().enumerate() {
             let tied = mats.kind[i] == MatKind::Cel;
             let (k, z) = if tied {
                 (mats.k[i], mats.z[i])
             } else {
                 (0.0, 0.0)
             };
-            stiffness[own * n + own] += k / mats.m[i];
-            force[own] += k * mats.rest[i];
+            stiffness[local * n + local] += k / mats.m[i];
+            force[local] += k * mats.rest[i];
             proportion = proportion.and_then(|()| damping.mass(mats.m[i], k, z));
             if z != 0.0 {
                 dampers.push(Damper {
-                    ends: [Some(own), None],
+                    ends: [Some(local), None],
                     z,
                 });
             }
@@ -201,7 +201,7 @@ impl Linear {
         let viscosity = match known {
             Some(()) => None,
             None => {
-                Viscosity::new(network, &free, &root).filter(|own| own.shares_modes(&stiffness))
+                Viscosity::new(network, &free, &root).filter(|local| local.shares_modes(&stiffness))
             }
         };
         Ok(Self {
@@ -219,9 +219,11 @@ impl Linear {
 
 /// Whether the discrete network is the reference: for the whole body at the scene's rate, or for none of it.
 fn is_discrete_reference(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
-    let at = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
-    let masses = free.iter().map(|&i| at(network.mats().part[i] as usize));
-    let mut reference_rates = masses.chain(network.runs().iter().map(|run| at(run.part)));
+    let ca_rate_of = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
+    let masses = free
+        .iter()
+        .map(|&i| ca_rate_of(network.mats().part[i] as usize));
+    let mut reference_rates = masses.chain(network.runs().iter().map(|run| ca_rate_of(run.part)));
     let Some(first) = reference_rates.next() else {
         return Ok(false);
     };

@@ -17,13 +17,13 @@ const BLOCK: usize = 256;
 
 /// What an output heard up to the end of a span.
 #[derive(Clone, Copy, Default)]
-struct Heard {
+struct OutputSums {
     n_frames: usize,
     sum: f64,
     energy: f64,
 }
 
-impl Heard {
+impl OutputSums {
     /// Energy without that of the mean: a body that drifts away would hide all modes. 0 if the rest is rounding.
     fn energy_about_mean(&self) -> f64 {
         const ROUNDING: f64 = 1e-26;
@@ -37,7 +37,7 @@ impl Heard {
 }
 
 /// What each output heard, up to the end of each span   (TIMES, n_out)
-pub(in crate::plan) struct Loudness(Vec<Vec<Heard>>);
+pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
@@ -57,19 +57,19 @@ impl Loudness {
         let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, BLOCK, false);
         let span = (FIRST * rate.hertz()) as usize;
         let mut sound = vec![0.0; BLOCK * n_out];
-        let mut sums = vec![Heard::default(); n_out];
+        let mut sums = vec![OutputSums::default(); n_out];
         let spans = (0..TIMES).map(|_| {
-            for at in (0..span).step_by(BLOCK) {
-                let n_frames = BLOCK.min(span - at);
+            for start in (0..span).step_by(BLOCK) {
+                let n_frames = BLOCK.min(span - start);
                 let sound = &mut sound[..n_frames * n_out];
                 sound.fill(0.0);
                 playing.process(sound, n_out, n_frames);
                 derivatives.process(sound, n_out);
                 for frame in sound.chunks_exact(n_out.max(1)) {
-                    for (heard, x) in sums.iter_mut().zip(frame) {
-                        heard.n_frames += 1;
-                        heard.sum += x;
-                        heard.energy += x * x;
+                    for (level, x) in sums.iter_mut().zip(frame) {
+                        level.n_frames += 1;
+                        level.sum += x;
+                        level.energy += x * x;
                     }
                 }
             }

@@ -148,11 +148,11 @@ pub(in crate::plan) fn check_supported(
 }
 
 /// Whether the discrete network is the reference for any of its parts.
-fn is_discrete(network: &Network, own: &Network) -> bool {
-    let of_mats = own.mats().part.iter().map(|&part| part as usize);
-    let of_links = own.runs().iter().map(|run| run.part);
-    of_mats
-        .chain(of_links)
+fn is_discrete(network: &Network, island: &Network) -> bool {
+    let mat_parts = island.mats().part.iter().map(|&part| part as usize);
+    let link_parts = island.runs().iter().map(|run| run.part);
+    mat_parts
+        .chain(link_parts)
         .any(|part| network.parts()[part].ca_rate.is_some())
 }
 
@@ -175,11 +175,15 @@ fn choose_for_led(network: &Network, rate: Rate, budget: &Budget) -> Option<(Mes
     let mut stable = [1, 2, 4]
         .into_iter()
         .filter(|&substeps| certify(network, rate, method, substeps).is_ok());
-    let Budget::Cents { cents: most, upto } = *budget else {
+    let Budget::Cents {
+        cents: cents_max,
+        upto,
+    } = *budget
+    else {
         return stable.next().map(|substeps| (method, substeps));
     };
     let x = TAU * upto * rate.step();
-    let is_enough = |substeps: &u32| cents(method, x / f64::from(*substeps)) <= most;
+    let is_enough = |substeps: &u32| cents(method, x / f64::from(*substeps)) <= cents_max;
     stable.find(is_enough).map(|substeps| (method, substeps))
 }
 
@@ -201,9 +205,12 @@ fn choose(
     for (method, substeps, _) in LADDER {
         let steps = f64::from(substeps);
         let is_enough = match *budget {
-            Budget::Cents { cents: most, upto } => {
+            Budget::Cents {
+                cents: cents_max,
+                upto,
+            } => {
                 let x = (TAU * upto * rate.step()).min(highest) / steps;
-                cents(method, x) <= most
+                cents(method, x) <= cents_max
             }
             // The pilot finds better methods if necessary.
             Budget::Error(_) | Budget::Method(_) => true,

@@ -28,11 +28,11 @@ pub(crate) struct ModeShapes {
 }
 
 impl ModeShapes {
-    /// For a body, the modes `kept`, rotated towards some MATs. Takes at least as long as computing its whole spectrum.
+    /// For a body, the modes `mode_numbers`, rotated towards some MATs. Takes at least as long as computing its whole spectrum.
     /// `None` if it has no modes.
     pub(crate) fn new(
         network: &Network,
-        (kept, turned): (&[u32], Option<&[usize]>),
+        (mode_numbers, turned): (&[u32], Option<&[usize]>),
         rate: Rate,
         transform: ModalTransform,
     ) -> Option<Self> {
@@ -46,20 +46,24 @@ impl ModeShapes {
             let moved: Vec<usize> = towards.iter().filter_map(row).collect();
             modes.rotate(&moved, rate);
         }
-        if kept.iter().any(|&mode| mode as usize >= modes.len()) {
+        if mode_numbers
+            .iter()
+            .any(|&mode| mode as usize >= modes.len())
+        {
             return None;
         }
         let rest = |shape: &Vec<f64>| shape.iter().zip(&modes.rest).map(|(a, b)| a * b).sum();
         let share = |mat: usize, mode: u32| modes.shapes[mat][mode as usize];
         let all = 0..mats.len();
         let shapes = match transform {
-            ModalTransform::ToPositions => kept
+            ModalTransform::ToPositions => mode_numbers
                 .iter()
                 .flat_map(|&mode| all.clone().map(|mat| share(mat, mode)).collect::<Vec<_>>())
                 .collect(),
             ModalTransform::ToAmplitudes => all
                 .flat_map(|mat| {
-                    kept.iter()
+                    mode_numbers
+                        .iter()
                         .map(|&mode| share(mat, mode))
                         .collect::<Vec<_>>()
                 })
@@ -69,7 +73,7 @@ impl ModeShapes {
             shapes,
             rest: modes.shapes.iter().map(rest).collect(),
             mass: mats.iter().map(|&mat| network.mats().m[mat]).collect(),
-            n_modes: kept.len(),
+            n_modes: mode_numbers.len(),
             mats,
         })
     }
@@ -129,8 +133,8 @@ impl ModeShapes {
         now.fill(0.0);
         before.fill(0.0);
         let rows = self.shapes.chunks(self.n_modes.max(1));
-        let own = self.rest.iter().zip(&self.mass);
-        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(rows.zip(own)) {
+        let mats_of_rest = self.rest.iter().zip(&self.mass);
+        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(rows.zip(mats_of_rest)) {
             let (x, was) = (mass * (x - rest), mass * (x - step - rest));
             for ((share, now), before) in row.iter().zip(&mut *now).zip(&mut *before) {
                 *now += share * x;

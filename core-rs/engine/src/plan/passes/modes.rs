@@ -48,23 +48,25 @@ impl Modes {
         for row in rows {
             let mut sum = vec![0.0; n];
             for &(mat, weight) in row {
-                if let Some(own) = slot(mat) {
-                    sum[own] += weight / linear.root[own];
+                if let Some(local) = slot(mat) {
+                    sum[local] += weight / linear.root[local];
                 }
             }
             seen.push(sum);
         }
-        let weighted = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             linear
                 .free
                 .iter()
                 .enumerate()
-                .map(|(own, &i)| of(own, i))
+                .map(|(local, &i)| value_of(local, i))
                 .collect()
         };
-        seen.push(weighted(&|own, i| linear.root[own] * mats.x0[i]));
-        seen.push(weighted(&|own, i| linear.root[own] * mats.v0[i]));
-        seen.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        seen.push(weighted(&|local, i| linear.root[local] * mats.x0[i]));
+        seen.push(weighted(&|local, i| linear.root[local] * mats.v0[i]));
+        seen.push(weighted(&|local, _| {
+            linear.force[local] / linear.root[local]
+        }));
         if let Some(viscosity) = &linear.viscosity {
             let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(n, which)).collect();
             let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
@@ -86,10 +88,12 @@ impl Modes {
                 let images = seen.split_off(seen.len() - PROBES);
                 let probes = seen.split_off(seen.len() - PROBES);
                 let mut zeta = Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?;
-                let most = zeta.iter().fold(0.0_f64, |most, zeta| most.max(*zeta));
+                let zeta_max = zeta
+                    .iter()
+                    .fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));
                 for (zeta, lambda) in zeta.iter_mut().zip(&lambda) {
                     // A rigid mode that no damper acts on has no loss, up to rounding.
-                    if *lambda == 0.0 && zeta.abs() <= LOSSLESS * most {
+                    if *lambda == 0.0 && zeta.abs() <= LOSSLESS * zeta_max {
                         *zeta = 0.0;
                     }
                 }

@@ -26,7 +26,7 @@ use crate::units::Rate;
 
 /// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
 /// that multiple of the rate is.
-const MOST: f64 = 2.0;
+const COST_RATIO_MAX: f64 = 2.0;
 
 /// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
 const TIES_MAX: usize = 8;
@@ -67,7 +67,7 @@ pub(in crate::plan) fn cut(
 ) -> (Option<Cut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
-    let (mut found, mut why) = (Vec::new(), None);
+    let (mut inside, mut why) = (Vec::new(), None);
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // An island that was decided to have no bodies but its slow ones gets no others.
     let are_apart = !matches!(choice, MethodChoice::Stepped);
@@ -78,32 +78,32 @@ pub(in crate::plan) fn cut(
     };
     for (body, slow) in slow_bodies {
         wiring.take(&body.mats);
-        found.push((body, BodyPlan::Slow(slow)));
+        inside.push((body, BodyPlan::Slow(slow)));
     }
     // The certificate for slow parts covers normal modes only, and a takeover transfers the motion of a body mass by
     // mass through normal modes.
-    let takes_complex = found.is_empty() && !timeline.is_open;
+    let takes_complex = inside.is_empty() && !timeline.is_open;
     if budget.takes_modes() && has_bodies && !are_meshes {
         let wanted = match budget.contact_substeps() {
             1 => Wanted::Linear,
             _ => Wanted::Touched,
         };
         for body in wiring.bodies(network, wanted) {
-            let found_modes = match modal(network, timeline, &body, memo) {
+            let modal_plan = match modal(network, timeline, &body, memo) {
                 Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
                 known => known.map(BodyPlan::Modal),
             };
-            match found_modes {
-                Ok(modal) => found.push((body, modal)),
+            match modal_plan {
+                Ok(modal) => inside.push((body, modal)),
                 Err(reason) => match untied(network, timeline, &body, memo) {
-                    Some((body, modal)) => found.push((body, BodyPlan::Modal(modal))),
+                    Some((body, modal)) => inside.push((body, BodyPlan::Modal(modal))),
                     None => why = Some(reason),
                 },
             }
         }
     }
     if budget.takes_meshes() && has_bodies {
-        for (body, _) in &found {
+        for (body, _) in &inside {
             wiring.take(&body.mats);
         }
         // If one method is asked for, it steps the smallest body too.
@@ -114,18 +114,23 @@ pub(in crate::plan) fn cut(
             Wanted::Meshes
         };
         for body in wiring.bodies(network, wanted) {
-            let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
-            if let Some(mesh) =
-                mesh::mesh(network, timeline, &body, budget, pin, (choice, found.len()))
-            {
-                found.push((body, BodyPlan::Mesh(mesh)));
+            let pin = pin.map(|pin| pin.kept.get(inside.len()).map_or(&[][..], Vec::as_slice));
+            if let Some(mesh) = mesh::mesh(
+                network,
+                timeline,
+                &body,
+                budget,
+                pin,
+                (choice, inside.len()),
+            ) {
+                inside.push((body, BodyPlan::Mesh(mesh)));
             }
         }
     }
-    if found.is_empty() {
+    if inside.is_empty() {
         return (None, why);
     }
-    let mut cut = hub(island, timeline, found);
+    let mut cut = hub(island, timeline, inside);
     let bodies = cut.bodies.iter_mut();
     bodies.for_each(|body| body.replaces_modes = are_meshes);
     (Some(cut), why)
@@ -175,7 +180,11 @@ impl PortedBody {
 }
 
 /// An island that no body is cut out of.
-pub(in crate::plan) fn whole(island: &Subset, own: &OwnTimeline, timeline: Timeline) -> Cut {
+pub(in crate::plan) fn whole(
+    island: &Subset,
+    island_timeline: &OwnTimeline,
+    timeline: Timeline,
+) -> Cut {
     let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all(island.mats.len()),
@@ -183,14 +192,14 @@ pub(in crate::plan) fn whole(island: &Subset, own: &OwnTimeline, timeline: Timel
         outputs: all(island.outputs.len()),
         network: island.network.clone(),
     };
-    let own = OwnTimeline {
+    let island_timeline = OwnTimeline {
         timeline,
-        keys: all(own.keys.len()),
-        gestures: all(own.gestures.len()),
+        keys: all(island_timeline.keys.len()),
+        gestures: all(island_timeline.gestures.len()),
     };
     Cut {
         hub,
-        own,
+        own: island_timeline,
         bodies: Vec::new(),
     }
 }
@@ -325,7 +334,7 @@ fn complex(
             .collect()
     };
     let still = modes.rest[n_ports..].iter().zip(&outputs.held);
-    let found = Modal {
+    let modal = Modal {
         kept: (0..all.len() as u32).collect(),
         turned: None,
         modes: all.iter().map(part_plan).collect(),
@@ -357,23 +366,23 @@ fn complex(
             struck: (n_ports..points.len()).map(answers).collect(),
         }),
     };
-    // The largest cost allowed: the same masses stepped module by module, times `MOST`. A few masses that contacts touch
+    // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that contacts touch
     // would create energy if they were stepped.
-    let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
-    let found = BodyPlan::Modal(found);
-    let is_cheap = body.is_small() || cost::body_cost(&found) <= stepped;
-    is_cheap.then_some(found).ok_or(NoModes::Ports)
+    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal.of, &Timeline::new(rate));
+    let modal = BodyPlan::Modal(modal);
+    let is_cheap = body.is_small() || cost::body_cost(&modal) <= stepped;
+    is_cheap.then_some(modal).ok_or(NoModes::Ports)
 }
 
 /// A part of a complex mode as a mode with a response of its own.
-fn part_plan(own: &Part) -> Mode {
-    let (a, b) = own.recurrence;
+fn part_plan(part: &Part) -> Mode {
+    let (a, b) = part.recurrence;
     Mode {
         a,
         b,
         gain: 0.0,
-        now: own.now,
-        before: own.before,
+        now: part.now,
+        before: part.before,
         cell: None,
     }
 }
@@ -401,12 +410,12 @@ fn mode_plan(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 
 /// The rest of an island after the bodies are cut out: their ports stay, as masses that respond to a force at once as
 /// in the body.
-fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cut {
+fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)>) -> Cut {
     let network = &island.network;
     let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut ports: Vec<u32> = Vec::new();
     let mut is_struck_there = vec![false; network.n_mat()];
-    for (body, inside) in &found {
+    for (body, inside) in &bodies_inside {
         for &mat in &body.mats {
             is_gone[mat as usize] = true;
             // A slow body is struck at its ports, in the rest of the island.
@@ -431,9 +440,9 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
         .strikes
         .retain(|strike| !is_struck_there[strike.mat as usize]);
     let mut bodies = Vec::new();
-    for (body, mut inside) in found {
+    for (body, mut inside) in bodies_inside {
         let local = |mat: usize| hub.mat(mat).unwrap_or(0);
-        let of = match &mut inside {
+        let inner_network = match &mut inside {
             BodyPlan::Modal(modal) => {
                 for port in &mut modal.ports {
                     port.mat = local(port.mat);
@@ -459,15 +468,19 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
             links: body.links.len(),
             parts: network.parts_of(&body.mats),
             left_out: None,
-            of,
-            kept: (0..of as u32).collect(),
+            of: inner_network,
+            kept: (0..inner_network as u32).collect(),
             replaces_modes: false,
             inside,
         });
     }
-    let own = split(vec![hub], &timeline).pop();
-    let (hub, own) = own.unwrap_or_else(|| unreachable!("one subset in, one out"));
-    Cut { hub, own, bodies }
+    let hub_island = split(vec![hub], &timeline).pop();
+    let (hub, hub_island) = hub_island.unwrap_or_else(|| unreachable!("one subset in, one out"));
+    Cut {
+        hub,
+        own: hub_island,
+        bodies,
+    }
 }
 
 /// MATs that stay in the rest: those that move, that are driven or heard, or that a remaining link ends on; not points
@@ -512,13 +525,13 @@ pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
             }
         }
         BodyPlan::Mesh(mesh) => {
-            for &(own, mat) in &mesh.ports {
-                hub.set_free(mat, mesh.network.mats().m[own]);
+            for &(local, mat) in &mesh.ports {
+                hub.set_free(mat, mesh.network.mats().m[local]);
             }
         }
         BodyPlan::Slow(slow) => {
-            for &(own, mat) in &slow.ports {
-                hub.set_free(mat, slow.network.mats().m[slow.free[own]]);
+            for &(local, mat) in &slow.ports {
+                hub.set_free(mat, slow.network.mats().m[slow.free[local]]);
                 hub.set_weightless(mat);
             }
         }

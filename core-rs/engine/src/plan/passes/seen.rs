@@ -36,8 +36,11 @@ pub(in crate::plan) fn subsets(
 }
 
 /// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
-pub(in crate::plan) fn with_probe_output(mut subset: Subset, own: &[u32]) -> Result<Subset, Error> {
-    let terms = own.iter().filter_map(|&mat| {
+pub(in crate::plan) fn with_probe_output(
+    mut subset: Subset,
+    probed_mats: &[u32],
+) -> Result<Subset, Error> {
+    let terms = probed_mats.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
         subset.network.mats().kind[first].moves().then(|| {
             let drawn = mat.wrapping_mul(0x9e37_79b9).rotate_left(15) >> 8;

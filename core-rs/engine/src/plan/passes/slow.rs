@@ -31,31 +31,33 @@ pub(in crate::plan) struct SlowBodies {
 
 /// The slow bodies of a network, for the parts that have a macrostep.
 pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
-    let mut found = SlowBodies::default();
-    for (part, own) in network.parts().iter().enumerate() {
+    let mut slow_found = SlowBodies::default();
+    for (part, slow_part) in network.parts().iter().enumerate() {
         let is_here = || network.mats().part.contains(&(part as u32));
-        let Some(every) = own.macrostep.filter(|_| is_here()) else {
+        let Some(every) = slow_part.macrostep.filter(|_| is_here()) else {
             continue;
         };
         match needs_every_frame(network, timeline, part) {
-            Some(why) => found.refused_slow.push((own.name.clone(), why.to_owned())),
+            Some(why) => slow_found
+                .refused_slow
+                .push((slow_part.name.clone(), why.to_owned())),
             None => match bodies(network, timeline, part, every) {
-                Ok(bodies) => found.bodies.extend(bodies),
-                Err(why) => found.refused_slow.push((own.name.clone(), why)),
+                Ok(bodies) => slow_found.bodies.extend(bodies),
+                Err(why) => slow_found.refused_slow.push((slow_part.name.clone(), why)),
             },
         }
     }
-    found
+    slow_found
 }
 
 /// Why a gesture needs its key at every frame, if it does.
 fn needs_every_frame(network: &Network, timeline: &Timeline, part: usize) -> Option<&'static str> {
-    let of = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
-    let mut own = timeline
+    let part_of = |key: usize| network.mats().part[timeline.keys[key].struck] as usize;
+    let mut gestures = timeline
         .gestures
         .iter()
-        .filter(|gesture| of(gesture.key) == part);
-    own.find_map(|gesture| match gesture.manner.touch {
+        .filter(|gesture| part_of(gesture.key) == part);
+    gestures.find_map(|gesture| match gesture.manner.touch {
         Touch::Tracked => Some("a gesture with `touch: tracked` moves it at every frame"),
         Touch::Open if gesture.manner.limit.is_some() => {
             Some("its force limit is checked at every frame")
@@ -71,8 +73,8 @@ fn bodies(
     part: usize,
     every: u32,
 ) -> Result<Vec<(Body, Slow)>, String> {
-    let found = find_bodies(network, timeline, part);
-    if found.is_empty() {
+    let bodies = find_bodies(network, timeline, part);
+    if bodies.is_empty() {
         return Err("no mass in it is held by linear springs or by links in space".to_owned());
     }
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
@@ -82,7 +84,7 @@ fn bodies(
     let is_struck = |mat: usize| timeline.is_open || struck.contains(&(mat as u32));
     let slow = |body: Body| {
         let subset = network.subset(&body.mats, &body.guests, &body.links);
-        let (rate, own) = (timeline.rate, (part, every));
+        let (rate, part_and_macrostep) = (timeline.rate, (part, every));
         // The exact flow of linear springs does not include gravity.
         let has_weight = subset
             .network
@@ -91,13 +93,13 @@ fn bodies(
             .iter()
             .any(|weight| *weight != 0.0);
         let slow = if has_weight || links_in_space(&subset.network).next().is_some() {
-            in_space::slow(rate, own, &body, subset)?
+            in_space::slow(rate, part_and_macrostep, &body, subset)?
         } else {
-            exact::slow(rate, own, &body, subset, is_struck)?
+            exact::slow(rate, part_and_macrostep, &body, subset, is_struck)?
         };
         Ok((body, slow))
     };
-    found.into_iter().map(slow).collect()
+    bodies.into_iter().map(slow).collect()
 }
 
 /// The bodies of a part: sets of masses that its own links join or tie to the ground. Their ports are the masses that
@@ -165,9 +167,9 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             // A link in space measures a distance: all coordinates of an end stay in one body.
             let (a, b) = run.pair(i, 0);
             for (other_a, other_b) in run.pairs(i).skip(1) {
-                for (own, other) in [(a, other_a), (b, other_b)] {
-                    if is_eligible[own] && is_eligible[other] {
-                        forest.join(own, other);
+                for (near, other) in [(a, other_a), (b, other_b)] {
+                    if is_eligible[near] && is_eligible[other] {
+                        forest.join(near, other);
                     }
                 }
             }
@@ -187,11 +189,11 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
         }
     }
     for (link, a, b) in ends(network) {
-        for (own, other) in [(a, b), (b, a)]
+        for (near, other) in [(a, b), (b, a)]
             .into_iter()
-            .filter(|&(own, _)| is_eligible[own])
+            .filter(|&(near, _)| is_eligible[near])
         {
-            let Some(body) = bodies.get_mut(&forest.root(own)) else {
+            let Some(body) = bodies.get_mut(&forest.root(near)) else {
                 continue;
             };
             if is_inner[link] && (is_eligible[other] || is_held(other)) {
@@ -200,7 +202,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
                     body.guests.push(other as u32);
                 }
             } else {
-                body.ports.push(own as u32);
+                body.ports.push(near as u32);
             }
         }
     }
@@ -242,7 +244,7 @@ fn free(body: &Body, subset: &Subset) -> Vec<usize> {
 }
 
 /// The springs of a body, and what follows from them.
-struct Found {
+struct Solution {
     springs: Springs,
     turn: f64,
     kick_every: u32,
@@ -253,7 +255,7 @@ struct Found {
     is_discrete: bool,
 }
 
-impl Found {
+impl Solution {
     /// The body, or why an output cannot hear it.
     fn slow(
         self,
@@ -267,17 +269,17 @@ impl Found {
         let outputs = output_sums(&subset.network).map_err(|why| why.why().to_owned())?;
         let slot = |mat: usize| free.binary_search(&mat).ok();
         let rows = outputs.rows.into_iter().map(|row| {
-            let own = row
+            let weights = row
                 .into_iter()
                 .filter_map(|(mat, weight)| Some((slot(mat)?, weight)));
-            own.collect()
+            weights.collect()
         });
         let ports: Vec<(usize, usize)> = body
             .ports
             .iter()
             .filter_map(|&mat| Some((slot(subset.mat(mat as usize)?)?, mat as usize)))
             .collect();
-        let is_port = |own: usize| ports.iter().any(|port| port.0 == own);
+        let is_port = |weights: usize| ports.iter().any(|port| port.0 == weights);
         let mats = subset.network.mats();
         Ok(Slow {
             part,
@@ -288,9 +290,9 @@ impl Found {
             rest: self.rest,
             x0: free.iter().map(|&i| mats.x0[i]).collect(),
             v0: free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
-            inner: (0..n).filter(|&own| !is_port(own)).collect(),
+            inner: (0..n).filter(|&weights| !is_port(weights)).collect(),
             is_inner: (0..n)
-                .map(|own| f64::from(u8::from(!is_port(own))))
+                .map(|weights| f64::from(u8::from(!is_port(weights))))
                 .collect(),
             heard: subset.outputs.iter().copied().zip(rows).collect(),
             w: self.w,

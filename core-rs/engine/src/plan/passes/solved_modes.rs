@@ -90,9 +90,14 @@ impl<'a> Memo<'a> {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let at_hand = self.found.borrow().iter().find(is_ours).cloned();
-        let known = at_hand.or_else(|| self.known.iter().find(is_ours).cloned());
-        let place = |solved: &Solved, row: &Row| solved.rows.iter().position(|own| own == row);
+        let solved_here = self.found.borrow().iter().find(is_ours).cloned();
+        let known = solved_here.or_else(|| self.known.iter().find(is_ours).cloned());
+        let place = |solved: &Solved, row: &Row| {
+            solved
+                .rows
+                .iter()
+                .position(|place_of_row| place_of_row == row)
+        };
         if let Some(solved) = &known {
             let places: Option<Vec<usize>> = rows.iter().map(|row| place(solved, row)).collect();
             if let Some(places) = places {
@@ -110,14 +115,14 @@ impl<'a> Memo<'a> {
         let modes = Modes::new(network, &all, rate)?;
         self.count(network, modes.len());
         let places: Vec<usize> = (0..rows.len()).collect();
-        let own = modes.seen_by(&places);
+        let place_of_row = modes.seen_by(&places);
         self.keep(Arc::new(Solved {
             network: network.clone(),
             rate,
             rows: all,
             modes,
         }));
-        Ok(own)
+        Ok(place_of_row)
     }
 
     /// The same as [`ComplexModes::new`], computed once for all rates at which an island is tried.
@@ -129,13 +134,13 @@ impl<'a> Memo<'a> {
         rate: Rate,
     ) -> Result<Arc<ComplexModes>, NoModes> {
         let mut all = self.complex.borrow_mut();
-        let is_ours = |own: &&SolvedComplex| {
-            own.outputs == outputs
-                && own.struck == struck
-                && own.network.is_same_from_start(network)
+        let is_ours = |solved: &&SolvedComplex| {
+            solved.outputs == outputs
+                && solved.struck == struck
+                && solved.network.is_same_from_start(network)
         };
         let modes = match all.iter().find(is_ours) {
-            Some(own) => own.modes.clone()?,
+            Some(solved) => solved.modes.clone()?,
             None => {
                 let modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
                 all.push(SolvedComplex {
@@ -154,9 +159,9 @@ impl<'a> Memo<'a> {
     }
 
     fn keep(&self, solved: Arc<Solved>) {
-        let mut found = self.found.borrow_mut();
-        found.retain(|other| !solved.network.is_same_from_start(&other.network));
-        found.push(solved);
+        let mut memory = self.found.borrow_mut();
+        memory.retain(|other| !solved.network.is_same_from_start(&other.network));
+        memory.push(solved);
     }
 }
 

@@ -35,7 +35,7 @@ pub(in crate::plan) fn split(
 ) -> Vec<(Subset, OwnTimeline)> {
     let homes = homes(&subsets, timeline);
     let home = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
-    let mut own: Vec<OwnTimeline> = subsets
+    let mut timelines: Vec<OwnTimeline> = subsets
         .iter()
         .map(|_| OwnTimeline {
             timeline: Timeline {
@@ -48,40 +48,55 @@ pub(in crate::plan) fn split(
         })
         .collect();
     for strike in &timeline.strikes {
-        for &(at, mat) in home(strike.mat) {
+        for &(subset_index, mat) in home(strike.mat) {
             let mat = mat as u32;
-            own[at].timeline.strikes.push(Strike { mat, ..*strike });
+            timelines[subset_index]
+                .timeline
+                .strikes
+                .push(Strike { mat, ..*strike });
         }
     }
     for ergon in &timeline.ergons {
-        for &(at, mat) in home(ergon.mat) {
+        for &(subset_index, mat) in home(ergon.mat) {
             let mat = mat as u32;
-            own[at].timeline.ergons.push(Ergon { mat, ..*ergon });
+            timelines[subset_index]
+                .timeline
+                .ergons
+                .push(Ergon { mat, ..*ergon });
         }
     }
     for drive in &timeline.drives {
-        for &(at, mat) in home(drive.mat as u32) {
+        for &(subset_index, mat) in home(drive.mat as u32) {
             let drive = drive.clone();
             // The input is not known in advance: nothing is tried, and nothing left out.
-            own[at].timeline.is_open |= drive.is_heard();
-            own[at].timeline.drives.push(Drive { mat, ..drive });
+            timelines[subset_index].timeline.is_open |= drive.is_heard();
+            timelines[subset_index]
+                .timeline
+                .drives
+                .push(Drive { mat, ..drive });
         }
     }
     for glide in &timeline.glides {
-        for &(at, mat) in home(glide.mat as u32) {
+        for &(subset_index, mat) in home(glide.mat as u32) {
             let points = glide.points.clone();
-            own[at].timeline.glides.push(Glide { mat, points });
+            timelines[subset_index]
+                .timeline
+                .glides
+                .push(Glide { mat, points });
         }
     }
     for (index, key) in timeline.keys.iter().enumerate() {
-        for &(at, struck) in home(key.struck as u32) {
-            own[at].keys.push(index as u32);
-            own[at].timeline.key(&key.name, struck);
+        for &(subset_index, struck) in home(key.struck as u32) {
+            timelines[subset_index].keys.push(index as u32);
+            timelines[subset_index].timeline.key(&key.name, struck);
         }
     }
     for (index, gesture) in timeline.gestures.iter().enumerate() {
-        for own in &mut own {
-            let here = own.keys.iter().position(|&key| key as usize == gesture.key);
+        for timelines in &mut timelines {
+            let here = timelines
+                .keys
+                .iter()
+                .position(|&key| key as usize == gesture.key);
             if let Some(key) = here {
                 let same = gesture.key == key;
                 let gesture = if same {
@@ -89,33 +104,33 @@ pub(in crate::plan) fn split(
                 } else {
                     Arc::new((**gesture).clone().on_key(key))
                 };
-                own.timeline.gestures.push(gesture);
-                own.gestures.push(index as u32);
+                timelines.timeline.gestures.push(gesture);
+                timelines.gestures.push(index as u32);
             }
         }
     }
-    for (subset, own) in subsets.iter().zip(&mut own) {
+    for (subset, timelines) in subsets.iter().zip(&mut timelines) {
         for gate in &timeline.gates {
             if let Some((first, len)) = local_links(subset, gate.links()) {
-                own.timeline.gates.push(gate.on(first, len));
+                timelines.timeline.gates.push(gate.on(first, len));
             }
         }
         for lead in &timeline.leads {
             if let Some((first, len)) = local_links(subset, lead.links()) {
-                own.timeline.leads.push(lead.on(first, len));
+                timelines.timeline.leads.push(lead.on(first, len));
             }
         }
     }
-    subsets.into_iter().zip(own).collect()
+    subsets.into_iter().zip(timelines).collect()
 }
 
 /// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.
 pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
-    let at = |whole: usize| {
+    let local = |global: usize| {
         let links = &subset.links;
-        links.partition_point(|&link| (link as usize) < whole)
+        links.partition_point(|&link| (link as usize) < global)
     };
-    let (first, stop) = (at(links.start), at(links.end));
+    let (first, stop) = (local(links.start), local(links.end));
     (stop > first).then(|| (first, stop - first))
 }
 
@@ -132,10 +147,10 @@ fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
         .chain(keys)
         .chain(glides);
     let mut homes: HashMap<u32, Vec<Home>> = all.map(|mat| (mat, Vec::new())).collect();
-    for (at, subset) in subsets.iter().enumerate() {
+    for (index, subset) in subsets.iter().enumerate() {
         for (local, mat) in subset.mats.iter().enumerate() {
             if let Some(homes) = homes.get_mut(mat) {
-                homes.push((at, local));
+                homes.push((index, local));
             }
         }
     }

@@ -33,10 +33,10 @@ impl KeptModes {
     }
 
     /// The modes that a plan decided for; `None` if the body does not have these.
-    pub(in crate::plan) fn pinned(numbers: &[u32], of: usize) -> Option<Self> {
+    pub(in crate::plan) fn pinned(numbers: &[u32], n_total: usize) -> Option<Self> {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let rises = modes.windows(2).all(|pair| pair[0] < pair[1]);
-        let fits = rises && modes.last().is_none_or(|&last| last < of);
+        let fits = rises && modes.last().is_none_or(|&last| last < n_total);
         fits.then_some(Self {
             modes,
             left_out: None,
@@ -48,18 +48,18 @@ impl KeptModes {
 /// hears, and add up over the impulses `blows` [N·s].
 pub(in crate::plan) fn keep(
     modes: &Modes,
-    heard: &[Vec<f64>],
-    felt: &[Vec<f64>],
+    listened: &[Vec<f64>],
+    excited: &[Vec<f64>],
     blows: &[Vec<f64>],
     allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> KeptModes {
-    let own: Vec<f64> = (0..modes.len())
-        .map(|mode| energy(modes, felt, blows, mode, rate))
+    let energies: Vec<f64> = (0..modes.len())
+        .map(|mode| energy(modes, excited, blows, mode, rate))
         .collect();
-    let rows: Vec<&[f64]> = heard.iter().map(Vec::as_slice).collect();
-    choose(&[own], &rows, allowed, budget, |mode| {
+    let rows: Vec<&[f64]> = listened.iter().map(Vec::as_slice).collect();
+    choose(&[energies], &rows, allowed, budget, |mode| {
         modes.pitch(mode, rate).0
     })
 }
@@ -75,19 +75,19 @@ pub(in crate::plan) fn choose(
 ) -> KeptModes {
     let n = excitations.first().map_or(0, Vec::len);
     // The largest relative loudness of each mode over all rows and excitations.
-    let mut most = vec![0.0_f64; n];
-    for (own, row) in excitations
+    let mut loudest = vec![0.0_f64; n];
+    for (excitation, row) in excitations
         .iter()
-        .flat_map(|own| rows.iter().map(move |row| (own, row)))
+        .flat_map(|excitation| rows.iter().map(move |row| (excitation, row)))
     {
-        let energy = |mode: usize| own[mode] * row[mode] * row[mode];
+        let energy = |mode: usize| excitation[mode] * row[mode] * row[mode];
         let total: f64 = (0..n).map(energy).sum();
         if total > 0.0 {
-            let loudness = most.iter_mut().enumerate();
-            loudness.for_each(|(mode, most)| *most = most.max(energy(mode) / total));
+            let loudness = loudest.iter_mut().enumerate();
+            loudness.for_each(|(mode, loudest)| *loudest = loudest.max(energy(mode) / total));
         }
     }
-    let mut by_loudness: Vec<(f64, usize)> = most.into_iter().zip(0..).collect();
+    let mut by_loudness: Vec<(f64, usize)> = loudest.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut stays, mut fallen) = (Vec::new(), 0.0);
@@ -109,14 +109,14 @@ pub(in crate::plan) fn choose(
 }
 
 /// Energy of a mode's own motion, before an output weights it.
-fn energy(modes: &Modes, felt: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
+fn energy(modes: &Modes, excited: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
     let (f, sigma) = modes.pitch(mode, rate);
     let omega = (std::f64::consts::TAU * f)
         .max(sigma)
         .max(f64::MIN_POSITIVE);
     let (x, v) = (modes.x0[mode] - modes.rest[mode], modes.v0[mode]);
     let mut square = x * x + v * v / (omega * omega);
-    for (shape, blows) in felt.iter().zip(blows) {
+    for (shape, blows) in excited.iter().zip(blows) {
         // A unit impulse gives a mass of 1 the velocity 1; an algorithmic mass of 1 gets T^-2 times as much.
         let unit = if modes.is_discrete {
             rate.step() * rate.step()

@@ -28,8 +28,8 @@ impl Viscosity {
     pub(crate) fn new(network: &Network, free: &[usize], root: &[f64]) -> Option<Self> {
         let mats = network.mats();
         let slot = |mat: usize| free.binary_search(&mat).ok();
-        let tie = |(own, &i): (usize, &usize)| match mats.kind[i] {
-            MatKind::Cel => mats.z[i] / (root[own] * root[own]),
+        let tie = |(damping_ratio, &i): (usize, &usize)| match mats.kind[i] {
+            MatKind::Cel => mats.z[i] / (root[damping_ratio] * root[damping_ratio]),
             _ => 0.0,
         };
         let ties: Vec<f64> = free.iter().enumerate().map(tie).collect();
@@ -41,12 +41,12 @@ impl Viscosity {
             for i in (0..run.len).filter(|_| run.z != 0.0) {
                 let ends = [slot(run.a + i), slot(run.b + i)];
                 let share = |end: usize| (end, 1.0 / root[end]);
-                let (own, other) = match ends {
+                let (damping_ratio, other) = match ends {
                     [Some(a), b] => (share(a), b.map(share)),
                     [None, Some(b)] => (share(b), None),
                     [None, None] => continue,
                 };
-                links.push((own.0, own.1, other, run.z));
+                links.push((damping_ratio.0, damping_ratio.1, other, run.z));
             }
         }
         Some(Self { ties, links })
@@ -74,12 +74,12 @@ impl Viscosity {
             stiffness.chunks_exact(n).map(row).collect()
         };
         let v = probe(n, 0);
-        let (one, two) = (product(&self.times(&v)), self.times(&product(&v)));
-        let size: f64 = one.iter().map(|value| value * value).sum();
-        let apart = one
+        let (first, two) = (product(&self.times(&v)), self.times(&product(&v)));
+        let size: f64 = first.iter().map(|value| value * value).sum();
+        let apart = first
             .iter()
             .zip(&two)
-            .map(|(one, two)| (one - two) * (one - two));
+            .map(|(first, two)| (first - two) * (first - two));
         apart.sum::<f64>() <= SAME * SAME * size
     }
 

@@ -152,24 +152,24 @@ impl Wiring {
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
-            for (own, other) in [(a, b), (b, a)] {
-                if !self.is_eligible[own] {
+            for (near, other) in [(a, b), (b, a)] {
+                if !self.is_eligible[near] {
                     continue;
                 }
-                let Some(body) = bodies.get_mut(&forest.root(own)) else {
+                let Some(body) = bodies.get_mut(&forest.root(near)) else {
                     continue;
                 };
                 let is_held = network.mats().kind[other].is_held() && !self.is_driven[other];
                 if is_inner(link) && (self.is_eligible[other] || is_held) {
                     // A link between two MATs of the body is met from both ends, but noted once.
-                    if own == a || !self.is_eligible[other] {
+                    if near == a || !self.is_eligible[other] {
                         body.links.push(link as u32);
                     }
                     if is_held {
                         body.guests.push(other as u32);
                     }
                 } else {
-                    body.ports.push(own as u32);
+                    body.ports.push(near as u32);
                     body.is_touched |= self.is_followed[link];
                 }
             }
@@ -198,32 +198,32 @@ impl Wiring {
 
 impl Body {
     /// The body without the single links that tie it to fixed points: they then end at ports. `None` if it has none, or
-    /// more than `most`.
-    pub(in crate::plan) fn untied(&self, network: &Network, most: usize) -> Option<Self> {
+    /// more than `ties_max`.
+    pub(in crate::plan) fn untied(&self, network: &Network, ties_max: usize) -> Option<Self> {
         let is_single = |link: usize| {
             let mut runs = interrupt::each(network.runs());
             runs.any(|run| run.first == link && run.len == 1)
         };
         let is_guest = |mat: usize| self.guests.binary_search(&(mat as u32)).is_ok();
         let is_ours = |link: usize| self.links.binary_search(&(link as u32)).is_ok();
-        let (mut own, mut ties) = (self.clone(), Vec::new());
-        own.guests.clear();
+        let (mut freed, mut ties) = (self.clone(), Vec::new());
+        freed.guests.clear();
         for (link, a, b) in ends(network).filter(|&(link, ..)| is_ours(link)) {
             let held = [(a, b), (b, a)].into_iter().find(|&(end, _)| is_guest(end));
             match held {
                 Some((_, port)) if is_single(link) => {
                     ties.push(link as u32);
-                    own.ports.push(port as u32);
+                    freed.ports.push(port as u32);
                 }
-                Some((guest, _)) => own.guests.push(guest as u32),
+                Some((guest, _)) => freed.guests.push(guest as u32),
                 None => {}
             }
         }
-        own.links.retain(|link| {
+        freed.links.retain(|link| {
             interrupt::poll();
             !ties.contains(link)
         });
-        (1..=most).contains(&ties.len()).then(|| own.tidy())
+        (1..=ties_max).contains(&ties.len()).then(|| freed.tidy())
     }
 
     /// Whether it has so few masses that it is a body only for what touches it.

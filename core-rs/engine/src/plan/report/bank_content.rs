@@ -17,26 +17,34 @@ pub(crate) struct BankContent {
 
 impl BankContent {
     pub(crate) fn of(bank: &BankPlan, rate: Rate) -> Self {
-        let heard = bank.oscillators.iter().flat_map(|own| &own.heard);
-        let outputs: BTreeSet<u32> = heard.map(|&(output, _)| output).collect();
+        let weights = bank
+            .oscillators
+            .iter()
+            .flat_map(|oscillator| &oscillator.heard);
+        let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
         let outputs = Vec::from_iter(outputs);
         let mut sink = Sink::new();
         sink.add(rate.hertz().to_le_bytes());
         sink.add([u8::from(bank.is_open)]);
-        for own in &bank.oscillators {
-            for number in [own.a, own.b, own.now, own.before] {
+        for oscillator in &bank.oscillators {
+            for number in [
+                oscillator.a,
+                oscillator.b,
+                oscillator.now,
+                oscillator.before,
+            ] {
                 sink.add(number.to_le_bytes());
             }
-            sink.add((own.heard.len() as u64).to_le_bytes());
-            for (output, weight) in &own.heard {
+            sink.add((oscillator.heard.len() as u64).to_le_bytes());
+            for (output, weight) in &oscillator.heard {
                 let rank = outputs.partition_point(|other| other < output);
                 sink.add((rank as u64).to_le_bytes());
                 sink.add(weight.to_le_bytes());
             }
         }
-        for own in &bank.strikes {
-            let (among, responses) = (&own.among, &own.responses);
-            let (share, w) = (&own.share, own.w);
+        for oscillator in &bank.strikes {
+            let (among, responses) = (&oscillator.among, &oscillator.responses);
+            let (share, w) = (&oscillator.share, oscillator.w);
             sink.add(digest(format_args!(
                 "{among:?} {responses:?} {share:?} {w:?}"
             )));
@@ -55,9 +63,9 @@ impl BankContent {
         sink.add(before);
         sink.add(self.fixed);
         sink.add(until.to_le_bytes());
-        for (at, own) in bank.oscillators.iter().enumerate() {
-            for blow in own.blows.iter().filter(|blow| falls(blow.frame)) {
-                sink.add((at as u64).to_le_bytes());
+        for (index, oscillator) in bank.oscillators.iter().enumerate() {
+            for blow in oscillator.blows.iter().filter(|blow| falls(blow.frame)) {
+                sink.add((index as u64).to_le_bytes());
                 sink.add(blow.frame.to_le_bytes());
                 let numbers = match blow.kick {
                     Kick::By(step) => [step, f64::NAN, f64::NAN],
@@ -66,9 +74,9 @@ impl BankContent {
                 numbers.iter().for_each(|x| sink.add(x.to_le_bytes()));
             }
         }
-        for (at, own) in bank.strikes.iter().enumerate() {
-            for (frame, part, impulse) in own.blows.iter().filter(|blow| falls(blow.0)) {
-                sink.add((at as u64).to_le_bytes());
+        for (index, oscillator) in bank.strikes.iter().enumerate() {
+            for (frame, part, impulse) in oscillator.blows.iter().filter(|blow| falls(blow.0)) {
+                sink.add((index as u64).to_le_bytes());
                 sink.add(frame.to_le_bytes());
                 sink.add(part.to_le_bytes());
                 sink.add(impulse.to_le_bytes());

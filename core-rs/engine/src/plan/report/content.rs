@@ -87,7 +87,7 @@ impl Events {
 
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
-        let falls = |at: f64| at <= stop && start.is_none_or(|start| at > start);
+        let falls = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
         sink.0.update(self.fixed);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let begun = self.gestures.iter().rposition(|own| own.0 <= stop);
@@ -96,27 +96,30 @@ impl Events {
         }
         // Where a strike stands in the score does not affect the sound.
         for &Strike {
-            at, mat, impulse, ..
+            at: instant,
+            mat,
+            impulse,
+            ..
         } in &timeline.strikes
         {
-            if falls(at) {
+            if falls(instant) {
                 sink.0.update(mat.to_le_bytes());
-                sink.0.update(at.to_le_bytes());
+                sink.0.update(instant.to_le_bytes());
                 sink.0.update(impulse.to_le_bytes());
             }
         }
         sink.0.update(b"ergons");
         for &Ergon {
-            at,
+            at: instant,
             mat,
             mass,
             speed,
             ..
         } in &timeline.ergons
         {
-            if falls(at) {
+            if falls(instant) {
                 sink.0.update(mat.to_le_bytes());
-                for number in [at, mass, speed] {
+                for number in [instant, mass, speed] {
                     sink.0.update(number.to_le_bytes());
                 }
             }

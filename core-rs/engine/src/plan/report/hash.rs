@@ -54,9 +54,9 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         numbers
             .iter()
             .for_each(|&number| sha.update((number as u64).to_le_bytes()));
-        for kept in &choice.kept {
-            sha.update((kept.len() as u64).to_le_bytes());
-            kept.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
+        for modes in &choice.kept {
+            sha.update((modes.len() as u64).to_le_bytes());
+            modes.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
         }
     }
     hex(&sha.finalize())

@@ -195,8 +195,8 @@ impl Row {
     }
 
     /// The row of a body inside an island.
-    pub(in crate::plan) fn ported(found: &PortedBody, timeline: &Timeline) -> Self {
-        let what = match &found.inside {
+    pub(in crate::plan) fn ported(ported: &PortedBody, timeline: &Timeline) -> Self {
+        let what = match &ported.inside {
             BodyPlan::Modal(modal) => match &modal.answers {
                 Some(answers) => Computed::Modes {
                     kind: ModeKind::Complex,
@@ -206,9 +206,9 @@ impl Row {
                 },
                 None => Computed::Modes {
                     kind: ModeKind::Normal,
-                    of: found.of,
+                    of: ported.of,
                     kept: modal.modes.len(),
-                    left_out: found.left_out,
+                    left_out: ported.left_out,
                 },
             },
             BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
@@ -217,11 +217,11 @@ impl Row {
                 is_exact: slow.is_linear(),
             },
         };
-        let ns = cost::body_cost(&found.inside);
-        Self::new(found.parts.clone(), [found.mats, found.links], what).costing(
+        let ns = cost::body_cost(&ported.inside);
+        Self::new(ported.parts.clone(), [ported.mats, ported.links], what).costing(
             ns,
             timeline,
-            guarantee(&found.inside),
+            guarantee(&ported.inside),
         )
     }
 
@@ -273,8 +273,8 @@ fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
         // For a slow body, the certificate of the whole island decides.
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {
-            let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
-            found.map_or(StabilityGuarantee::Tried, |found| found.word)
+            let certificate = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
+            certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.word)
         }
     }
 }

@@ -8,10 +8,10 @@ use crate::interrupt;
 use crate::network::Error;
 
 /// Allowance of a plan of at most `SMALL.0` modules, and of one of `LARGE.0` [s]: linear in between, proportional to
-/// the modules above, at most `MOST`.
+/// the modules above, at most `SECONDS_MAX`.
 const SMALL: (usize, f64) = (100, 1.0);
 const LARGE: (usize, f64) = (1_000, 2.5);
-const MOST: f64 = 10.0;
+const SECONDS_MAX: f64 = 10.0;
 /// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
 const RESERVE: f64 = 0.25;
 
@@ -78,12 +78,12 @@ pub(in crate::plan) struct Allowance {
 impl Allowance {
     /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
     pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
-        let ((few, least), (many, most)) = (SMALL, LARGE);
+        let ((few, least), (many, greatest)) = (SMALL, LARGE);
         let seconds = if n_modules <= many {
             let part = n_modules.saturating_sub(few) as f64 / (many - few) as f64;
-            least + (most - least) * part
+            least + (greatest - least) * part
         } else {
-            (most * n_modules as f64 / many as f64).min(MOST)
+            (greatest * n_modules as f64 / many as f64).min(SECONDS_MAX)
         };
         Self {
             total: share * seconds,
@@ -210,13 +210,13 @@ impl Allowance {
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
     pub(in crate::plan) fn spend_fraction(&self, part: &Self, share: f64) {
-        let most = match part.n_refused() {
+        let fraction_max = match part.n_refused() {
             0 => part.drawn.get() / share,
             // With a larger part it would have taken more.
             _ => f64::INFINITY,
         };
         self.needed
-            .set(self.needed.get().max(self.drawn.get() + most));
+            .set(self.needed.get().max(self.drawn.get() + fraction_max));
         self.spend(part.drawn.get());
     }
 

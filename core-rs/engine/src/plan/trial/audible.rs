@@ -158,11 +158,11 @@ mod tests {
             frames: [3_200, 6_400, 9_600],
         };
         let rests = |ulp: f64| -> Vec<f64> {
-            let of = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
-            (0..9_600).map(of).collect()
+            let value = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
+            (0..9_600).map(value).collect()
         };
-        let heard = |ulp: f64| Audible::of(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
-        assert_eq!(heard(1e-20), Audible::default());
-        assert!(heard(1e-9).level > 5.0);
+        let audible = |ulp: f64| Audible::of(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
+        assert_eq!(audible(1e-20), Audible::default());
+        assert!(audible(1e-9).level > 5.0);
     }
 }

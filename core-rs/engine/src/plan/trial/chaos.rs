@@ -107,28 +107,29 @@ impl Stretches {
         // For each stretch: squared difference, and squared sound.
         let mut sums = vec![(0.0, 0.0); n];
         for output in 0..self.n_out {
-            let of = |x: &[f64], edges: &[usize]| -> Vec<f64> {
-                let own = x.iter().skip(output).step_by(self.n_out);
-                own.skip(edges[0])
+            let levels = |x: &[f64], edges: &[usize]| -> Vec<f64> {
+                let samples = x.iter().skip(output).step_by(self.n_out);
+                samples
+                    .skip(edges[0])
                     .take(edges[1] - edges[0])
                     .copied()
                     .collect()
             };
-            let all = of(b, &[self.edges[0], self.edges[n]]);
+            let all = levels(b, &[self.edges[0], self.edges[n]]);
             let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
             let loud: f64 = all.iter().map(|x| (x - mean) * (x - mean)).sum();
             if loud <= 0.0 {
                 continue;
             }
             for (sum, edges) in sums.iter_mut().zip(self.edges.windows(2)) {
-                let (a, b) = (of(a, edges), of(b, edges));
+                let (a, b) = (levels(a, edges), levels(b, edges));
                 let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
-                let whole: f64 = b.iter().map(|x| (x - mean) * (x - mean)).sum();
-                *sum = (sum.0 + apart / loud, sum.1 + whole / loud);
+                let energy: f64 = b.iter().map(|x| (x - mean) * (x - mean)).sum();
+                *sum = (sum.0 + apart / loud, sum.1 + energy / loud);
             }
         }
-        let db = |(apart, whole): (f64, f64)| {
-            let ratio = if apart > 0.0 { apart / whole } else { 0.0 };
+        let db = |(apart, energy): (f64, f64)| {
+            let ratio = if apart > 0.0 { apart / energy } else { 0.0 };
             20.0 * log10(sqrt(ratio).clamp(1e-15, 1e15))
         };
         let power = |at: usize| sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
@@ -172,10 +173,10 @@ impl Pair<'_> {
             return Ok(None);
         }
         let last = self.stretches.count_within(ATTACK, self.spans) - 1;
-        let at = |stretch: usize| grown.get(stretch).copied().flatten();
+        let growth_of = |stretch: usize| grown.get(stretch).copied().flatten();
         Ok(Some(
-            at(0)
-                .zip(at(last))
+            growth_of(0)
+                .zip(growth_of(last))
                 .map_or(0.0, |(first, last)| last - first),
         ))
     }
@@ -225,11 +226,11 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
     let (a_stretch, chance) = REGULAR;
     let grows = |(i, early): (usize, &Option<f64>)| {
         let later = grown.iter().enumerate().skip(i + 1);
-        let most = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance;
+        let apart_max = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance;
         later.into_iter().any(|(j, late)| {
             early
                 .zip(*late)
-                .is_some_and(|(early, late)| late > most(j, early))
+                .is_some_and(|(early, late)| late > apart_max(j, early))
         })
     };
     grown.iter().enumerate().any(grows)
@@ -245,8 +246,8 @@ impl Parting {
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `asked`; if it never
     /// is, as long as the runs agree at all.
     pub(in crate::plan) fn valid_span(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
-        let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
-        let n = [of(asked), of(PARTED), 1]
+        let count_below = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
+        let n = [count_below(asked), count_below(PARTED), 1]
             .into_iter()
             .find(|n| *n > 0)
             .unwrap_or(1);

@@ -75,8 +75,8 @@ pub(in crate::plan) fn harder_event(
 /// strength); `None` if there is none, or nothing until then.
 fn first_harder(events: impl Iterator<Item = (f64, f64)> + Clone, over: f64) -> Option<f64> {
     let tried = events.clone().filter(|event| event.0 <= over);
-    let most = tried.map(|event| event.1).reduce(f64::max)?;
-    let harder = events.filter(|event| event.0 > over && event.1 > HARDER * most);
+    let hardest = tried.map(|event| event.1).reduce(f64::max)?;
+    let harder = events.filter(|event| event.0 > over && event.1 > HARDER * hardest);
     harder.map(|event| event.0).reduce(f64::min)
 }
 
@@ -93,30 +93,30 @@ fn greatest_speed(gesture: &Gesture) -> f64 {
 pub(in crate::plan) fn extend_error(
     measured: Measured,
     budget: &Budget,
-    [own, other]: [Played<'_>; 2],
+    [run, other]: [Played<'_>; 2],
     (allowance, store): (&Allowance, Option<&dyn TrialStore>),
 ) -> Result<Measured, TrialError> {
-    let rate = frames_a_second(own.0);
+    let rate = frames_a_second(run.0);
     if measured.db > PARTED {
         return Ok(measured); // the runs have no waveform in common
     }
     // The reserve is separate: if it runs out, the pilot's result stands as it is.
     let reserve = allowance.reserve();
-    let each = work(own.0) + work(other.0);
+    let each = work(run.0) + work(other.0);
     // The pilot has already drawn the work of finding this rest.
-    let Some(from) = unless_spent(frames_at_rest(own.0, &allowance.reserve()))? else {
+    let Some(from) = unless_spent(frames_at_rest(run.0, &allowance.reserve()))? else {
         return Ok(measured);
     };
-    let n_frames = (end(own.0) * rate - from as f64).min(SHARE * reserve.spent().1 / each) as usize;
+    let n_frames = (end(run.0) * rate - from as f64).min(SHARE * reserve.spent().1 / each) as usize;
     let pilot = ((measured.over * rate) as usize).saturating_sub(from);
     let look = ((LOOK * rate) as usize).max(1);
     if n_frames < pilot + look {
         return Ok(measured);
     }
     let longest = Excerpt { from, n_frames };
-    let key = store.map(|_| key(measured, budget, [own, other], longest.end()));
-    let kept = store.zip(key.as_deref());
-    let recalled = kept.and_then(|(store, key)| record::find(store, key, &reserve));
+    let key = store.map(|_| key(measured, budget, [run, other], longest.end()));
+    let stored = store.zip(key.as_deref());
+    let recalled = stored.and_then(|(store, key)| record::find(store, key, &reserve));
     if let Some((taken, record)) = recalled
         && let Some(Some(known)) = record.error_alone()
     {
@@ -124,8 +124,8 @@ pub(in crate::plan) fn extend_error(
         return Ok(known);
     }
     let left = reserve.begin();
-    let extended = extend_over(measured, budget, [own, other], (longest, look), &reserve)?;
-    if let Some((store, key)) = kept {
+    let extended = extend_over(measured, budget, [run, other], (longest, look), &reserve)?;
+    if let Some((store, key)) = stored {
         let record = TrialRecord::of_error(Some(extended));
         record::keep(store, key, (&reserve, left), record);
     }
@@ -135,12 +135,12 @@ pub(in crate::plan) fn extend_error(
 
 /// A hash of all that the result of [`extend_over`] depends on.
 fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: usize) -> String {
-    let [own, other] = played.map(|(island_plan, contact_substeps)| {
+    let [run, other] = played.map(|(island_plan, contact_substeps)| {
         let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
     });
     hex_of(format_args!(
-        "horizon {measured:?} {budget:?} {own:?} {other:?} {n_frames}"
+        "horizon {measured:?} {budget:?} {run:?} {other:?} {n_frames}"
     ))
 }
 
@@ -148,16 +148,16 @@ fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: u
 fn extend_over(
     measured: Measured,
     budget: &Budget,
-    [own, other]: [Played<'_>; 2],
+    [coarse, other]: [Played<'_>; 2],
     (longest, look): (Excerpt, usize),
     reserve: &Allowance,
 ) -> Result<Measured, TrialError> {
-    let rate = frames_a_second(own.0);
+    let rate = frames_a_second(coarse.0);
     let seconds = |n_frames: usize| (longest.from + n_frames) as f64 / rate;
     let pilot = ((measured.over * rate) as usize).saturating_sub(longest.from);
-    let runs = play(own.0, own.1, longest, reserve).and_then(|run| {
+    let runs = play(coarse.0, coarse.1, longest, reserve).and_then(|run| {
         // What contacts added to the first run is assumed to add to each step of the other too.
-        let steps = f64::from(other.0.oversampling) / f64::from(own.0.oversampling);
+        let steps = f64::from(other.0.oversampling) / f64::from(coarse.0.oversampling);
         let share = reserve.share_left(steps * reserve.spent().0 / FITS);
         let n_frames = (share * longest.n_frames as f64) as usize;
         if n_frames < pilot + look {
@@ -174,7 +174,7 @@ fn extend_over(
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
-    let spans = Spans::of(own.0, n_frames);
+    let spans = Spans::of(coarse.0, n_frames);
     let changes = changes(&run.sound, &other.sound, spans.n_out, look);
     let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
@@ -202,7 +202,7 @@ fn extend_over(
         n = (n + look).min(n_frames);
         let now = change(n) + beyond;
         // In a linear motion errors of pitch add up, and the waveform is as wrong as measured: nothing parts by chance.
-        if now > least && !is_linear(own.0) {
+        if now > least && !is_linear(coarse.0) {
             let from = until * spans.n_out.max(1);
             let spectral = level_difference(
                 &run.sound[from..other.sound.len()],
@@ -234,7 +234,7 @@ fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
     // Sums so far for each output: the squared difference, and b and its square, both relative to the first frame.
     let mut sums = vec![[0.0; 3]; n_out];
     let mut n = 0.0;
-    let mut found = Vec::new();
+    let mut changes = Vec::new();
     let looks = a.chunks(look * n_out).zip(b.chunks(look * n_out));
     for (a, b_own) in looks {
         for (a, b_frame) in a.chunks(n_out).zip(b_own.chunks(n_out)) {
@@ -246,12 +246,12 @@ fn changes(a: &[f64], b: &[f64], n_out: usize, look: usize) -> Vec<f64> {
             }
         }
         let worst = sums.iter().fold(0.0_f64, |worst, [apart, sum, square]| {
-            let whole = square - sum * sum / n;
-            worst.max(if *apart > 0.0 { apart / whole } else { 0.0 })
+            let variance = square - sum * sum / n;
+            worst.max(if *apart > 0.0 { apart / variance } else { 0.0 })
         });
-        found.push(10.0 * log10(worst.max(1e-30)));
+        changes.push(10.0 * log10(worst.max(1e-30)));
     }
-    found
+    changes
 }
 
 /// When the last event has been played and heard [s].
@@ -274,12 +274,20 @@ mod tests {
         let a: Vec<f64> = (0..400)
             .map(|n| b[n] + if n < 200 { 1e-3 } else { 1.0 })
             .collect();
-        let found = changes(&a, &b, 1, 100);
-        assert_eq!(found.len(), 4);
+        let change_levels = changes(&a, &b, 1, 100);
+        assert_eq!(change_levels.len(), 4);
         // The values 0 … 6 have a variance of 4.
-        assert!((found[0] + 66.0).abs() < 0.1, "{}", found[0]);
-        assert!((found[1] + 66.0).abs() < 0.1, "{}", found[1]);
-        assert!((found[3] + 9.0).abs() < 0.1, "{}", found[3]);
+        assert!(
+            (change_levels[0] + 66.0).abs() < 0.1,
+            "{}",
+            change_levels[0]
+        );
+        assert!(
+            (change_levels[1] + 66.0).abs() < 0.1,
+            "{}",
+            change_levels[1]
+        );
+        assert!((change_levels[3] + 9.0).abs() < 0.1, "{}", change_levels[3]);
         assert!(changes(&b, &b, 1, 100).iter().all(|db| *db <= -290.0));
     }
 }

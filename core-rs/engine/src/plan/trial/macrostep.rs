@@ -61,7 +61,7 @@ impl Growth {
 
 /// How much an island grows, the worse of contacts open and closed; `None` if the test would take too long.
 pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
-    let mut found = Growth {
+    let mut growth = Growth {
         radius: 0.0,
         is_tried: false,
         is_by_contacts: false,
@@ -69,7 +69,7 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     };
     for closed in [false, true] {
         let Some(mut map) = Map::new(island_plan, closed) else {
-            found.is_tried = true;
+            growth.is_tried = true;
             continue;
         };
         let is_dense = map.len() <= DENSE_MAX && map.dense_work() <= WORK_MAX;
@@ -86,13 +86,13 @@ pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
         } else {
             map.simulated_growth()
         };
-        let was_stable = found.is_stable();
-        found.radius = found.radius.max(radius);
-        found.is_tried |= !is_dense || map.is_partial;
-        found.is_by_contacts = closed && was_stable && !found.is_stable();
-        found.work += work;
+        let was_stable = growth.is_stable();
+        growth.radius = growth.radius.max(radius);
+        growth.is_tried |= !is_dense || map.is_partial;
+        growth.is_by_contacts = closed && was_stable && !growth.is_stable();
+        growth.work += work;
     }
-    Some(found)
+    Some(growth)
 }
 
 /// A linear link: its ends, stiffness and viscosity.
@@ -211,15 +211,15 @@ impl<'a> Map<'a> {
     /// Takes a state from one common kick to the next.
     fn apply(&mut self, state: &mut [f64]) {
         let mut from = state.iter();
-        self.each(|own| *own = *from.next().unwrap_or(&0.0));
+        self.each(|value| *value = *from.next().unwrap_or(&0.0));
         self.place();
         for n in 0..self.frames {
             self.frame(n);
         }
         let mut to = state.iter_mut();
-        self.each(|own| {
+        self.each(|value| {
             if let Some(to) = to.next() {
-                *to = *own;
+                *to = *value;
             }
         });
     }
@@ -252,12 +252,13 @@ impl<'a> Map<'a> {
         }
         for modes in &mut self.modes {
             let Modes { modal, now, before } = modes;
-            for (mode, own) in modal.modes.iter().enumerate() {
-                let felt = |push: f64, port: &crate::island::modal::Port| {
+            for (mode, mode_plan) in modal.modes.iter().enumerate() {
+                let push_of = |push: f64, port: &crate::island::modal::Port| {
                     push + port.shape[mode] * force[port.mat]
                 };
-                let push = modal.ports.iter().fold(0.0, felt);
-                let next = own.a * now[mode] - own.b * before[mode] + own.gain * push;
+                let push = modal.ports.iter().fold(0.0, push_of);
+                let next =
+                    mode_plan.a * now[mode] - mode_plan.b * before[mode] + mode_plan.gain * push;
                 before[mode] = std::mem::replace(&mut now[mode], next);
             }
         }
@@ -388,16 +389,16 @@ impl<'a> Map<'a> {
             .map(|link| link.k * elongation_squared(link))
             .sum();
         let slow: f64 = self.slow.iter().map(RunningSlow::energy).sum();
-        let of = |modes: &Modes<'_>| -> f64 {
+        let energy_of = |modes: &Modes<'_>| -> f64 {
             let pairs = modes.now.iter().zip(&modes.before);
             let each = pairs.zip(&modes.modal.modes);
-            each.map(|((now, before), own)| {
+            each.map(|((now, before), mode_plan)| {
                 let step = now - before;
-                (step * step + (1.0 - own.a + own.b) * now * now) / own.gain
+                (step * step + (1.0 - mode_plan.a + mode_plan.b) * now * now) / mode_plan.gain
             })
             .sum()
         };
-        let modes: f64 = self.modes.iter().map(of).sum();
+        let modes: f64 = self.modes.iter().map(energy_of).sum();
         slow + 0.5 * (stepped + links + modes)
     }
 }

@@ -33,13 +33,13 @@ const PHASE_MAX: f64 = 1.0;
 /// reasons.
 pub(in crate::plan) fn settle(
     subset: &Subset,
-    own: &OwnTimeline,
+    island_timeline: &OwnTimeline,
     budget: &Budget,
 ) -> (Subset, Vec<RefusedSlow>) {
     let refused_slow = match budget {
         Budget::Method(_) => refuse_all(subset, "the score asks for one method for everything"),
         Budget::Error(_) | Budget::Cents { .. } => {
-            slow_bodies(&subset.network, &own.timeline).refused_slow
+            slow_bodies(&subset.network, &island_timeline.timeline).refused_slow
         }
     };
     (without_slow(subset, &refused_slow), refused_slow)
@@ -72,12 +72,12 @@ pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlow
 /// unknown, nor where the discrete network is the reference: there a plan may change only rounding.
 pub(in crate::plan) fn offer(
     subset: &Subset,
-    own: &OwnTimeline,
+    island_timeline: &OwnTimeline,
     budget: &Budget,
     offered: Offered,
     every: u32,
 ) -> Option<Subset> {
-    let timeline = &own.timeline;
+    let timeline = &island_timeline.timeline;
     if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some()
     {
         return None;
@@ -101,10 +101,12 @@ pub(in crate::plan) fn offer(
         return None;
     }
     let is_offered = |name: &str| names.contains(name);
-    let set = |name: &str, own: Option<u32>| own.or(is_offered(name).then_some(every));
+    let set = |name: &str, island_timeline: Option<u32>| {
+        island_timeline.or(is_offered(name).then_some(every))
+    };
     let slowed = network.with_macrosteps(set);
-    let found = slow_bodies(&slowed, timeline);
-    let fits: BTreeSet<usize> = found
+    let slowed_bodies = slow_bodies(&slowed, timeline);
+    let fits: BTreeSet<usize> = slowed_bodies
         .bodies
         .iter()
         .filter(|(_, slow)| slow.turn <= offered.phase_max() && cost::saved(slow) > 0.0)
@@ -113,7 +115,8 @@ pub(in crate::plan) fn offer(
     let fits = |name: &str| {
         is_offered(name) && fits.iter().any(|&part| network.parts()[part].name == name)
     };
-    let network = network.with_macrosteps(|name, own| own.or(fits(name).then_some(every)));
+    let network = network
+        .with_macrosteps(|name, island_timeline| island_timeline.or(fits(name).then_some(every)));
     is_more(&network, &subset.network).then(|| Subset {
         network,
         ..subset.clone()
@@ -236,7 +239,7 @@ fn too_stiff(island_plan: &IslandPlan, growth: Growth) -> String {
 /// with kicks at every frame. `None` if that would take too long.
 pub(in crate::plan) fn error(
     subset: &Subset,
-    own: &OwnTimeline,
+    island_timeline: &OwnTimeline,
     budget: &Budget,
     island: &Assembled,
     (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
@@ -247,30 +250,30 @@ pub(in crate::plan) fn error(
         island.island_plan.contact_substeps,
     );
     let how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
-    let slow = Assembled::new(subset, own, budget, how, None, memo)?;
+    let slow = Assembled::new(subset, island_timeline, budget, how, None, memo)?;
     let single = Subset {
         network: subset.network.with_macrosteps(|_, every| every.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {
+    let Ok(single) = Assembled::new(&single, island_timeline, budget, how, None, memo) else {
         return Ok(None);
     };
     let series = store.map(|store| {
         let also = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
         Series::new(
             store,
-            IslandContent::of(&subset.network, &own.timeline, also),
+            IslandContent::of(&subset.network, &island_timeline.timeline, also),
         )
     });
-    let found = measured(series, allowance, || {
+    let assembled = measured(series, allowance, || {
         compare_with_every_frame(&slow, &single, contact_substeps, (budget, allowance))
     })?;
-    let Some(found) = found else {
+    let Some(assembled) = assembled else {
         return Ok(None);
     };
     let played = [&slow, &single].map(|island| (&island.island_plan, contact_substeps));
     let known = (allowance, store);
-    unless_spent(horizon::extend_error(found, budget, played, known))
+    unless_spent(horizon::extend_error(assembled, budget, played, known))
 }
 
 /// The difference between an island and the same with kicks at every frame, over its beginning.

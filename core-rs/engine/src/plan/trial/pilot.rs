@@ -70,7 +70,7 @@ pub(in crate::plan) fn pilot(
 }
 
 /// What a pilot has found, and the run of the chosen island.
-type Found = (PilotResult, Rc<PilotRun>);
+type PilotOutcome = (PilotResult, Rc<PilotRun>);
 
 /// An island and what its trials share.
 struct Pilot<'a, F> {
@@ -99,7 +99,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// Finds the island; `None` if the allowance ended before anything was known.
-    fn find(&self, island: &Assembled) -> Result<Option<Found>, Error> {
+    fn find(&self, island: &Assembled) -> Result<Option<PilotOutcome>, Error> {
         let substeps = first_substeps(island, self.budget);
         let run = self
             .runs
@@ -109,8 +109,8 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         };
         let first = Candidate::new(island.clone(), substeps, None).counted(&run);
         let played = (&self.runs, &self.spans);
-        let found = reference((self.assemble, &first), played, self.budget, self.allowance);
-        let Some(reference) = unless_spent(found)?.flatten() else {
+        let outcome = reference((self.assemble, &first), played, self.budget, self.allowance);
+        let Some(reference) = unless_spent(outcome)?.flatten() else {
             return Ok(Some(self.unmeasured(first, run)?));
         };
         let stretches = Stretches::of(&reference.run.sound, &self.spans);
@@ -155,7 +155,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     }
 
     /// The result of a search: the candidate without modes that are not heard, and its error.
-    fn finished(&self, tried: Tried, stretches: &Stretches) -> Result<Found, Error> {
+    fn finished(&self, tried: Tried, stretches: &Stretches) -> Result<PilotOutcome, Error> {
         let (island, db) = match tried.parting {
             None if matches!(self.budget, Budget::Error(_)) => self.pruned_within(&tried)?,
             _ => (
@@ -236,7 +236,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
 
     /// The island as it was played first, whose error is not known. If that run is lost, the island with meshes that cannot
     /// diverge, unless that is lost too.
-    fn unmeasured(&self, first: Candidate, run: Rc<PilotRun>) -> Result<Found, Error> {
+    fn unmeasured(&self, first: Candidate, run: Rc<PilotRun>) -> Result<PilotOutcome, Error> {
         let (mut candidate, mut run) = (first, run);
         if run.is_lost
             && let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::Unconditional))
@@ -292,12 +292,12 @@ fn choose_runs(
     let (before, _) = allowance.spent();
     let share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.
-    let heard = |frames: usize| frames.saturating_sub(spans.event()) as f64;
+    let audible_frames = |frames: usize| frames.saturating_sub(spans.event()) as f64;
     let played = (plan, first_substeps(island, budget));
     runs.play_while(played, allowance, |frames, _| {
         let spent = allowance.spent().0 - before;
         let affordable = allowance.share_left(SEARCH_COST * spent);
-        share.set(affordable * heard(frames) / heard(excerpt.n_frames));
+        share.set(affordable * audible_frames(frames) / audible_frames(excerpt.n_frames));
         affordable == 1.0 || frames <= spans.shortened(1).end()
     })?;
     let parts = (PARTS as f64 * share.get()) as usize;

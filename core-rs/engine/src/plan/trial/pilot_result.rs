@@ -37,22 +37,22 @@ impl ChosenIsland {
     }
 
     /// A stricter budget, within which the error may stay within `budget` to its end: the error that the pilot measured
-    /// `at_first` was within it, and has grown beyond it.
+    /// `first_error` was within it, and has grown beyond it.
     pub(in crate::plan) fn stricter(
         &self,
-        at_first: Option<Measured>,
+        first_error: Option<Measured>,
         budget: &Budget,
     ) -> Option<Budget> {
-        let (now, at_first) = self.error.zip(at_first)?;
+        let (now, first_error) = self.error.zip(first_error)?;
         match *budget {
             Budget::Error(asked) => {
-                let growth = now.db - at_first.db;
-                let has_left = now.spectral.is_none() && now.db > asked && at_first.db <= asked;
+                let growth = now.db - first_error.db;
+                let has_left = now.spectral.is_none() && now.db > asked && first_error.db <= asked;
                 has_left.then_some(Budget::Error(asked - growth))
             }
             Budget::Cents { cents, upto } => {
-                let growth = now.excess(budget) / at_first.excess(budget);
-                let has_left = now.excess(budget) > 1.0 && at_first.excess(budget) <= 1.0;
+                let growth = now.excess(budget) / first_error.excess(budget);
+                let has_left = now.excess(budget) > 1.0 && first_error.excess(budget) <= 1.0;
                 has_left.then_some(Budget::Cents {
                     cents: cents / growth,
                     upto,
@@ -69,14 +69,14 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenI
         return None;
     }
     let pairs = pin.kept.iter().zip(&island.island_plan.bodies);
-    let kept = pairs.map(|(kept, body)| match body {
-        BodyPlan::Modal(modal) => KeptModes::pinned(kept, modal.modes.len()),
+    let modes_kept = pairs.map(|(modes_kept, body)| match body {
+        BodyPlan::Modal(modal) => KeptModes::pinned(modes_kept, modal.modes.len()),
         BodyPlan::Mesh(_) => Some(KeptModes::none()),
-        BodyPlan::Slow(slow) => (kept[..] == [slow.macrostep]).then(KeptModes::none),
+        BodyPlan::Slow(slow) => (modes_kept[..] == [slow.macrostep]).then(KeptModes::none),
     });
-    let kept = kept.collect::<Option<Vec<_>>>()?;
+    let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
-    let mut island = island.only(substeps, kept);
+    let mut island = island.only(substeps, modes_kept);
     island.island_plan.counted_cost = pin.counted_cost;
     Some(ChosenIsland::unmeasured(island))
 }
@@ -108,9 +108,9 @@ impl PilotResult {
             long_run,
         } = self;
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
-            let [own, finer] = long_run.contact_substeps;
+            let [coarse, finer] = long_run.contact_substeps;
             let played = [
-                (&long_run.own.island_plan, own),
+                (&long_run.own.island_plan, coarse),
                 (&long_run.finer.island_plan, finer),
             ];
             chosen.error = unless_spent(horizon::extend_error(measured, budget, played, known))?;
@@ -130,23 +130,23 @@ impl PilotResult {
             ..
         } = &self.chosen.island;
         let long_run = self.long_run.as_ref();
-        let [own, finer] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
+        let [coarse, finer] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
         let mut how = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
             *shape as u32,
             u32::from(*is_plain),
-            own as u32,
+            coarse as u32,
             finer as u32,
             u32::from(self.chosen.diverges),
         ];
         how.extend(island_plan.counted_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
-        let kept = bodies.iter().map(PortedBody::numbers);
+        let body_numbers = bodies.iter().map(PortedBody::numbers);
         TrialRecord {
             numbers,
-            counts: std::iter::once(how).chain(kept).collect(),
+            counts: std::iter::once(how).chain(body_numbers).collect(),
             reason: because.as_ref().map(|why| why.why().to_owned()),
         }
     }
@@ -157,13 +157,13 @@ impl PilotResult {
         assemble: &impl Fn(How<'_>, Option<&Choice>) -> Result<Assembled, Error>,
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
-        let (how, kept) = record.counts.split_first()?;
+        let (how, body_counts) = record.counts.split_first()?;
         let &[
             oversampling,
             contact_substeps,
             shape,
             is_plain,
-            own,
+            coarse,
             finer,
             diverges,
             ref counted_cost @ ..,
@@ -182,7 +182,7 @@ impl PilotResult {
             _ => None,
         };
         let (is_plain, diverges) = (flag(is_plain)?, flag(diverges)?);
-        let is_much = own.max(finer) as usize > SUBSTEPS_MAX;
+        let is_much = coarse.max(finer) as usize > SUBSTEPS_MAX;
         if !(1..=2 * TIMES_MAX).contains(&oversampling) || is_much {
             return None;
         }
@@ -191,7 +191,7 @@ impl PilotResult {
             oversampling,
             contact_substeps: contact_substeps as usize,
             counted_cost,
-            kept: kept.to_vec(),
+            kept: body_counts.to_vec(),
             ..Choice::default()
         };
         let how = How {
@@ -212,13 +212,13 @@ impl PilotResult {
             Some(why) => Some(NoModes::of(why)?),
             None => None,
         };
-        let long_run = if own > 0 {
+        let long_run = if coarse > 0 {
             let methods = island.mesh_methods();
-            let at = |times| assemble(island.again(times, &methods), None).ok();
+            let assembled = |times| assemble(island.again(times, &methods), None).ok();
             Some(LongRunPair {
-                own: at(oversampling)?,
-                finer: at(2 * oversampling)?,
-                contact_substeps: [own, finer].map(|substeps| substeps as usize),
+                own: assembled(oversampling)?,
+                finer: assembled(2 * oversampling)?,
+                contact_substeps: [coarse, finer].map(|substeps| substeps as usize),
             })
         } else {
             None

@@ -22,7 +22,7 @@ const LOOKS: usize = 16;
 /// Frames of a block, after each of which the modes are looked at.
 pub(in crate::plan) const BLOCK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
-const AT_REST: usize = 1024;
+const REST_BLOCK_FRAMES: usize = 1024;
 /// Frames of a rest that are played at once.
 const REST_BLOCK: usize = 1 << 14;
 
@@ -94,8 +94,11 @@ impl CountedCost {
     /// The mean over `n_frames`.
     fn of(island: &Island, n_frames: usize) -> Self {
         let mean = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
-        let [own, bodies] = cost::counted_cost(island).map(mean);
-        Self { own, bodies }
+        let [island_cost, bodies] = cost::counted_cost(island).map(mean);
+        Self {
+            own: island_cost,
+            bodies,
+        }
     }
 
     pub(in crate::plan) fn all(self) -> u32 {
@@ -123,14 +126,14 @@ pub(in crate::plan) fn frames_at_rest(
     island_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<usize, TrialError> {
-    if !is_affordable(island_plan, AT_REST) {
+    if !is_affordable(island_plan, REST_BLOCK_FRAMES) {
         return Ok(0);
     }
     let mut meter = Meter::new(island_plan, allowance);
     let mut island = island(island_plan, island_plan.contact_substeps)?;
-    let mut sound = vec![0.0; AT_REST * island.n_out()];
+    let mut sound = vec![0.0; REST_BLOCK_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
-    let _ = island.process(&mut sound, AT_REST, &mut ThreadTeam::alone());
+    let _ = island.process(&mut sound, REST_BLOCK_FRAMES, &mut ThreadTeam::alone());
     meter.draw(&island, island.computed() as usize)?;
     // What comes to rest is heard until then.
     if !is_still(&sound, island.n_out()) {
@@ -149,21 +152,21 @@ pub(in crate::plan) fn find_excerpt(
     island_plan: &IslandPlan,
     allowance: &Allowance,
 ) -> Result<Excerpt, TrialError> {
-    let most = Excerpt {
+    let widest = Excerpt {
         from: frames_at_rest(island_plan, allowance)?,
         n_frames: longest(island_plan),
     };
     let rate = frames_a_second(island_plan);
-    let found = find_length(island_plan, (most, rate), allowance);
-    // If no length was found, the decision depends on all of `most`.
-    let looked = match found {
+    let length = find_length(island_plan, (widest, rate), allowance);
+    // If no length was found, the decision depends on all of `widest`.
+    let looked = match length {
         Ok(n_frames) if n_frames > 0 => n_frames,
-        _ => most.n_frames,
+        _ => widest.n_frames,
     };
-    allowance.note_frames(most.from + looked);
+    allowance.note_frames(widest.from + looked);
     Ok(Excerpt {
-        n_frames: found?,
-        ..most
+        n_frames: length?,
+        ..widest
     })
 }
 
@@ -175,7 +178,7 @@ fn find_length(
 ) -> Result<usize, TrialError> {
     let Excerpt {
         from,
-        n_frames: most,
+        n_frames: longest,
     } = excerpt;
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
@@ -183,12 +186,12 @@ fn find_length(
         let mut meter = Meter::new(island_plan, allowance);
         let mut sound = vec![0.0; BLOCK * island.n_out()];
         meter.play_rest(&mut island, from)?;
-        for at in (0..most).step_by(BLOCK) {
+        for first_frame in (0..longest).step_by(BLOCK) {
             meter.draw(&island, BLOCK)?;
             // Faults are muted: a pilot does not report them.
             let _ = island.process(&mut sound, BLOCK, &mut ThreadTeam::alone());
             if island.has_touched() {
-                return Ok((at + after).min(most));
+                return Ok((first_frame + after).min(longest));
             }
         }
         // Nothing touches: the first event decides instead.
@@ -201,7 +204,7 @@ fn find_length(
     };
     let first = ((first * rate).min(1e12) as usize).saturating_sub(from);
     let n_frames = first.saturating_add(after);
-    Ok(if n_frames <= most { n_frames } else { 0 })
+    Ok(if n_frames <= longest { n_frames } else { 0 })
 }
 
 /// The first event of an island at `from` or later [s]; infinite if there is none.
@@ -259,10 +262,10 @@ impl<'a> Meter<'a> {
         let rows: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
         let short = rows + cost::lone_laws_cost(&island_plan.network);
         let frame = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short;
-        let heard = COMPARISON * island_plan.network.outputs().len() as f64;
+        let comparison = COMPARISON * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
-            frame: frame + heard,
+            frame: frame + comparison,
             step: frame / f64::from(island_plan.oversampling),
             added: 0.0,
         }
@@ -271,8 +274,8 @@ impl<'a> Meter<'a> {
     /// Plays the rest before an excerpt. Steps that the island skips cost nothing.
     fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
         let mut sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
-        for at in (0..n_frames).step_by(REST_BLOCK) {
-            let n = REST_BLOCK.min(n_frames - at);
+        for first_frame in (0..n_frames).step_by(REST_BLOCK) {
+            let n = REST_BLOCK.min(n_frames - first_frame);
             let before = island.computed();
             let _ = island.process(
                 &mut sound[..n * island.n_out()],
@@ -383,25 +386,25 @@ fn run(
     let (mut touched_from, mut silence) = (None, Silence::new(island_plan, &island));
     let mut created = Created::default();
     let look = (n_frames / LOOKS).max(1);
-    for at in (0..n_frames).step_by(BLOCK) {
-        if at == block {
+    for first_frame in (0..n_frames).step_by(BLOCK) {
+        if first_frame == block {
             island.damp(by);
-        } else if at == block + BLOCK {
+        } else if first_frame == block + BLOCK {
             island.damp(1.0);
         }
-        let end = (at + BLOCK).min(n_frames);
-        let own = &mut sound[at * n_out..end * n_out];
-        meter.draw(&island, end - at)?;
-        let _ = island.process(own, end - at, &mut ThreadTeam::alone());
-        silence.note(&island, own);
-        if at / look < end / look || end == n_frames {
+        let end = (first_frame + BLOCK).min(n_frames);
+        let frames = &mut sound[first_frame * n_out..end * n_out];
+        meter.draw(&island, end - first_frame)?;
+        let _ = island.process(frames, end - first_frame, &mut ThreadTeam::alone());
+        silence.note(&island, frames);
+        if first_frame / look < end / look || end == n_frames {
             created.look(&island, 2 * end <= n_frames);
         }
-        derivatives.process(own, n_out);
+        derivatives.process(frames, n_out);
         island.squares(&mut squares);
-        silence.keep(own, &squares);
+        silence.keep(frames, &squares);
         if touched_from.is_none() && cost::counted_cost(&island)[0] > 0.0 {
-            touched_from = Some(at);
+            touched_from = Some(first_frame);
         }
         if !goes_on(end, &sound[..end * n_out]) {
             return Ok(None);
@@ -477,7 +480,7 @@ mod tests {
     /// Sound, state and work of an island, and how many of its frames were skipped.
     fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
         let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
-        let mut heard = Vec::new();
+        let mut frames = Vec::new();
         let mut sound = vec![0.0; BLOCK * island.n_out()];
         for _ in 0..(0.6 * 44_100.0) as usize / BLOCK {
             sound.fill(0.0);
@@ -487,12 +490,12 @@ mod tests {
             } else {
                 island.compute(&mut sound, BLOCK, team).unwrap();
             }
-            heard.extend(sound.iter().map(|x| x.to_bits()));
+            frames.extend(sound.iter().map(|x| x.to_bits()));
         }
         let work = island.fine_work();
         let work = [work.instants, work.products, island.guard_steps()];
         let passed = island.passed() / u64::from(island_plan.oversampling);
-        (heard, island.write_state(), work, passed)
+        (frames, island.write_state(), work, passed)
     }
 
     #[test]

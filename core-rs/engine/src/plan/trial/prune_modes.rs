@@ -16,12 +16,12 @@ use crate::plan::trial::waveform_error::{Spans, difference};
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
 
-/// The island without the modes that are not heard, together at most `most` loud [dB]: chosen by their energies, then
+/// The island without the modes that are not heard, together at most `error_max` loud [dB]: chosen by their energies, then
 /// checked by playing.
 pub(in crate::plan) fn prune(
     island: &Assembled,
     (contact_substeps, run): (usize, &PilotRun),
-    (excerpt, budget, most): (Excerpt, &Budget, Option<f64>),
+    (excerpt, budget, error_max): (Excerpt, &Budget, Option<f64>),
     allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let counted = |mut island: Assembled, run: &PilotRun| {
@@ -30,11 +30,11 @@ pub(in crate::plan) fn prune(
     };
     let with = |allowed: Option<f64>| {
         let bodies = island.island_plan.bodies.iter().zip(&run.squares);
-        let kept = bodies.map(|(body, squares)| match body {
+        let pruned = bodies.map(|(body, squares)| match body {
             BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
         });
-        counted(island.clone().only(contact_substeps, kept.collect()), run)
+        counted(island.clone().only(contact_substeps, pruned.collect()), run)
     };
     let count = |island: &Assembled| {
         island
@@ -44,11 +44,11 @@ pub(in crate::plan) fn prune(
             .map(BodyPlan::n_modes)
             .sum::<usize>()
     };
-    let Some(most) = most else {
+    let Some(error_max) = error_max else {
         return Ok(with(None));
     };
     if !is_affordable(&island.island_plan, 2 * excerpt.n_frames) {
-        return Ok(with(Some(most)));
+        return Ok(with(Some(error_max)));
     }
     // The reference has no modes above hearing: leaving them out is no error.
     let all = with(None);
@@ -62,7 +62,7 @@ pub(in crate::plan) fn prune(
         run.sound
     };
     let spans = Spans::of(&island.island_plan, excerpt.n_frames);
-    let mut allowed = most;
+    let mut allowed = error_max;
     for _ in 0..TRIES {
         let mut fewer = with(Some(allowed));
         if count(&fewer) == count(&all) {
@@ -73,12 +73,12 @@ pub(in crate::plan) fn prune(
             break;
         };
         let loud = difference(&run.sound, &sound, &spans);
-        if loud <= most {
+        if loud <= error_max {
             let bodies = fewer.bodies.iter_mut();
             bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
             return Ok(counted(fewer, &run));
         }
-        allowed -= (loud - most).max(QUIETER);
+        allowed -= (loud - error_max).max(QUIETER);
     }
     Ok(all)
 }
@@ -100,9 +100,9 @@ fn keep(
         };
     }
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
-    let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
-    let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(
+    let listened = body.heard.iter().map(|(_, shape)| shape.as_slice());
+    let rows: Vec<&[f64]> = ports.chain(listened).collect();
+    let mut modes_kept = choose(
         &excitations(body, squares),
         &rows,
         allowed,
@@ -111,16 +111,16 @@ fn keep(
     );
     // Rigid motion of the body stays, however quiet it is.
     let loose = (0..body.modes.len()).filter(|&mode| body.compliance(mode).is_none());
-    kept.modes.extend(loose);
-    kept.modes.sort_unstable();
-    kept.modes.dedup();
+    modes_kept.modes.extend(loose);
+    modes_kept.modes.sort_unstable();
+    modes_kept.modes.dedup();
     let Some(db) = budget.left_out() else {
-        return kept;
+        return modes_kept;
     };
     // Modes that are left out make the ports stiffer: that has to stay too small for a contact to notice.
     let enough = pow(10.0, db / 20.0);
     let mut fallen: Vec<usize> = (0..body.modes.len())
-        .filter(|mode| kept.modes.binary_search(mode).is_err())
+        .filter(|mode| modes_kept.modes.binary_search(mode).is_err())
         .collect();
     for port in &body.ports {
         let stiff = stiffest(island_plan, port.mat);
@@ -135,12 +135,12 @@ fn keep(
                 return true;
             }
             lost -= compliance_share(mode);
-            kept.modes.push(mode);
+            modes_kept.modes.push(mode);
             false
         });
     }
-    kept.modes.sort_unstable();
-    kept
+    modes_kept.modes.sort_unstable();
+    modes_kept
 }
 
 /// Ways in which modes get their energies: as the pilot measured, and as may happen later, by a strike at each place
@@ -155,9 +155,9 @@ fn excitations(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
     let ports = body.ports.iter().filter(|_| !is_measured);
     let struck = body.struck.iter().map(|struck| by(&struck.shape));
     let touched = ports.map(|port| by(&port.shape));
-    let own = squares.iter().enumerate();
-    let own = own.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
-    struck.chain(touched).chain([own.collect()]).collect()
+    let indexed = squares.iter().enumerate();
+    let indexed = indexed.map(|(mode, square)| body.compliance(mode).map_or(0.0, |_| *square));
+    struck.chain(touched).chain([indexed.collect()]).collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].

@@ -185,11 +185,11 @@ pub(in crate::plan) fn measured(
         return Ok(error);
     }
     let left = allowance.begin();
-    let found = measure()?;
+    let measurement = measure()?;
     if let Some(series) = &series {
-        series.keep(allowance, left, TrialRecord::of_error(found));
+        series.keep(allowance, left, TrialRecord::of_error(measurement));
     }
-    Ok(found)
+    Ok(measurement)
 }
 
 /// Finds the record of trials of known length, if they would go the same way now, and what they took.
@@ -202,8 +202,8 @@ pub(in crate::plan) fn find(
     [key.to_owned(), key_with_left(key, left)]
         .iter()
         .find_map(|key| {
-            let found = store.get(key)?.split_header()?;
-            allowance.is_enough_for(&found.0).then_some(found)
+            let record = store.get(key)?.split_header()?;
+            allowance.is_enough_for(&record.0).then_some(record)
         })
 }
 

@@ -126,8 +126,8 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
 
 /// Contact substeps a step of all runs, given the first one.
 fn first_substeps(first: &Candidate) -> usize {
-    let of_contacts = first.island.island_plan.counted_cost.map_or(0.0, f64::from);
-    let is_costly = of_contacts > COSTLY * first.cost || is_plain_first(&first.island);
+    let contact_cost = first.island.island_plan.counted_cost.map_or(0.0, f64::from);
+    let is_costly = contact_cost > COSTLY * first.cost || is_plain_first(&first.island);
     match first.island.may_collocate {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
         _ if is_costly => SUBSTEPS_OF_COSTLY,

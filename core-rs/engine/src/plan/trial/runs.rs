@@ -52,10 +52,10 @@ impl Runs {
     }
 
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
-        let mut kept = self.kept.borrow_mut();
-        let samples: usize = kept.iter().map(|(_, run)| run.sound.len()).sum();
+        let mut runs = self.kept.borrow_mut();
+        let samples: usize = runs.iter().map(|(_, run)| run.sound.len()).sum();
         if samples + run.sound.len() <= SAMPLES_MAX {
-            kept.push((run_key(island_plan, contact_substeps), run.clone()));
+            runs.push((run_key(island_plan, contact_substeps), run.clone()));
         }
     }
 
@@ -85,8 +85,8 @@ impl Runs {
         allowance: &Allowance,
         goes_on: impl FnMut(usize, &[f64]) -> bool,
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
-        let own = run_key(island_plan, contact_substeps);
-        let known = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == own).then(|| kept.1.clone());
+        let key = run_key(island_plan, contact_substeps);
+        let known = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == key).then(|| kept.1.clone());
         if let Some(run) = self.kept.borrow().iter().find_map(known) {
             return Ok(Some(run));
         }

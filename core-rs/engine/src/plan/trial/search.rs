@@ -86,10 +86,10 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 continue;
             }
             // Once the allowance is spent, what was tried is all there is.
-            let Some(found) = unless_spent(self.measure(candidate, nearest.as_ref()))? else {
+            let Some(outcome) = unless_spent(self.measure(candidate, nearest.as_ref()))? else {
                 break;
             };
-            let Some(tried) = found else { continue };
+            let Some(tried) = outcome else { continue };
             gains.add(&tried);
             if !self.misses(&tried) {
                 let is_cheaper = |within: &Tried| tried.candidate.cost < within.candidate.cost;

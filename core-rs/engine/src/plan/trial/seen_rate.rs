@@ -19,10 +19,13 @@ use crate::plan::trial::waveform_error::{Spans, difference};
 /// rates.
 pub(in crate::plan) fn error(
     slow: &IslandPlan,
-    (subset, own, budget): (&Subset, &OwnTimeline, &Budget),
+    (subset, island_timeline, budget): (&Subset, &OwnTimeline, &Budget),
     (memo, allowance, store): (&Memo<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<Measured>, Error> {
-    let Some(slower) = own.slower(slow.every).filter(|_| !own.timeline.is_open) else {
+    let Some(slower) = island_timeline
+        .slower(slow.every)
+        .filter(|_| !island_timeline.timeline.is_open)
+    else {
         return Ok(None);
     };
     // Trials count frames of the slower timeline.
@@ -34,7 +37,7 @@ pub(in crate::plan) fn error(
     });
     measured(series, allowance, || {
         let how = How::fine(1, MethodChoice::ByBudget);
-        match Assembled::new(subset, own, budget, how, None, memo) {
+        match Assembled::new(subset, island_timeline, budget, how, None, memo) {
             Ok(each) => compare_rates(slow, &each.island_plan, allowance),
             Err(_) => Ok(None),
         }
@@ -52,12 +55,17 @@ fn compare_rates(
         return Ok(None);
     };
     let every = slow.every as usize;
-    let played = |own: &IslandPlan, times: usize| {
+    let played = |island_plan: &IslandPlan, times: usize| {
         let excerpt = Excerpt {
             from: excerpt.from * times,
             n_frames: excerpt.n_frames * times,
         };
-        unless_spent(play(own, own.contact_substeps, excerpt, allowance))
+        unless_spent(play(
+            island_plan,
+            island_plan.contact_substeps,
+            excerpt,
+            allowance,
+        ))
     };
     let (Some(slowly), Some(plainly)) = (played(slow, 1)?, played(each, every)?) else {
         return Ok(None);

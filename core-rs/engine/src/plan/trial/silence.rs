@@ -15,7 +15,7 @@ const SILENT: f64 = 1e-10;
 /// Outputs that have heard nothing but rounding so far in a run.
 pub(in crate::plan) struct Silence<'a> {
     island_plan: &'a IslandPlan,
-    outputs: Vec<Heard>,
+    outputs: Vec<OutputRange>,
     /// Positions at the start [m]   (n_mat)
     start: Vec<f64>,
     /// Largest distance of a mass from its start [m].
@@ -24,7 +24,7 @@ pub(in crate::plan) struct Silence<'a> {
 
 /// What an output has heard.
 #[derive(Clone, Copy)]
-struct Heard {
+struct OutputRange {
     /// Lowest and highest value before it is differentiated.
     range: [f64; 2],
     /// Its first value.
@@ -35,14 +35,14 @@ struct Heard {
 impl<'a> Silence<'a> {
     /// Begins with an island as it is now.
     pub(in crate::plan) fn new(island_plan: &'a IslandPlan, island: &Island) -> Self {
-        let own = Heard {
+        let output = OutputRange {
             range: [f64::INFINITY, f64::NEG_INFINITY],
             first: None,
             is_silent: true,
         };
         Self {
             island_plan,
-            outputs: vec![own; island.n_out()],
+            outputs: vec![output; island.n_out()],
             start: island.positions().to_vec(),
             masses: 0.0,
         }
@@ -51,9 +51,9 @@ impl<'a> Silence<'a> {
     /// Notes a block of sound before it is differentiated, (n_frames · n_out), and the island after it.
     pub(in crate::plan) fn note(&mut self, island: &Island, sound: &[f64]) {
         for frame in sound.chunks_exact(self.outputs.len().max(1)) {
-            for (own, x) in self.outputs.iter_mut().zip(frame) {
-                let [low, high] = own.range;
-                own.range = [low.min(*x), high.max(*x)];
+            for (output_state, x) in self.outputs.iter_mut().zip(frame) {
+                let [low, high] = output_state.range;
+                output_state.range = [low.min(*x), high.max(*x)];
             }
         }
         let moved = island.positions().iter().zip(&self.start);
@@ -69,12 +69,12 @@ impl<'a> Silence<'a> {
                 continue;
             }
             let share = self.share(output, squares);
-            let own = &mut self.outputs[output];
-            own.is_silent = share <= SILENT;
-            let first = *own.first.get_or_insert(sound[output]);
-            if own.is_silent {
-                let heard = sound.iter_mut().skip(output).step_by(n_out);
-                heard.for_each(|x| *x = first);
+            let state = &mut self.outputs[output];
+            state.is_silent = share <= SILENT;
+            let first = *state.first.get_or_insert(sound[output]);
+            if state.is_silent {
+                let samples = sound.iter_mut().skip(output).step_by(n_out);
+                samples.for_each(|x| *x = first);
             }
         }
     }
@@ -91,8 +91,8 @@ impl<'a> Silence<'a> {
         if low >= high {
             return 0.0;
         }
-        let of = &self.island_plan.network.outputs()[output];
-        let reach = self.masses * weight(of) + of_modes(output, self.island_plan, squares);
+        let output_plan = &self.island_plan.network.outputs()[output];
+        let reach = self.masses * weight(output_plan) + of_modes(output, self.island_plan, squares);
         (high - low) / reach
     }
 }
@@ -113,11 +113,11 @@ fn of_modes(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]) -> f6
         let BodyPlan::Modal(modal) = body else {
             continue;
         };
-        let heard = modal
+        let listened = modal
             .heard
             .iter()
             .filter(|(own, _)| *own as usize == output);
-        for (_, shape) in heard {
+        for (_, shape) in listened {
             let each = shape.iter().zip(squares);
             reach += each
                 .map(|(by, square)| by.abs() * sqrt(*square))

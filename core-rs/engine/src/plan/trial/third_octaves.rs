@@ -14,9 +14,9 @@ const RATE_SHARE: f64 = 0.45;
 /// Least width × duration of a band: its level is the mean of about as many independent values. With fewer the level is
 /// chance (two runs that differ by rounding alone are then 2 to 4 dB apart).
 const FEWEST: f64 = 8.0;
-/// Bands are compared if their power is above the part `HEARD` of the strongest band's; a missing band counts as the
+/// Bands are compared if their power is above the part `COMPARED_POWER_MIN` of the strongest band's; a missing band counts as the
 /// ratio `MISSING` [power].
-const HEARD: f64 = 1e-6;
+const COMPARED_POWER_MIN: f64 = 1e-6;
 const MISSING: f64 = 1e-10;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
@@ -26,24 +26,24 @@ pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate
     let bands = bands(n_frames, rate, FEWEST);
     let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
     for output in 0..n_out {
-        let of =
+        let band_sound =
             |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
-        let (a, b) = (remove_mean(of(a)), remove_mean(of(b)));
-        let whole: f64 = b.iter().map(|x| x * x).sum();
-        if whole <= 0.0 {
+        let (a, b) = (remove_mean(band_sound(a)), remove_mean(band_sound(b)));
+        let energy: f64 = b.iter().map(|x| x * x).sum();
+        if energy <= 0.0 {
             continue;
         }
         for (sound, levels) in [(a, &mut ours), (b, &mut theirs)] {
             let powers = powers(sound);
             for (level, band) in levels.iter_mut().zip(&bands) {
-                *level += powers[band.bins.clone()].iter().sum::<f64>() / whole;
+                *level += powers[band.bins.clone()].iter().sum::<f64>() / energy;
             }
         }
     }
     let strongest = theirs.iter().fold(0.0_f64, |most, level| most.max(*level));
     let pairs = ours.iter().zip(&theirs);
-    let heard = pairs.filter(|(_, theirs)| **theirs > HEARD * strongest);
-    let (sum, n) = heard.fold((0.0, 0), |(sum, n), (ours, theirs)| {
+    let audible = pairs.filter(|(_, theirs)| **theirs > COMPARED_POWER_MIN * strongest);
+    let (sum, n) = audible.fold((0.0, 0), |(sum, n), (ours, theirs)| {
         let apart = 10.0 * log10((ours / theirs).max(MISSING));
         (sum + apart.abs(), n + 1)
     });
@@ -67,7 +67,7 @@ pub(super) struct Band {
 pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let seconds = n_frames as f64 / rate;
     let bin = rate / length(n_frames) as f64;
-    let at = |frequency: f64| (frequency / bin).ceil() as usize;
+    let bin_of = |frequency: f64| (frequency / bin).ceil() as usize;
     let centres = (LOWEST..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
     let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
@@ -75,7 +75,7 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
         .filter(|centre| centre * (up - down) * seconds >= fewest)
         .map(|centre| Band {
             centre,
-            bins: at(centre * down)..at(centre * up),
+            bins: bin_of(centre * down)..bin_of(centre * up),
         })
         .collect()
 }
@@ -135,14 +135,14 @@ mod tests {
     /// Partials at multiples of 60 Hz up to 20 kHz, 0.4 s, two outputs; `size` gives a partial's amplitude, `phase` its
     /// phase.
     fn sound(size: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
-        let at = |n: usize| {
+        let sample = |n: usize| {
             let each = (1..=333).map(|k| {
                 let (hertz, k) = (60.0 * f64::from(k), f64::from(k));
                 size(hertz) / k * sincos(TAU * hertz * n as f64 / 44_100.0 + phase * k * k).0
             });
             each.sum::<f64>()
         };
-        let mono = (0..17_640).map(at);
+        let mono = (0..17_640).map(sample);
         mono.flat_map(|x| [x, 3.0 + 1e-3 * x]).collect()
     }
 

@@ -20,9 +20,9 @@ pub(in crate::plan) const PARTED: f64 = -10.0;
 const EARLY: (usize, f64) = (4, 12.0);
 
 /// The sum of two independent errors, by power [dB].
-pub(in crate::plan) fn power_sum(one: f64, other: f64) -> f64 {
+pub(in crate::plan) fn power_sum(error: f64, other: f64) -> f64 {
     let power = |db: f64| pow(10.0, db / 10.0);
-    10.0 * log10(power(one) + power(other))
+    10.0 * log10(power(error) + power(other))
 }
 
 /// The sum of several errors in the worst case, by amplitude [dB].
@@ -138,8 +138,8 @@ impl<'a> EarlyComparison<'a> {
         }
         self.n_checked = n;
         let early = if n == 1 { EARLY.1 } else { 0.0 };
-        let own = self.spans.within(checkpoints[n - 1]);
-        let apart = difference(sound, self.against, &own) - early;
+        let spans = self.spans.within(checkpoints[n - 1]);
+        let apart = difference(sound, self.against, &spans) - early;
         self.lower_bound = self.lower_bound.max(apart);
         Some(self.lower_bound)
     }
@@ -166,9 +166,12 @@ mod tests {
 
     #[test]
     fn an_error_beside_another_is_worth_the_sum_of_amplitudes() {
-        for (one, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
-            let both = power_sum(error_beside(one, other), other);
-            assert!((both - amplitude_sum([one, other])).abs() < 1e-9, "{both}");
+        for (error, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
+            let both = power_sum(error_beside(error, other), other);
+            assert!(
+                (both - amplitude_sum([error, other])).abs() < 1e-9,
+                "{both}"
+            );
         }
     }
 
@@ -193,11 +196,11 @@ mod tests {
 
     /// Two notes that begin at the event, of which the first also has the error `apart`.
     fn notes(apart: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
-        let own = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
+        let note = |n: usize| crate::maths::sin(0.7 * n.saturating_sub(60) as f64);
         let all = 0..360_usize;
         (
-            all.clone().map(|n| own(n) + apart(n)).collect(),
-            all.map(own).collect(),
+            all.clone().map(|n| note(n) + apart(n)).collect(),
+            all.map(note).collect(),
         )
     }
 
@@ -208,16 +211,19 @@ mod tests {
         let falls = |n: usize| if (60..85).contains(&n) { 1e-3 } else { 1e-9 };
         for (a, b) in [notes(grows), notes(falls)] {
             let mut comparison = EarlyComparison::against(&b, &spans);
-            let whole = difference(&a, &b, &spans);
+            let full_difference = difference(&a, &b, &spans);
             let mut n_told = 0;
             for end in (0..=360).step_by(24) {
                 if let Some(least) = comparison.update(end, &a[..end]) {
                     n_told += 1;
-                    assert!(least <= whole + 1e-9, "{least} of {whole} after {end}");
+                    assert!(
+                        least <= full_difference + 1e-9,
+                        "{least} of {full_difference} after {end}"
+                    );
                 }
             }
             assert_eq!(n_told, 3);
-            assert!(comparison.lower_bound > whole - EARLY.1);
+            assert!(comparison.lower_bound > full_difference - EARLY.1);
         }
     }
 }

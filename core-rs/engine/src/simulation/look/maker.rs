@@ -14,7 +14,7 @@ use crate::units::Rate;
 const MODES_MAX: usize = 256;
 
 /// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
-struct Found {
+struct TrackSource {
     how: How,
     rest: f64,
     at: usize,
@@ -52,7 +52,7 @@ pub(super) struct Maker<'a> {
     rate: f64,
     by_name: HashMap<String, usize>,
     /// (n_mat)
-    found: Vec<Option<Found>>,
+    found: Vec<Option<TrackSource>>,
     bodies: Vec<FoundBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<u32>)>,
@@ -103,9 +103,9 @@ impl<'a> Maker<'a> {
         self.by_name.get(&network.mat_name(mat)).copied()
     }
 
-    fn record(&mut self, mat: Option<usize>, found: Found) {
+    fn record(&mut self, mat: Option<usize>, source: TrackSource) {
         if let Some(mat) = mat {
-            self.found[mat] = Some(found);
+            self.found[mat] = Some(source);
         }
     }
 
@@ -117,41 +117,41 @@ impl<'a> Maker<'a> {
         }
     }
 
-    fn record_sampled(&mut self, mat: Option<usize>, at: usize, from: Origin) {
+    fn record_sampled(&mut self, mat: Option<usize>, unit: usize, from: Origin) {
         let rest = mat.map_or(0.0, |mat| self.rest(mat));
         let how = How::Sampled;
         self.record(
             mat,
-            Found {
+            TrackSource {
                 how,
                 rest,
-                at,
+                at: unit,
                 from,
             },
         );
     }
 
-    pub(super) fn island(&mut self, at: usize, island: &IslandPlan) {
+    pub(super) fn island(&mut self, unit: usize, island: &IslandPlan) {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
             let global = whole(&island.to_whole.mats, mat);
             if !kind.is_held() || self.found[global].is_none() {
-                self.record_sampled(Some(global), at, Origin::Mass(mat));
+                self.record_sampled(Some(global), unit, Origin::Mass(mat));
             }
         }
         for (body, inside) in island.bodies.iter().enumerate() {
             match inside {
                 BodyPlan::Mesh(mesh) => {
-                    for own in moving(&mesh.network) {
-                        let mat = self.whole(&mesh.network, own);
-                        self.record_sampled(mat, at, Origin::Mesh(body, own));
+                    for mesh_mat in moving(&mesh.network) {
+                        let mat = self.whole(&mesh.network, mesh_mat);
+                        self.record_sampled(mat, unit, Origin::Mesh(body, mesh_mat));
                     }
                 }
                 BodyPlan::Slow(slow) => {
-                    for (own, &mat) in slow.free.iter().enumerate() {
+                    for (mesh_mat, &mat) in slow.free.iter().enumerate() {
                         let mat = self.whole(&slow.network, mat);
-                        self.record_sampled(mat, at, Origin::Slow(body, own));
+                        self.record_sampled(mat, unit, Origin::Slow(body, mesh_mat));
                     }
                 }
                 BodyPlan::Modal(modal) => {
@@ -170,13 +170,13 @@ impl<'a> Maker<'a> {
                     let modes =
                         modes.map(|mode| Oscillation::of(mode.a, mode.b, modal.rate.hertz()));
                     if let Some(seen) = seen {
-                        self.body((at, Some(body)), &modal.of, &seen, modes.collect());
+                        self.body((unit, Some(body)), &modal.of, &seen, modes.collect());
                     }
                 }
             }
         }
         let by_name: HashMap<&str, usize> = (self.contacts.iter().enumerate())
-            .map(|(at, contact)| (contact.name.as_str(), at))
+            .map(|(unit, contact)| (contact.name.as_str(), unit))
             .collect();
         let mut contacts = vec![NOWHERE; network.n_lia()];
         for run in network.runs().iter().filter(|run| run.kind.is_contact()) {
@@ -187,30 +187,31 @@ impl<'a> Maker<'a> {
                 }
             }
         }
-        self.touched.push((at, contacts));
+        self.touched.push((unit, contacts));
         if !island.timeline.gestures.is_empty() {
             let mats = island.to_whole.mats.clone();
-            self.played.push((at, mats));
+            self.played.push((unit, mats));
         }
         let breaking: Vec<(u32, u32)> = may_break(network, |mat| whole(&island.to_whole.mats, mat))
-            .filter_map(|(own, ends)| Some((own as u32, *self.by_ends.get(&ends)?)))
+            .filter_map(|(mesh_mat, ends)| Some((mesh_mat as u32, *self.by_ends.get(&ends)?)))
             .collect();
-        self.breaking.push((at, breaking));
+        self.breaking.push((unit, breaking));
     }
 
-    pub(super) fn bank(&mut self, at: usize, bank: &BankPlan) {
-        let oscillation = |own: &Oscillator| Oscillation::of(own.a, own.b, self.rate);
+    pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
+        let oscillation =
+            |oscillator: &Oscillator| Oscillation::of(oscillator.a, oscillator.b, self.rate);
         let all: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats.len() == all.len() && !all.is_empty() {
-            for (own, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
-                let from = Origin::Bank(own);
+            for (oscillator, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
+                let from = Origin::Bank(oscillator);
                 let how = How::Free(free);
                 self.record(
                     Some(mat as usize),
-                    Found {
+                    TrackSource {
                         how,
                         rest,
-                        at,
+                        at: unit,
                         from,
                     },
                 );
@@ -219,18 +220,20 @@ impl<'a> Maker<'a> {
         }
         let rate = Rate::new(self.rate).ok();
         let (network, seen) = match (&bank.of, &bank.complex, rate) {
-            (Some(of), _, Some(rate)) => {
-                let kept = (&bank.kept[..], bank.turned.as_deref());
-                let seen = ModeShapes::new(of, kept, rate, ModalTransform::ToPositions);
-                (of.clone(), seen)
+            (Some(bank_network), _, Some(rate)) => {
+                let modes_kept = (&bank.kept[..], bank.turned.as_deref());
+                let seen =
+                    ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
+                (bank_network.clone(), seen)
             }
-            (_, Some((of, parts)), Some(rate)) => {
-                (of.clone(), ModeShapes::complex(of, parts, rate))
-            }
+            (_, Some((bank_network, parts)), Some(rate)) => (
+                bank_network.clone(),
+                ModeShapes::complex(bank_network, parts, rate),
+            ),
             _ => return,
         };
         if let Some(seen) = seen {
-            self.body((at, None), &network, &seen, all);
+            self.body((unit, None), &network, &seen, all);
         }
     }
 
@@ -254,13 +257,13 @@ impl<'a> Maker<'a> {
                 How::Modal(body) => Some(body),
                 _ => None,
             });
-        let at = known.unwrap_or(self.bodies.len());
+        let body_index = known.unwrap_or(self.bodies.len());
         if known.is_none() {
             for (&mat, &rest) in mats.iter().zip(seen.rest()) {
-                let (how, from) = (How::Modal(at), Origin::Body);
+                let (how, from) = (How::Modal(body_index), Origin::Body);
                 self.record(
                     mat,
-                    Found {
+                    TrackSource {
                         how,
                         rest,
                         at: place.0,
@@ -269,18 +272,19 @@ impl<'a> Maker<'a> {
                 );
             }
             let mats = mats.iter().enumerate();
-            let mut mats: Vec<(usize, usize)> =
-                mats.filter_map(|(own, mat)| Some(((*mat)?, own))).collect();
+            let mut mats: Vec<(usize, usize)> = mats
+                .filter_map(|(mode_pairs, mat)| Some(((*mat)?, mode_pairs)))
+                .collect();
             mats.sort_unstable();
             self.bodies.push(FoundBody {
                 mats,
                 modes: Vec::new(),
             });
         }
-        let own = modes.into_iter().enumerate().take(seen.n_modes());
-        self.bodies[at]
+        let mode_pairs = modes.into_iter().enumerate().take(seen.n_modes());
+        self.bodies[body_index]
             .modes
-            .extend(own.map(|(mode, oscillation)| FoundMode {
+            .extend(mode_pairs.map(|(mode, oscillation)| FoundMode {
                 oscillation,
                 place,
                 mode,
@@ -316,7 +320,7 @@ impl<'a> Maker<'a> {
             .collect();
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
-            let of = body.modes.len();
+            let mode_count = body.modes.len();
             let by_pitch = |a: &FoundMode, b: &FoundMode| {
                 (a.oscillation.omega.total_cmp(&b.oscillation.omega))
                     .then((a.place, a.mode).cmp(&(b.place, b.mode)))
@@ -326,7 +330,7 @@ impl<'a> Maker<'a> {
             let modes = &body.modes;
             let rows = body.mats.iter();
             bodies.push(SeenBody {
-                of,
+                of: mode_count,
                 modes: modes.iter().map(|mode| mode.oscillation).collect(),
                 first: n_modes,
                 points: body.mats.iter().map(|(mat, _)| number[mat]).collect(),
@@ -354,18 +358,18 @@ impl<'a> Maker<'a> {
     fn sources(&self, points: &[Point], bodies: &[SeenBody]) -> Vec<(usize, Source)> {
         type Key = (usize, u8, usize);
         let mut by_key: BTreeMap<Key, Source> = BTreeMap::new();
-        for (at, point) in points.iter().enumerate() {
-            let (Some(found), track) = (&self.found[point.mat], at as u32) else {
+        for (point_index, point) in points.iter().enumerate() {
+            let (Some(recorded), track) = (&self.found[point.mat], point_index as u32) else {
                 continue;
             };
-            let (key, own) = match found.from {
-                Origin::Mass(own) => ((found.at, 0, 0), own),
-                Origin::Mesh(body, own) => ((found.at, 1, body), own),
-                Origin::Slow(body, own) => ((found.at, 2, body), own),
-                Origin::Bank(own) => ((found.at, 3, 0), own),
+            let (key, index) = match recorded.from {
+                Origin::Mass(index) => ((recorded.at, 0, 0), index),
+                Origin::Mesh(body, index) => ((recorded.at, 1, body), index),
+                Origin::Slow(body, index) => ((recorded.at, 2, body), index),
+                Origin::Bank(index) => ((recorded.at, 3, 0), index),
                 Origin::Body => continue,
             };
-            let source = by_key.entry(key).or_insert_with(|| match found.from {
+            let source = by_key.entry(key).or_insert_with(|| match recorded.from {
                 Origin::Mass(_) => Source::Masses(Vec::new()),
                 Origin::Mesh(body, _) => Source::Mesh(body, Vec::new()),
                 Origin::Slow(body, _) => Source::Slow(body, Vec::new()),
@@ -373,23 +377,23 @@ impl<'a> Maker<'a> {
             });
             match source {
                 Source::Masses(all) | Source::Mesh(_, all) | Source::Slow(_, all) => {
-                    all.push((own as u32, track, point.rest));
+                    all.push((index as u32, track, point.rest));
                 }
-                Source::Bank(all) => all.push((own as u32, track)),
+                Source::Bank(all) => all.push((index as u32, track)),
                 Source::Modes(..) => {}
             }
         }
         let mut sources: Vec<(usize, Source)> = by_key
             .into_iter()
-            .map(|((at, _, _), source)| (at, source))
+            .map(|((point_index, _, _), source)| (point_index, source))
             .collect();
-        for (found, body) in self.bodies.iter().zip(bodies) {
+        for (recorded, body) in self.bodies.iter().zip(bodies) {
             let mut by_place = BTreeMap::<_, Vec<(u32, u32)>>::new();
-            for (mode, track) in found.modes.iter().zip(points.len() + body.first..) {
-                let own = by_place.entry(mode.place).or_default();
-                own.push((mode.mode as u32, track as u32));
+            for (mode, track) in recorded.modes.iter().zip(points.len() + body.first..) {
+                let index = by_place.entry(mode.place).or_default();
+                index.push((mode.mode as u32, track as u32));
             }
-            for ((at, place), pairs) in by_place {
+            for ((point_index, place), pairs) in by_place {
                 let source = match place {
                     None => Source::Bank(pairs),
                     Some(place) => {
@@ -401,7 +405,7 @@ impl<'a> Maker<'a> {
                         Source::Modes(place, modes)
                     }
                 };
-                sources.push((at, source));
+                sources.push((point_index, source));
             }
         }
         sources

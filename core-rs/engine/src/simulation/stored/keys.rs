@@ -26,8 +26,8 @@ impl Simulation {
     /// A hash of everything that determines a unit up to the last of `frames` (64 hex digits); `before` is the hash up
     /// to the first of `frames`, or empty if that is 0.
     pub(super) fn unit_key(&self, unit: usize, frames: (u64, u64), before: &str) -> String {
-        let own = &self.plan.units[unit];
-        match (own, self.content(unit)) {
+        let unit_plan = &self.plan.units[unit];
+        match (unit_plan, self.content(unit)) {
             (Unit::IslandPlan(island_plan), UnitContent::Island(content)) => {
                 content.key(island_plan, frames, before)
             }

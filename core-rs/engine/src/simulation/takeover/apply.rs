@@ -24,16 +24,18 @@ impl Simulation {
         self.sounds_in.take_over(&old.sounds_in);
         for &(from, to) in &takeover.units {
             match (self.playing(to), old.playing(from)) {
-                (RunningUnit::Island(own), RunningUnit::Island(old)) => own.continue_from(old),
-                (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.continue_from(old),
+                (RunningUnit::Island(running), RunningUnit::Island(old)) => {
+                    running.continue_from(old)
+                }
+                (RunningUnit::Bank(running), RunningUnit::Bank(old)) => running.continue_from(old),
                 _ => {}
             }
         }
         for &(from, to, n) in &takeover.modes {
-            if let (RunningUnit::Bank(own), RunningUnit::Bank(old)) =
+            if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) =
                 (self.playing(to), old.playing(from))
             {
-                (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
+                (0..n).for_each(|mode| running.copy_motion(mode, old, mode));
             }
         }
         let Takeover {
@@ -51,14 +53,14 @@ impl Simulation {
         to.iter_mut()
             .for_each(|body| body.write_masses(self, workspace));
         for (from, to, item) in &takeover.items {
-            if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
+            if let (RunningUnit::Island(running), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
             {
-                own.take_over(item, old);
+                running.take_over(item, old);
             }
         }
-        for &at in &takeover.placed {
-            if let RunningUnit::Island(island) = self.playing(at) {
+        for &unit in &takeover.placed {
+            if let RunningUnit::Island(island) = self.playing(unit) {
                 island.place();
             }
         }
@@ -80,15 +82,15 @@ impl Simulation {
     ) {
         let motion = match from {
             MatLocation::Workspace(slot) => workspace.mats[slot],
-            MatLocation::Island(at, mat) => match old.playing(at) {
+            MatLocation::Island(unit, mat) => match old.playing(unit) {
                 RunningUnit::Island(island) => island.motion(mat),
                 RunningUnit::Bank(_) => return,
             },
-            MatLocation::Bank(at, there, rest) => match old.playing(at) {
+            MatLocation::Bank(unit, there, rest) => match old.playing(unit) {
                 RunningUnit::Bank(bank) => {
-                    if let MatLocation::Bank(at, here, own) = to
-                        && own == rest
-                        && let RunningUnit::Bank(new) = self.playing(at)
+                    if let MatLocation::Bank(unit, here, rest_here) = to
+                        && rest_here == rest
+                        && let RunningUnit::Bank(new) = self.playing(unit)
                     {
                         new.copy_motion(here, bank, there);
                         return;
@@ -101,13 +103,13 @@ impl Simulation {
         };
         match to {
             MatLocation::Workspace(slot) => workspace.mats[slot] = motion,
-            MatLocation::Island(at, mat) => {
-                if let RunningUnit::Island(island) = self.playing(at) {
+            MatLocation::Island(unit, mat) => {
+                if let RunningUnit::Island(island) = self.playing(unit) {
                     island.set_motion(mat, motion);
                 }
             }
-            MatLocation::Bank(at, oscillator, rest) => {
-                if let RunningUnit::Bank(bank) = self.playing(at) {
+            MatLocation::Bank(unit, oscillator, rest) => {
+                if let RunningUnit::Bank(bank) = self.playing(unit) {
                     let now = motion.0 - rest;
                     bank.set_motion(oscillator, (now, now - motion.1));
                 }

@@ -17,8 +17,11 @@ impl Takeover {
     pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
         let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
         for &(from, island, island_plan) in &there.islands {
-            for (voice, own) in island.script().voices.iter().enumerate() {
-                let name = (island_plan.network.mat_name(own.struck), own.layer);
+            for (voice, voice_script) in island.script().voices.iter().enumerate() {
+                let name = (
+                    island_plan.network.mat_name(voice_script.struck),
+                    voice_script.layer,
+                );
                 by_name
                     .entry(name)
                     .or_default()
@@ -28,32 +31,38 @@ impl Takeover {
         for &(to, island, island_plan) in &here.islands {
             let script = island.script();
             let limit = island.step_at(n);
-            for (voice, own) in script.voices.iter().enumerate() {
-                let name = (island_plan.network.mat_name(own.struck), own.layer);
+            for (voice, voice_script) in script.voices.iter().enumerate() {
+                let name = (
+                    island_plan.network.mat_name(voice_script.struck),
+                    voice_script.layer,
+                );
                 let Some(candidates) = by_name.get_mut(&name) else {
                     continue;
                 };
                 // A layer holds one gesture, so it is matched by that; all other gestures of a key share one voice.
                 let mut same = None;
-                for (at, &(from, old, other, there)) in candidates.iter().enumerate() {
+                for (index, &(from, old, other, there)) in candidates.iter().enumerate() {
                     let their = &old.script().voices[there];
-                    let gestures = shared((own, &script.gestures), (their, &old.script().gestures));
-                    if own.layer && gestures.is_empty() {
+                    let gestures = shared(
+                        (voice_script, &script.gestures),
+                        (their, &old.script().gestures),
+                    );
+                    if voice_script.layer && gestures.is_empty() {
                         continue;
                     }
-                    same = Some((at, from, other, there, gestures));
+                    same = Some((index, from, other, there, gestures));
                     break;
                 }
-                let Some((at, from, other, there, gestures)) = same else {
+                let Some((index, from, other, there, gestures)) = same else {
                     continue;
                 };
-                let old = candidates.remove(at).1.script();
+                let old = candidates.remove(index).1.script();
                 let their = &old.voices[there];
                 let (name, other_name) = (
                     |mat| island_plan.network.mat_name(mat),
                     |mat| other.network.mat_name(mat),
                 );
-                let mats = if own.free.is_like(&their.free, name, other_name)
+                let mats = if voice_script.free.is_like(&their.free, name, other_name)
                     && (island_plan.oversampling, island_plan.every)
                         == (other.oversampling, other.every)
                 {
@@ -66,7 +75,7 @@ impl Takeover {
                         .map(|&mat| other_name(mat))
                         .zip(0..)
                         .collect();
-                    let members = own.free.members.iter().enumerate();
+                    let members = voice_script.free.members.iter().enumerate();
                     let pair = |(to, &mat): (usize, &usize)| Some((to, *known.get(&name(mat))?));
                     Some(members.filter_map(pair).collect())
                 };
@@ -95,33 +104,36 @@ impl Takeover {
         let mut gates = HashMap::new();
         let mut hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(from, island, island_plan) in &there.islands {
-            for (gate, own) in island.script().gates.iter().enumerate() {
-                gates.insert(island_plan.network.link_name(own.link), (from, gate));
+            for (gate, gate_script) in island.script().gates.iter().enumerate() {
+                gates.insert(
+                    island_plan.network.link_name(gate_script.link),
+                    (from, gate),
+                );
             }
             // A hand that several islands touch has a binding in each of them.
-            for (hand, own) in island.script().hand_bindings.iter().enumerate() {
-                let name = island_plan.network.mat_name(own.mat());
+            for (hand, gate_script) in island.script().hand_bindings.iter().enumerate() {
+                let name = island_plan.network.mat_name(gate_script.mat());
                 hands.entry(name).or_default().push((from, hand));
             }
         }
         let has_link = |name: &str| {
-            let of = |(at, island_plan): (UnitIndex, &IslandPlan)| {
+            let gate_of = |(unit, island_plan): (UnitIndex, &IslandPlan)| {
                 let runs = island_plan.network.runs().iter();
                 let mut names = runs.map(|run| island_plan.network.link_name(run.first));
-                names.any(|own| own == name).then_some(at)
+                names.any(|gate_script| gate_script == name).then_some(unit)
             };
             let mut all = there
                 .islands
                 .iter()
-                .map(|&(at, _, island_plan)| (at, island_plan));
-            all.find_map(of)
+                .map(|&(unit, _, island_plan)| (unit, island_plan));
+            all.find_map(gate_of)
         };
         let same: HashMap<UnitIndex, UnitIndex> =
             self.units.iter().map(|&(from, to)| (to, from)).collect();
         for &(to, island, island_plan) in &here.islands {
             let script = island.script();
-            for (gate, own) in script.gates.iter().enumerate() {
-                let name = island_plan.network.link_name(own.link);
+            for (gate, gate_script) in script.gates.iter().enumerate() {
+                let name = island_plan.network.link_name(gate_script.link);
                 if let Some(&(from, before)) = gates.get(&name) {
                     let item = ItemTakeover::Gate(Some(before), gate);
                     self.items.push((from, to, item));
@@ -129,8 +141,9 @@ impl Takeover {
                     self.items.push((from, to, ItemTakeover::Gate(None, gate)));
                 }
             }
-            for (hand, own) in script.hand_bindings.iter().enumerate() {
-                let Some(known) = hands.get(&island_plan.network.mat_name(own.mat())) else {
+            for (hand, gate_script) in script.hand_bindings.iter().enumerate() {
+                let Some(known) = hands.get(&island_plan.network.mat_name(gate_script.mat()))
+                else {
                     continue;
                 };
                 let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
@@ -141,22 +154,26 @@ impl Takeover {
             }
         }
         for &(from, to) in &self.units.clone() {
-            let island = |side: &Side<'_>, at: UnitIndex| {
+            let island = |side: &Side<'_>, unit: UnitIndex| {
                 let mut all = side.islands.iter();
-                all.find(|island| island.0 == at)
+                all.find(|island| island.0 == unit)
                     .map(|island| island.2.network.clone())
             };
-            let (Some(own), Some(their)) = (island(here, to), island(there, from)) else {
+            let (Some(gate_script), Some(their)) = (island(here, to), island(there, from)) else {
                 continue;
             };
             let mut parts: Vec<(u32, u32)> = {
-                let (own, their) = (&own.mats().part, &their.mats().part);
-                their.iter().copied().zip(own.iter().copied()).collect()
+                let (gate_script, their) = (&gate_script.mats().part, &their.mats().part);
+                their
+                    .iter()
+                    .copied()
+                    .zip(gate_script.iter().copied())
+                    .collect()
             };
             parts.sort_unstable();
             parts.dedup();
-            for (there, own) in parts {
-                let item = ItemTakeover::Part(there as usize, own as usize);
+            for (there, gate_script) in parts {
+                let item = ItemTakeover::Part(there as usize, gate_script as usize);
                 self.items.push((from, to, item));
             }
         }

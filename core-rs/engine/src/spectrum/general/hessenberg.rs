@@ -17,12 +17,12 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         for i in below.clone() {
             mirror[i] = matrix[i * n + k];
         }
-        let own = &mirror[below.clone()];
-        let rest = dot(&own[1..], &own[1..]);
+        let reflector = &mirror[below.clone()];
+        let rest = dot(&reflector[1..], &reflector[1..]);
         if rest == 0.0 {
             continue;
         }
-        let first = own[0];
+        let first = reflector[0];
         let length = copysign(sqrt(rest + first * first), first);
         mirror[k + 1] += length;
         let scale = 2.0 / dot(&mirror[below.clone()], &mirror[below.clone()]);

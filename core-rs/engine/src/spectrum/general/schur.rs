@@ -48,8 +48,13 @@ fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
 
 /// The eigenvalues of the 2 × 2 block at rows k and k + 1. If they are real, the block is made triangular.
 fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2] {
-    let at = |i: usize, j: usize| (k + i) * n + k + j;
-    let (a, b, c, d) = (h[at(0, 0)], h[at(0, 1)], h[at(1, 0)], h[at(1, 1)]);
+    let index = |i: usize, j: usize| (k + i) * n + k + j;
+    let (a, b, c, d) = (
+        h[index(0, 0)],
+        h[index(0, 1)],
+        h[index(1, 0)],
+        h[index(1, 1)],
+    );
     let p = 0.5 * (a - d);
     let square = p * p + b * c;
     let root = sqrt(square.abs());
@@ -58,14 +63,14 @@ fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2
         return [(middle, root), (middle, -root)];
     }
     let far = p + copysign(root, p);
-    let one = d + far;
-    let other = if far == 0.0 { one } else { d - b * c / far };
-    // Rotate the eigenvector of `one` into the first axis.
+    let first = d + far;
+    let other = if far == 0.0 { first } else { d - b * c / far };
+    // Rotate the eigenvector of `first` into the first axis.
     let length = sqrt(far * far + c * c);
     let (cosine, sine) = (far / length, c / length);
     rotate(h, n, k, turned, [cosine, sine]);
-    h[at(1, 0)] = 0.0;
-    [(one, 0.0), (other, 0.0)]
+    h[index(1, 0)] = 0.0;
+    [(first, 0.0), (other, 0.0)]
 }
 
 fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2]) {
@@ -85,23 +90,23 @@ fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2
 
 /// One double step on the block of rows `first` to `last`.
 fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turned: &mut [f64]) {
-    let at = |i: usize, j: usize| i * n + j;
+    let index = |i: usize, j: usize| i * n + j;
     // Sum and product of the two shifts: the eigenvalues of the last 2 × 2 block, or exceptional shifts in every tenth
     // round, in case the iteration is stuck.
     let (sum, product) = if round.is_multiple_of(10) {
-        let size = h[at(last, last - 1)].abs() + h[at(last - 1, last - 2)].abs();
+        let size = h[index(last, last - 1)].abs() + h[index(last - 1, last - 2)].abs();
         (1.5 * size, size * size)
     } else {
-        let (a, b) = (h[at(last - 1, last - 1)], h[at(last - 1, last)]);
-        let (c, d) = (h[at(last, last - 1)], h[at(last, last)]);
+        let (a, b) = (h[index(last - 1, last - 1)], h[index(last - 1, last)]);
+        let (c, d) = (h[index(last, last - 1)], h[index(last, last)]);
         (a + d, a * d - b * c)
     };
     let mut start = first;
     let mut column = [0.0; 3];
     // Two consecutive small subdiagonal elements also split the block.
     for m in (first..=last - 2).rev() {
-        let (a, b, c) = (h[at(m, m)], h[at(m, m + 1)], h[at(m + 1, m)]);
-        let (d, e) = (h[at(m + 1, m + 1)], h[at(m + 2, m + 1)]);
+        let (a, b, c) = (h[index(m, m)], h[index(m, m + 1)], h[index(m + 1, m)]);
+        let (d, e) = (h[index(m + 1, m + 1)], h[index(m + 2, m + 1)]);
         column = [a * (a - sum) + product + b * c, c * (a + d - sum), c * e];
         let scale: f64 = column.iter().map(|x| x.abs()).sum();
         if scale > 0.0 {
@@ -111,8 +116,8 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         if m == first {
             break;
         }
-        let left = h[at(m, m - 1)].abs() * (column[1].abs() + column[2].abs());
-        let beside = h[at(m - 1, m - 1)].abs() + a.abs() + d.abs();
+        let left = h[index(m, m - 1)].abs() * (column[1].abs() + column[2].abs());
+        let beside = h[index(m - 1, m - 1)].abs() + a.abs() + d.abs();
         if left <= f64::EPSILON * column[0].abs() * beside {
             break;
         }
@@ -121,7 +126,11 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         let n_rows = 3.min(last + 1 - k);
         if k > start {
             for (i, x) in column.iter_mut().enumerate() {
-                *x = if i < n_rows { h[at(k + i, k - 1)] } else { 0.0 };
+                *x = if i < n_rows {
+                    h[index(k + i, k - 1)]
+                } else {
+                    0.0
+                };
             }
         }
         let length = sqrt(column.iter().map(|x| x * x).sum());
@@ -130,10 +139,10 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         }
         let length = copysign(length, column[0]);
         if k > start {
-            h[at(k, k - 1)] = -length;
-            (1..n_rows).for_each(|i| h[at(k + i, k - 1)] = 0.0);
+            h[index(k, k - 1)] = -length;
+            (1..n_rows).for_each(|i| h[index(k + i, k - 1)] = 0.0);
         } else if start > first {
-            h[at(k, k - 1)] = -h[at(k, k - 1)];
+            h[index(k, k - 1)] = -h[index(k, k - 1)];
         }
         // The reflection is I − v wᵀ with v₀ = 1.
         let head = column[0] + length;
@@ -143,9 +152,12 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
         reflect_rows(turned, n, k, [v, w], 0);
         let down = (last + 1).min(k + 4);
         for row in h.chunks_exact_mut(n).take(down) {
-            let own = &mut row[k..k + n_rows];
-            let along: f64 = own.iter().zip(&v).map(|(x, v)| x * v).sum();
-            own.iter_mut().zip(&w).for_each(|(x, w)| *x -= along * w);
+            let entries = &mut row[k..k + n_rows];
+            let along: f64 = entries.iter().zip(&v).map(|(x, v)| x * v).sum();
+            entries
+                .iter_mut()
+                .zip(&w)
+                .for_each(|(x, w)| *x -= along * w);
         }
     }
 

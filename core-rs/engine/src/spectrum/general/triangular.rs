@@ -7,7 +7,7 @@ use crate::spectrum::vector::{add, dot};
 /// conjugate pair has two rows, the real and the imaginary part   (n, n).
 pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]) -> Vec<f64> {
     let size = h.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let mut found = vec![0.0; n * n];
+    let mut vectors = vec![0.0; n * n];
     let (mut re, mut im) = (vec![0.0; n], vec![0.0; n]);
     for last in (0..n).rev() {
         interrupt::spend(n * n);
@@ -22,7 +22,12 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
         if imaginary == 0.0 {
             re[last] = 1.0;
             solve(h, n, last, (shift, size), values, [&mut re, &mut im]);
-            combine(&re, turned, last + 1, &mut found[last * n..(last + 1) * n]);
+            combine(
+                &re,
+                turned,
+                last + 1,
+                &mut vectors[last * n..(last + 1) * n],
+            );
         } else {
             // The last block gives (a − s) x + b = 0 and c x + (d − s) = 0; use the one with the larger of b and c.
             let k = last - 1;
@@ -35,11 +40,16 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
                 divide((-b, 0.0), (a - shift.0, -shift.1))
             };
             solve(h, n, k, (shift, size), values, [&mut re, &mut im]);
-            combine(&re, turned, last + 1, &mut found[k * n..(k + 1) * n]);
-            combine(&im, turned, last + 1, &mut found[last * n..(last + 1) * n]);
+            combine(&re, turned, last + 1, &mut vectors[k * n..(k + 1) * n]);
+            combine(
+                &im,
+                turned,
+                last + 1,
+                &mut vectors[last * n..(last + 1) * n],
+            );
         }
     }
-    found
+    vectors
 }
 
 /// Solves the rows above `below` of (H − s) x = 0.
@@ -63,13 +73,16 @@ fn solve(
     while i > 0 {
         i -= 1;
         let rest = |row: usize, from: usize, re: &[f64], im: &[f64]| {
-            let own = &h[row * n + from..(row + 1) * n];
-            (-dot(own, &re[from..]), -dot(own, &im[from..]))
+            let row_entries = &h[row * n + from..(row + 1) * n];
+            (
+                -dot(row_entries, &re[from..]),
+                -dot(row_entries, &im[from..]),
+            )
         };
         if values[i].1 == 0.0 {
             let right = rest(i, i + 1, re, im);
-            let own = pivot((h[i * n + i] - s.0, -s.1));
-            (re[i], im[i]) = divide(right, own);
+            let row_entries = pivot((h[i * n + i] - s.0, -s.1));
+            (re[i], im[i]) = divide(right, row_entries);
         } else {
             // A 2 × 2 block: [a b; c d] − s.
             let (k, l) = (i - 1, i);
@@ -89,9 +102,11 @@ fn solve(
             (re[l], im[l]) = divide((ag.0 - c * f.0, ag.1 - c * f.1), det);
             i = k;
         }
-        let most = re[i].abs().max(im[i].abs());
-        if most > 1e150 {
-            re.iter_mut().chain(im.iter_mut()).for_each(|x| *x /= most);
+        let greatest = re[i].abs().max(im[i].abs());
+        if greatest > 1e150 {
+            re.iter_mut()
+                .chain(im.iter_mut())
+                .for_each(|x| *x /= greatest);
         }
     }
 }

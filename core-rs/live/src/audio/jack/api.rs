@@ -118,7 +118,7 @@ unsafe extern "C" fn ignore_message(_: *const c_char) {}
 /// The library, if it is installed.
 pub(super) fn api() -> Result<&'static Api, AudioError> {
     static API: OnceLock<Result<Api, String>> = OnceLock::new();
-    let found = API.get_or_init(|| {
+    let loaded = API.get_or_init(|| {
         let mut why = String::new();
         for name in NAMES {
             // SAFETY: libjack's initialisers do nothing that this program would not bear.
@@ -137,7 +137,7 @@ pub(super) fn api() -> Result<&'static Api, AudioError> {
         }
         Err(why)
     });
-    found.as_ref().map_err(|why| AudioError::Unavailable {
+    loaded.as_ref().map_err(|why| AudioError::Unavailable {
         backend: "jack",
         why: format!("there is no JACK library ({why}): install jackd2 or pipewire-jack"),
     })

@@ -190,10 +190,10 @@ impl Client {
         // SAFETY: the client is open; what comes back is null or a list of strings that a null ends, ours to free.
         unsafe {
             let list = (self.api.get_ports)(self.raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
-            let mut at = list;
-            while !at.is_null() && !(*at).is_null() {
-                names.push(text(*at));
-                at = at.add(1);
+            let mut entry = list;
+            while !entry.is_null() && !(*entry).is_null() {
+                names.push(text(*entry));
+                entry = entry.add(1);
             }
             if !list.is_null() {
                 (self.api.free)(list.cast());
@@ -363,12 +363,12 @@ mod tests {
     #[test]
     fn a_busy_server_is_asked_again() {
         let mut asked = 0;
-        let found = open_with_retries(|status| {
+        let client = open_with_retries(|status| {
             asked += 1;
             *status = 0x21;
             (asked == 3).then_some(asked)
         });
-        assert_eq!(found.unwrap(), 3);
+        assert_eq!(client.unwrap(), 3);
     }
 
     #[test]

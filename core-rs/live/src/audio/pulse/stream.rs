@@ -132,7 +132,7 @@ impl PlayingStream {
         };
         let stream: protocol::CreatePlaybackStreamReply =
             wire.ask(&Command::CreatePlaybackStream(params))?;
-        let most = 4 * block as usize;
+        let frames_max = 4 * block as usize;
         Ok(Self {
             wire,
             channel: stream.channel,
@@ -140,8 +140,8 @@ impl PlayingStream {
             channels,
             block,
             wanted: stream.requested_bytes as usize,
-            samples: vec![0.0; most * channels],
-            bytes: Vec::with_capacity(most * channels * 4),
+            samples: vec![0.0; frames_max * channels],
+            bytes: Vec::with_capacity(frames_max * channels * 4),
         })
     }
 

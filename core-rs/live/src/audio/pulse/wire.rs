@@ -193,9 +193,11 @@ fn socket_path() -> Result<PathBuf, String> {
     let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
     if let Some(server) = variable("PULSE_SERVER") {
         // It may list several servers; each may begin with a {machine id}.
-        let local = server.split_whitespace().find_map(|one| {
-            let one = one.rsplit_once('}').map_or(one, |(_, one)| one);
-            let path = one.strip_prefix("unix:").unwrap_or(one);
+        let local = server.split_whitespace().find_map(|address| {
+            let address = address
+                .rsplit_once('}')
+                .map_or(address, |(_, address)| address);
+            let path = address.strip_prefix("unix:").unwrap_or(address);
             path.starts_with('/').then(|| path.into())
         });
         return local.ok_or_else(|| {

@@ -161,8 +161,8 @@ impl Line {
                 Err(_) => return Err(Gone::Closed),
             };
             self.len += got;
-            let (whole, rest) = self.bytes[..self.len].as_chunks::<LEN>();
-            whole.iter().for_each(&mut each);
+            let (messages, rest) = self.bytes[..self.len].as_chunks::<LEN>();
+            messages.iter().for_each(&mut each);
             let (from, left) = (self.len - rest.len(), rest.len());
             self.bytes.copy_within(from..self.len, 0);
             self.len = left;
@@ -289,13 +289,13 @@ mod tests {
             force: [f64::from(number); 3],
         };
         let sent: Vec<u8> = (0..300).flat_map(|number| order(number).bytes()).collect();
-        let mut found = Vec::new();
+        let mut commands = Vec::new();
         for piece in sent.chunks(37) {
             from.write_all(piece).unwrap();
-            line.take(|bytes| found.push(ForceCommand::parse(bytes)))
+            line.take(|bytes| commands.push(ForceCommand::parse(bytes)))
                 .unwrap();
         }
-        assert_eq!(found, (0..300).map(order).collect::<Vec<_>>());
+        assert_eq!(commands, (0..300).map(order).collect::<Vec<_>>());
         // Everything at once, more than one batch, followed by the end of the stream.
         from.write_all(&sent).unwrap();
         drop(from);

@@ -55,8 +55,8 @@ impl Player {
             self.give_back(due);
             return;
         }
-        let at = self.waiting.partition_point(|other| other.at <= due.at);
-        self.waiting.insert(at, due);
+        let index = self.waiting.partition_point(|other| other.at <= due.at);
+        self.waiting.insert(index, due);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.

@@ -37,11 +37,11 @@ impl Player {
             let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
             };
-            let (own, source) = (&self.stage.hands[hand], &self.sources[hand]);
+            let (stage_hand, source) = (&self.stage.hands[hand], &self.sources[hand]);
             let force = if source.real {
                 let v = (source.x - self.previous[hand]) * rate;
                 let guidance =
-                    self.guidance[hand].force(own.standin_position(self.tick), source.x, v);
+                    self.guidance[hand].force(stage_hand.standin_position(self.tick), source.x, v);
                 (self.piece_forces[hand] + guidance) * source.progress()
             } else {
                 0.0
@@ -77,8 +77,8 @@ impl Player {
             self.send_event(EventKind::Gone(slot));
         }
         self.returns_at[slot] = None;
-        for at in 0..self.slots[slot].axes.len() {
-            let (_, hand) = self.slots[slot].axes[at];
+        for index in 0..self.slots[slot].axes.len() {
+            let (_, hand) = self.slots[slot].axes[index];
             let x = self.stage.hands[hand].standin_position(self.tick);
             self.sources[hand].change(false, x);
         }
@@ -93,22 +93,22 @@ impl Player {
                 continue;
             }
             self.returns_at[slot] = None;
-            for at in 0..self.slots[slot].axes.len() {
-                let (axis, hand) = self.slots[slot].axes[at];
+            for index in 0..self.slots[slot].axes.len() {
+                let (axis, hand) = self.slots[slot].axes[index];
                 let x = self.slots[slot].sample.position[axis];
                 self.sources[hand].change(true, x);
                 self.send_event(EventKind::TookOver(hand));
             }
         }
-        for (hand, own) in self.stage.hands.iter().enumerate() {
+        for (hand, stage_hand) in self.stage.hands.iter().enumerate() {
             let source = &mut self.sources[hand];
             self.previous[hand] = source.x;
             let x = match self.axis_of[hand] {
                 Some((slot, axis)) if source.real => self.slots[slot].sample.position[axis],
-                _ => own.standin_position(self.tick),
+                _ => stage_hand.standin_position(self.tick),
             };
             let x = source.follow(x);
-            self.stage.simulation.hold(hand, x * own.reach, None);
+            self.stage.simulation.hold(hand, x * stage_hand.reach, None);
         }
     }
 

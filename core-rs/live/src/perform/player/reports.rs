@@ -82,27 +82,28 @@ impl Player {
     /// Note the state of every hand, and report axes that tripped.
     pub(super) fn update_hands(&mut self) {
         for (hand, source) in self.sources.iter().enumerate().take(HANDS_MAX) {
-            let own = &mut self.status.hands[hand];
-            (own.position, own.force, own.real) = (source.x, self.piece_forces[hand], source.real);
+            let hand_status = &mut self.status.hands[hand];
+            (hand_status.position, hand_status.force, hand_status.real) =
+                (source.x, self.piece_forces[hand], source.real);
             let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
             };
             let slot = &self.slots[slot];
-            own.sent = slot.sent[axis];
-            own.scale = self.scales[hand].now();
-            own.touch = source.real && slot.sample.touch[axis];
-            own.enabled = source.real && slot.sample.force_enabled[axis];
-            own.hot = source.real && slot.sample.hot;
-            [own.let_go, own.stalls] = slot.interruptions();
+            hand_status.sent = slot.sent[axis];
+            hand_status.scale = self.scales[hand].now();
+            hand_status.touch = source.real && slot.sample.touch[axis];
+            hand_status.enabled = source.real && slot.sample.force_enabled[axis];
+            hand_status.hot = source.real && slot.sample.hot;
+            [hand_status.let_go, hand_status.stalls] = slot.interruptions();
             let trip = slot.tripped(axis);
-            if let Some(why) = trip.filter(|_| !own.tripped) {
+            if let Some(why) = trip.filter(|_| !hand_status.tripped) {
                 let event = Event {
                     frame: self.frame,
                     kind: EventKind::Tripped(hand, why),
                 };
                 let _ = self.connections.events.push(event);
             }
-            own.tripped = trip.is_some();
+            hand_status.tripped = trip.is_some();
         }
     }
 

@@ -67,7 +67,7 @@ impl Player {
     /// Send frames to the card, without those of the limiter's initial delay.
     pub(super) fn feed(&mut self, n: usize, is_tail: bool) {
         let channels = self.stage.n_heard();
-        let heard = match self.stage.fold {
+        let folded = match self.stage.fold {
             Some(_) => &self.folded,
             None => &self.mixed,
         };
@@ -77,7 +77,7 @@ impl Player {
         if is_tail {
             self.tail_frames -= n;
         }
-        for (single, x) in self.single.iter_mut().zip(&heard[..n * channels]) {
+        for (single, x) in self.single.iter_mut().zip(&folded[..n * channels]) {
             *single = *x as f32;
         }
         let falls = (1.0 - self.clock.period() / PEAK_DECAY).max(0.0) as f32;
@@ -86,16 +86,16 @@ impl Player {
             // After a panic nothing is heard.
             self.status.peaks.fill(0.0);
         }
-        let heard = if self.panicked { 0 } else { n };
-        for frame in self.single[..heard * channels].chunks_exact(channels) {
+        let folded = if self.panicked { 0 } else { n };
+        for frame in self.single[..folded * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
         }
         let mut rest = &self.single[skip * channels..n * channels];
         if let Some(tap) = &mut self.tap {
-            let at = self.frame.saturating_sub(n as u64 + behind);
-            tap.push(at, rest, self.panicked);
+            let tap_frame = self.frame.saturating_sub(n as u64 + behind);
+            tap.push(tap_frame, rest, self.panicked);
         }
         let asked = Instant::now();
         loop {

@@ -53,10 +53,10 @@ impl Showing {
     }
 
     /// Show a version from its first picture on; until then the previous version is shown.
-    pub fn show(&self, scene: Scene, heard_times: HeardTimes) {
+    pub fn show(&self, scene: Scene, times_heard: HeardTimes) {
         let scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         // If the thread has ended, there is nobody to show it to.
-        let _ = scenes.send((scene, heard_times));
+        let _ = scenes.send((scene, times_heard));
     }
 
     /// Number of pictures that were skipped because the one before had not been fetched.
@@ -105,18 +105,18 @@ impl Relay {
     pub(in super::super) fn poll(&mut self) {
         self.scenes.extend(self.coming.try_iter());
         let is_new = |own: &(Scene, HeardTimes)| own.0.pictures.updated();
-        if let Some(at) = self.scenes.iter().rposition(is_new) {
-            self.is_greeted &= at == 0;
-            self.skipped_before += (self.scenes.drain(..at))
+        if let Some(index) = self.scenes.iter().rposition(is_new) {
+            self.is_greeted &= index == 0;
+            self.skipped_before += (self.scenes.drain(..index))
                 .map(|(scene, _)| scene.skipped())
                 .sum::<u64>();
             self.send_picture();
         }
         // The shown scene stays, because its count is still needed; other scenes that are over were never played.
-        let mut at = 0;
+        let mut index = 0;
         self.scenes.retain(|(scene, _)| {
-            at += 1;
-            at == 1 || !scene.is_over()
+            index += 1;
+            index == 1 || !scene.is_over()
         });
         let now = self.scenes.first().map_or(0, |(scene, _)| scene.skipped());
         (self.skipped).store(self.skipped_before + now, Ordering::Relaxed);
@@ -129,15 +129,15 @@ impl Relay {
 
     /// Send the picture of the first scene.
     fn send_picture(&mut self) {
-        let (scene, heard_times) = &mut self.scenes[0];
+        let (scene, times_heard) = &mut self.scenes[0];
         let (recorder, hub) = (&mut scene.recorder, self.server.hub());
         let picture = scene.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
-        let heard = heard_times.when(picture.glance.frame, picture.dropped, self.server.now());
+        let instant = times_heard.when(picture.glance.frame, picture.dropped, self.server.now());
         recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
-            let at = recorder.seconds(strike.frame);
-            recorder.add_strike(at, strike.point, strike.impulse);
+            let strike_seconds = recorder.seconds(strike.frame);
+            recorder.add_strike(strike_seconds, strike.point, strike.impulse);
         }
         recorder.record(&picture.glance);
         if !self.is_greeted {
@@ -145,9 +145,9 @@ impl Relay {
             self.is_greeted = true;
         }
         let mut chunks = recorder.take_live();
-        if let Some(heard) = heard {
+        if let Some(instant) = instant {
             let mut clock = Bytes::default();
-            clock.f64(heard);
+            clock.f64(instant);
             clock.f64(1.0);
             put(&mut chunks.latest, kind::CLOCK, seconds, &clock.0);
         }

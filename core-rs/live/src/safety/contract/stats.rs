@@ -134,11 +134,11 @@ impl Sent {
                 .map(|foreign_balance| foreign_balance.saturating_add(2));
             return false;
         }
-        let Some(at) = self.at[usize::from(number % 256)].take() else {
+        let Some(sent_at) = self.at[usize::from(number % 256)].take() else {
             return false;
         };
         stats.received += 1;
-        stats.add_round_trip(now.duration_since(at));
+        stats.add_round_trip(now.duration_since(sent_at));
         self.foreign_balance = Some(self.foreign_balance.unwrap_or(0).saturating_sub(1));
         true
     }

@@ -123,9 +123,12 @@ mod tests {
                 // The force of a spring in time: no work by the positions.
                 lateness.take(-100.0 * place(t), place(t + 1e-3) - place(t));
             }
-            let found = lateness.work.iter().copied().fold(0.0, f64::max);
+            let fraction_max = lateness.work.iter().copied().fold(0.0, f64::max);
             let full = std::f64::consts::PI * 0.01 * periods;
-            assert!(found > 0.75 * full, "{hertz} Hz: {found} of {full}");
+            assert!(
+                fraction_max > 0.75 * full,
+                "{hertz} Hz: {fraction_max} of {full}"
+            );
         }
     }
 

@@ -71,14 +71,14 @@ fn play_cases() -> Vec<PlayCase> {
         friction: 0.0,
         mass: 0.05,
     };
-    let coarse = |own: PlayCase| PlayCase {
+    let coarse = |case: PlayCase| PlayCase {
         resolution: 3.9e-4,
         force_max: 1.56,
-        ..own
+        ..case
     };
-    let dry = |own: PlayCase| PlayCase {
+    let dry = |case: PlayCase| PlayCase {
         friction: 0.5,
-        ..own
+        ..case
     };
     vec![
         usual("rests firmly", grip(3e3, 20.0, tremor), |t, x, _| {
@@ -191,22 +191,22 @@ fn play_cases() -> Vec<PlayCase> {
 #[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
     let all = std::sync::Mutex::new(play_cases());
-    let found = std::sync::Mutex::new(Vec::new());
+    let played_cases = std::sync::Mutex::new(Vec::new());
     let work = || loop {
         let next = all.lock().unwrap().pop();
-        let Some(own) = next else { return };
-        let mut key = Key::new(own.resolution, own.force_max, None);
-        (key.grip, key.friction, key.mass) = (own.grip, own.friction, own.mass);
-        let mut play = Play::new(key, own.scene);
+        let Some(case) = next else { return };
+        let mut key = Key::new(case.resolution, case.force_max, None);
+        (key.grip, key.friction, key.mass) = (case.grip, case.friction, case.mass);
+        let mut play = Play::new(key, case.scene);
         play.until(seconds);
-        let played = (own.name, play.trips.clone(), play.probes());
-        found.lock().unwrap().push(played);
+        let played = (case.name, play.trips.clone(), play.probes());
+        played_cases.lock().unwrap().push(played);
     };
     std::thread::scope(|scope| {
         scope.spawn(work);
         scope.spawn(work);
     });
-    found.into_inner().unwrap()
+    played_cases.into_inner().unwrap()
 }
 
 #[test]
@@ -221,9 +221,9 @@ fn nobody_who_plays_is_stopped() {
 #[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
 #[allow(clippy::print_stdout)] // prints a table on request
 fn nobody_who_plays_for_an_hour_is_stopped() {
-    let found = played(3_600.0);
-    for (name, trips, probes) in &found {
+    let played_cases = played(3_600.0);
+    for (name, trips, probes) in &played_cases {
         println!("{name:28} {probes:6} probes, trips {trips:?}");
     }
-    assert!(found.iter().all(|(_, trips, _)| trips.is_empty()));
+    assert!(played_cases.iter().all(|(_, trips, _)| trips.is_empty()));
 }

@@ -79,10 +79,10 @@ impl Passivity {
         period: f64,
         in_lockstep: bool,
     ) -> Self {
-        let own = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
+        let delay_ticks = (spec.loop_delay_s.unwrap_or(0.0) / period).ceil() as usize;
         // Outside lockstep a reply has the position at which the force arrived; in lockstep the position to which the
         // force moved the key.
-        let delay = own + usize::from(!in_lockstep) + EXTRA_DELAYS;
+        let delay = delay_ticks + usize::from(!in_lockstep) + EXTRA_DELAYS;
         let longest = (limits.velocity_over / period).clamp(1.0, GAP_MAX as f64);
         let span = (spec.pos_lsb / (STEP_VELOCITY * period))
             .ceil()
@@ -129,13 +129,13 @@ impl Passivity {
     /// Take positions (n_axes,) [m], received `since` [s] after the previous ones.
     pub(in crate::safety) fn receive(&mut self, positions: &[f64], since: f64) {
         let ticks = (self.sent - self.seen).clamp(1, GAP_MAX);
-        let (last, at) = (slot(self.n.wrapping_sub(1)), slot(self.n));
-        self.times[at] = self.times[last] + since;
+        let (last, now) = (slot(self.n.wrapping_sub(1)), slot(self.n));
+        self.times[now] = self.times[last] + since;
         let first = slot(self.n - self.span.min(self.n));
-        let time = self.times[at] - self.times[first];
+        let time = self.times[now] - self.times[first];
         for (axis, &x) in self.axes.iter_mut().zip(positions) {
             let before = if self.n == 0 { x } else { axis.positions[last] };
-            axis.positions[at] = x;
+            axis.positions[now] = x;
             for (delay, work) in axis.work[..=self.delay].iter_mut().enumerate() {
                 let newest = self.sent.wrapping_sub(delay as u64);
                 let force = |ago: u64| axis.forces[slot(newest.wrapping_sub(ago))];
@@ -169,14 +169,14 @@ impl Passivity {
     ///
     /// A force f that acts for a tick T on a mass m which then moves with w does the work f·w·T + f²T²/(2m).
     pub(in crate::safety) fn allowed_forces(&self, axis: usize) -> [f64; 2] {
-        let own = &self.axes[axis];
-        let force = |ago: u64| own.forces[slot(self.sent.wrapping_sub(ago))];
+        let axis_state = &self.axes[axis];
+        let force = |ago: u64| axis_state.forces[slot(self.sent.wrapping_sub(ago))];
         let unseen = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
-        let felt = (unseen + self.span).min(HISTORY as u64);
+        let n_unseen = (unseen + self.span).min(HISTORY as u64);
         // Greatest change of the velocity by forces under way and by forces since it was taken.
-        let push: f64 = (1..=felt).map(|ago| force(ago).abs()).sum();
-        let change = push * self.period / self.mass + own.velocity_error;
-        let towards = |side: f64| side * own.velocity + change;
+        let push: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
+        let change = push * self.period / self.mass + axis_state.velocity_error;
+        let towards = |side: f64| side * axis_state.velocity + change;
         let may_do = |force: f64| force.abs() * towards(force.signum()).max(0.0) * self.period;
         let reserved: f64 = (1..=unseen).map(|ago| may_do(force(ago))).sum();
         let left = (self.energy - self.work(axis) - reserved).max(0.0);

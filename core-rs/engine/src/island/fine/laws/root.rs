@@ -10,23 +10,23 @@ const FIRST_LOOK: f64 = 0.01;
 /// The zero near a guess of a function that rises at large arguments, and the number of evaluations. Returns the guess
 /// if no zero is found.
 pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
-    let at_guess = f(guess);
+    let guess_value = f(guess);
     let mut asked = 1;
-    if at_guess == 0.0 || !at_guess.is_finite() {
+    if guess_value == 0.0 || !guess_value.is_finite() {
         return (guess, asked);
     }
     // The zero lies in the direction of the other sign: widen the interval until the sign changes.
     let mut far = guess;
     let mut near;
-    let mut by = -FIRST_LOOK * at_guess;
+    let mut by = -FIRST_LOOK * guess_value;
     loop {
         (near, far) = (far, far + by);
-        let at_far = f(far);
+        let far_value = f(far);
         asked += 1;
-        if !at_far.is_finite() || asked > HALVINGS {
+        if !far_value.is_finite() || asked > HALVINGS {
             return (guess, asked);
         }
-        if (at_far > 0.0) != (at_guess > 0.0) {
+        if (far_value > 0.0) != (guess_value > 0.0) {
             break;
         }
         by *= 2.0;
@@ -37,7 +37,7 @@ pub(super) fn root(f: &dyn Fn(f64) -> f64, guess: f64) -> (f64, u64) {
             break;
         }
         asked += 1;
-        if (f(half) > 0.0) == (at_guess > 0.0) {
+        if (f(half) > 0.0) == (guess_value > 0.0) {
             near = half;
         } else {
             far = half;
@@ -52,13 +52,13 @@ pub(super) fn inverse(m: &Square) -> Square {
         let [c, d] = [(column + 1) % 3, (column + 2) % 3];
         m[r][c] * m[s][d] - m[r][d] * m[s][c]
     };
-    let whole: f64 = (0..STAGES)
+    let determinant: f64 = (0..STAGES)
         .map(|column| m[0][column] * cofactor(0, column))
         .sum();
-    let (mut inverse, scale) = ([[0.0; STAGES]; STAGES], 1.0 / whole);
-    for (row, own) in inverse.iter_mut().enumerate() {
-        for (column, own) in own.iter_mut().enumerate() {
-            *own = cofactor(column, row) * scale;
+    let (mut inverse, scale) = ([[0.0; STAGES]; STAGES], 1.0 / determinant);
+    for (row, entry) in inverse.iter_mut().enumerate() {
+        for (column, entry) in entry.iter_mut().enumerate() {
+            *entry = cofactor(column, row) * scale;
         }
     }
     inverse

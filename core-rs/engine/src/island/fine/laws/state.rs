@@ -115,8 +115,12 @@ impl LawNow<'_> {
     pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(by) => {
-                let bend = by.halfway(self.bend, v, h / self.rate());
-                Self { bend, ..*self }.at(e, v)
+                let bristle = by.halfway(self.bend, v, h / self.rate());
+                Self {
+                    bend: bristle,
+                    ..*self
+                }
+                .at(e, v)
             }
             None => self.at(e, v),
         }
@@ -181,9 +185,9 @@ impl LawState {
                 *seen += x * weight;
             }
         }
-        let [x1, x2, x3, v1, v2, v3, at_start @ ..] = seen;
+        let [x1, x2, x3, v1, v2, v3, start_values @ ..] = seen;
         (self.elongation, self.rate) = ([x1, x2, x3], [v1, v2, v3]);
-        at_start
+        start_values
     }
 
     /// Extrapolate the forces of the last parts to the next.
@@ -241,20 +245,20 @@ impl LawState {
                     std::array::from_fn(|place| at.get(place).copied().unwrap_or(start))
                 };
                 let (d, v) = (place(e, self.start[0]), place(v, self.start[1]));
-                let found = law.tangents(&d, &v, &mut self.scratch);
+                let tangents = law.tangents(&d, &v, &mut self.scratch);
                 let open = now[0].open;
-                self.begin = open * found.force[PLACES - 1];
-                let [force, k, z] = [found.force, found.by_d, found.by_v]
+                self.begin = open * tangents.force[PLACES - 1];
+                let [force, k, z] = [tangents.force, tangents.by_d, tangents.by_v]
                     .map(|values| [0, 1, 2].map(|stage: usize| open * values[stage]));
                 (force, k, z)
             }
             Kind::Hardening(q) => {
                 let k = |stage: usize| {
-                    let own = &now[stage];
-                    own.open * (own.k + 3.0 * q * e[stage] * e[stage])
+                    let stage_law = &now[stage];
+                    stage_law.open * (stage_law.k + 3.0 * q * e[stage] * e[stage])
                 };
                 let force = [0, 1, 2].map(|stage| now[stage].at(e[stage], v[stage]));
-                let z = now.each_ref().map(|own| own.open * own.z);
+                let z = now.each_ref().map(|stage_law| stage_law.open * stage_law.z);
                 (force, [0, 1, 2].map(k), z)
             }
             _ => Default::default(),
@@ -291,12 +295,12 @@ impl Bent {
             now[stage].open * by[stage].worn_force(bends[stage], v[stage], wear[stage])
         };
         let slope = |stage: usize, from: usize| {
-            let bend = (0..STAGES).map(|at| left[stage][at] * h * MEANS[at][from]);
-            let bend = bend.sum::<f64>() * gives[from];
+            let deflection = (0..STAGES).map(|at| left[stage][at] * h * MEANS[at][from]);
+            let deflection = deflection.sum::<f64>() * gives[from];
             let by = &by[stage];
-            let of_bend = by.stiffness - by.damping * wear[stage];
-            let of_rate = by.damping * gives[from] + by.viscosity;
-            now[stage].open * (of_bend * bend + one(stage, from) * of_rate)
+            let by_deflection = by.stiffness - by.damping * wear[stage];
+            let by_rate = by.damping * gives[from] + by.viscosity;
+            now[stage].open * (by_deflection * deflection + one(stage, from) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(force),

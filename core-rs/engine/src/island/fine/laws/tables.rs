@@ -55,7 +55,7 @@ impl LawScript {
         let is_law =
             |index: &usize| !matches!(script.links[*index].kind, Kind::But(_) | Kind::Dry { .. });
         let links: Vec<usize> = (0..script.links.len()).filter(is_law).collect();
-        let most = if links.is_empty() {
+        let divisions_max = if links.is_empty() {
             1
         } else {
             (script.steps / 2).max(1)
@@ -66,25 +66,25 @@ impl LawScript {
             .collect();
         let divide = |parts: usize| Division::new(script, &pairs, parts);
         let end = At::new(script.basis.n(), 1.0);
-        let at_end = |ends: &[(usize, usize); 2]| {
-            let mut found = [[0.0; STAGES]; 2];
+        let end_basis = |ends: &[(usize, usize); 2]| {
+            let mut stage_shares = [[0.0; STAGES]; 2];
             for stage in 0..STAGES {
                 let start = At::new(script.basis.n(), POINTS[stage]);
                 let weight = WEIGHTS[stage] * script.rate.step();
                 let [x, v] = script.between(*ends, [&start, &end]);
-                (found[0][stage], found[1][stage]) = (weight * x, weight * v);
+                (stage_shares[0][stage], stage_shares[1][stage]) = (weight * x, weight * v);
             }
-            found
+            stage_shares
         };
-        let excess = (most as f64 / PARTS as f64).max(1.0);
+        let excess = (divisions_max as f64 / PARTS as f64).max(1.0);
         Self {
             divisions: parts
-                .take_while(|&parts| parts <= most)
+                .take_while(|&parts| parts <= divisions_max)
                 .map(divide)
                 .collect(),
             smooth: SMOOTH / (excess * excess * excess),
             end: [&end.value, &end.slope].map(|values| script.basis.weights(values)),
-            moves_end: pairs.iter().map(at_end).collect(),
+            moves_end: pairs.iter().map(end_basis).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
             ahead_by_before: POINTS.map(|c| of_two(1.0 + c, 0)),
             ahead_by_last: POINTS.map(|c| of_two(1.0 + c, 1)),
@@ -100,14 +100,14 @@ impl Division {
         let s: Vec<f64> = (0..parts)
             .flat_map(|part| POINTS.map(|c| (part as f64 + c) * h))
             .collect();
-        let at: Vec<At> = s.iter().map(|&s| At::new(n, s)).collect();
+        let bases: Vec<At> = s.iter().map(|&s| At::new(n, s)).collect();
         let mut later = Vec::new();
         if parts > 1 {
             let instants: Vec<At> = (script.basis.instants.iter())
                 .map(|&s| At::new(n, s))
                 .collect();
             for &ends in pairs {
-                for start in &at {
+                for start in &bases {
                     later.extend(
                         instants
                             .iter()
@@ -117,9 +117,12 @@ impl Division {
             }
         }
         let weights = |of: fn(&At) -> &[f64; MOST]| -> Vec<Vec<f64>> {
-            at.iter().map(|at| script.basis.weights(of(at))).collect()
+            bases
+                .iter()
+                .map(|bases| script.basis.weights(of(bases)))
+                .collect()
         };
-        let (values, slopes) = (weights(|at| &at.value), weights(|at| &at.slope));
+        let (values, slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
         let start = At::new(n, 0.0);
         let start = [&start.value, &start.slope].map(|values| script.basis.weights(values));
         let motion = |part: usize, instant: usize| {
@@ -133,7 +136,9 @@ impl Division {
         };
         Self {
             parts,
-            motion: (0..parts * n).map(|at| motion(at / n, at % n)).collect(),
+            motion: (0..parts * n)
+                .map(|bases| motion(bases / n, bases % n))
+                .collect(),
             value: values.concat(),
             moves: pairs.iter().map(|&ends| script.coupled(ends, h)).collect(),
             later,
@@ -160,9 +165,9 @@ fn of_two(s: f64, part: usize) -> Stages {
 /// Weights of the values at some points in the value at `s` of the polynomial through them.
 fn lagrange<const N: usize>(s: f64, points: [f64; N]) -> [f64; N] {
     let mut shares = [1.0; N];
-    for (own, share) in shares.iter_mut().enumerate() {
-        for other in (0..N).filter(|&other| other != own) {
-            *share *= (s - points[other]) / (points[own] - points[other]);
+    for (stage, share) in shares.iter_mut().enumerate() {
+        for other in (0..N).filter(|&other| other != stage) {
+            *share *= (s - points[other]) / (points[stage] - points[other]);
         }
     }
     shares
@@ -173,7 +178,7 @@ impl Script {
     /// points of a part of `h` frames.
     fn coupled(&self, [to, from]: [(usize, usize); 2], h: f64) -> [Square; 2] {
         let n = self.basis.n();
-        let mut found = [[[0.0; STAGES]; STAGES]; 2];
+        let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in POINTS.into_iter().enumerate() {
             let end = At::new(n, c * h);
             // Gauss quadrature over each half of the time up to this point: of order 6.
@@ -184,13 +189,13 @@ impl Script {
                     let weight = 0.5 * weight * c * h * self.rate.step();
                     let [x, v] = self.between([to, from], [&start, &end]);
                     for (column, share) in shares(part).into_iter().enumerate() {
-                        found[0][row][column] += weight * share * x;
-                        found[1][row][column] += weight * share * v;
+                        coefficients[0][row][column] += weight * share * x;
+                        coefficients[1][row][column] += weight * share * v;
                     }
                 }
             }
         }
-        found
+        coefficients
     }
 
     /// Response of the elongation between `to` [m/N·s] and of its rate [m/frame per N·s] to an impulse of a law between
@@ -200,27 +205,27 @@ impl Script {
         [to, from]: [(usize, usize); 2],
         instants: [&At; 2],
     ) -> [f64; 2] {
-        let mut found = [0.0; 2];
+        let mut response = [0.0; 2];
         for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
             for (sign_from, from) in [(1.0, from.0), (-1.0, from.1)] {
                 let [x, v] = self.answer([from, to], instants);
-                found[0] += sign_to * sign_from * x;
-                found[1] += sign_to * sign_from * v;
+                response[0] += sign_to * sign_from * x;
+                response[1] += sign_to * sign_from * v;
             }
         }
-        found
+        response
     }
 
     /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
     fn answer(&self, [from, to]: [usize; 2], [start, end]: [&At; 2]) -> [f64; 2] {
         let n = self.basis.n();
-        let mut found = [0.0; 2];
+        let mut response = [0.0; 2];
         let moves = &self.moves[from * self.joints.len() + to];
         for (row, share) in moves.chunks(n).zip(&start.value) {
-            found[0] += share * dot(row, &end.value);
-            found[1] += share * dot(row, &end.slope);
+            response[0] += share * dot(row, &end.value);
+            response[1] += share * dot(row, &end.slope);
         }
-        found
+        response
     }
 }
 
@@ -231,11 +236,14 @@ mod tests {
     #[test]
     fn polynomials_of_degree_5_are_extrapolated_from_two_parts() {
         for power in 0..6 {
-            let at = |s: f64| (0..power).map(|_| s).product::<f64>();
+            let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
             for s in POINTS.map(|c| 1.0 + c) {
-                let parts = [(0, -1.0), (1, 0.0)]
-                    .map(|(part, start)| dot(&of_two(s, part), &POINTS.map(|c| at(start + c))));
-                assert!((parts[0] + parts[1] - at(s)).abs() < 1e-11 * at(s).max(1.0));
+                let parts = [(0, -1.0), (1, 0.0)].map(|(part, start)| {
+                    dot(&of_two(s, part), &POINTS.map(|c| polynomial(start + c)))
+                });
+                assert!(
+                    (parts[0] + parts[1] - polynomial(s)).abs() < 1e-11 * polynomial(s).max(1.0)
+                );
             }
         }
     }

@@ -46,9 +46,9 @@ impl Fine {
             self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n()) as u64;
         }
         let points = POINTS.map(|c| At::new(script.basis.n(), s + c * h));
-        for own in 0..n_dry {
-            let link = frame.slides.links[own];
-            self.frictions.slides[own].free =
+        for slide_index in 0..n_dry {
+            let link = frame.slides.links[slide_index];
+            self.frictions.slides[slide_index].free =
                 (points.each_ref()).map(|at| self.elongation(script, link, at)[1]);
         }
         for _ in 0..NEWTON_STEPS {
@@ -58,13 +58,13 @@ impl Fine {
                 break;
             }
         }
-        for own in 0..n_dry {
-            let friction = self.friction(frame, (own, s));
-            let slide = &mut self.frictions.slides[own];
+        for slide_index in 0..n_dry {
+            let friction = self.friction(frame, (slide_index, s));
+            let slide = &mut self.frictions.slides[slide_index];
             if slide.direction != 0.0 {
                 // Friction takes energy and never gives any.
-                let most = friction.level(0.0).max(friction.open * friction.by.level);
-                let bounded = |force: f64| (slide.direction * force).clamp(0.0, most);
+                let force_max = friction.level(0.0).max(friction.open * friction.by.level);
+                let bounded = |force: f64| (slide.direction * force).clamp(0.0, force_max);
                 slide.force = slide.force.map(|force| slide.direction * bounded(force));
             }
         }
@@ -73,9 +73,9 @@ impl Fine {
     /// Set the forces of a step if every link slides at a level that does not depend on its velocity; returns whether
     /// that is so.
     fn set_known_forces(&mut self, frame: Frame<'_>, s: f64) -> bool {
-        for own in 0..frame.slides.links.len() {
-            let friction = self.friction(frame, (own, s));
-            let slide = &mut self.frictions.slides[own];
+        for slide_index in 0..frame.slides.links.len() {
+            let friction = self.friction(frame, (slide_index, s));
+            let slide = &mut self.frictions.slides[slide_index];
             if slide.direction == 0.0 || friction.by.falls() {
                 return false;
             }
@@ -91,31 +91,31 @@ impl Fine {
         let width = STAGES * n_dry + 1;
         let mut system = std::mem::take(&mut self.frictions.system);
         let mut is_linear = true;
-        for own in 0..n_dry {
-            let friction = self.friction(frame, (own, s));
-            let slide = &self.frictions.slides[own];
-            let moves = &self.frictions.moves[own * n_dry..(own + 1) * n_dry];
+        for slide_index in 0..n_dry {
+            let friction = self.friction(frame, (slide_index, s));
+            let slide = &self.frictions.slides[slide_index];
+            let moves = &self.frictions.moves[slide_index * n_dry..(slide_index + 1) * n_dry];
             let (direction, is_held) = (slide.direction, slide.direction == 0.0);
             is_linear &= is_held || !friction.by.falls();
             for stage in 0..STAGES {
                 let pairs = moves.iter().zip(&self.frictions.slides);
                 let by = pairs.map(|(by, other)| dot(&by[stage], &other.force));
                 let v = slide.free[stage] + by.sum::<f64>();
-                let at = STAGES * own + stage;
-                let row = &mut system[at * width..(at + 1) * width];
-                let of_velocity = if is_held {
+                let row_index = STAGES * slide_index + stage;
+                let row = &mut system[row_index * width..(row_index + 1) * width];
+                let velocity_factor = if is_held {
                     1.0
                 } else {
                     -direction * friction.slope(v)
                 };
                 let responses = moves.iter().flat_map(|by| by[stage]);
                 for (entry, response) in row.iter_mut().zip(responses) {
-                    *entry = of_velocity * response;
+                    *entry = velocity_factor * response;
                 }
                 if is_held {
                     row[width - 1] = -v;
                 } else {
-                    row[at] += 1.0;
+                    row[row_index] += 1.0;
                     row[width - 1] = direction * friction.level(v) - slide.force[stage];
                 }
             }
@@ -132,11 +132,11 @@ impl Fine {
         self.work.products += (n * n * n / 3) as u64;
         eliminate(&mut self.frictions.system, n)?;
         let mut change = 0.0_f64;
-        for own in 0..frame.slides.links.len() {
-            let level = self.friction(frame, (own, s)).level(0.0);
+        for slide in 0..frame.slides.links.len() {
+            let level = self.friction(frame, (slide, s)).level(0.0);
             for stage in 0..STAGES {
-                let by = self.frictions.system[(STAGES * own + stage) * (n + 1) + n];
-                self.frictions.slides[own].force[stage] += by;
+                let by = self.frictions.system[(STAGES * slide + stage) * (n + 1) + n];
+                self.frictions.slides[slide].force[stage] += by;
                 change = change.max(by.abs() / level.max(f64::MIN_POSITIVE));
             }
         }
@@ -158,24 +158,25 @@ impl Fine {
             *compliance = h * script.rate.step() * parts.sum::<f64>();
         }
         let end = At::new(n, 1.0);
-        for own in 0..n_dry {
-            let [_, v] = self.elongation(script, frame.slides.links[own], &end);
-            let slide = &mut self.frictions.slides[own];
+        for slide_index in 0..n_dry {
+            let [_, v] = self.elongation(script, frame.slides.links[slide_index], &end);
+            let slide = &mut self.frictions.slides[slide_index];
             (slide.free, slide.force, slide.holds) = ([v; STAGES], [0.0; STAGES], false);
         }
         for _ in 0..ROUNDS {
-            for own in 0..n_dry {
+            for slide_index in 0..n_dry {
                 let slides = &self.frictions.slides;
-                let row = &compliances[own * n_dry..(own + 1) * n_dry];
+                let row = &compliances[slide_index * n_dry..(slide_index + 1) * n_dry];
                 let pushes = row
                     .iter()
                     .zip(slides)
                     .map(|(by, other)| by * other.force[0]);
-                let v = slides[own].free[0] + pushes.sum::<f64>();
-                let level = self.friction(frame, (own, s)).level(v);
-                let stopping = slides[own].force[0] - v / row[own];
+                let v = slides[slide_index].free[0] + pushes.sum::<f64>();
+                let level = self.friction(frame, (slide_index, s)).level(v);
+                let stopping = slides[slide_index].force[0] - v / row[slide_index];
                 if stopping.is_finite() {
-                    self.frictions.slides[own].force = [stopping.clamp(-level, level); STAGES];
+                    self.frictions.slides[slide_index].force =
+                        [stopping.clamp(-level, level); STAGES];
                 }
             }
             self.work.instants += n_dry as u64;
@@ -187,13 +188,13 @@ impl Fine {
     /// Push the ends of all links by their forces in a step of `h` from `s`.
     fn push_ends(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
         for stage in 0..STAGES {
-            let at = At::new(frame.script.basis.n(), s + POINTS[stage] * h);
+            let instant = At::new(frame.script.basis.n(), s + POINTS[stage] * h);
             let weight = WEIGHTS[stage] * h * frame.script.rate.step();
-            for (own, &link) in frame.slides.links.iter().enumerate() {
+            for (slide, &link) in frame.slides.links.iter().enumerate() {
                 let (a, b) = frame.script.ends[link];
-                let impulse = weight * self.frictions.slides[own].force[stage];
-                self.shove(frame.script, a, impulse, &at);
-                self.shove(frame.script, b, -impulse, &at);
+                let impulse = weight * self.frictions.slides[slide].force[stage];
+                self.shove(frame.script, a, impulse, &instant);
+                self.shove(frame.script, b, -impulse, &instant);
             }
         }
     }

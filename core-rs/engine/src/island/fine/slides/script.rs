@@ -35,16 +35,18 @@ impl SlideScript {
             Kind::Dry { by, rate } => Some((link, (*by, *rate))),
             _ => None,
         };
-        let found = script.links.iter().enumerate().filter_map(is_dry);
-        let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = found.unzip();
+        let dry_links = script.links.iter().enumerate().filter_map(is_dry);
+        let (links, dry): (Vec<usize>, Vec<(Dry, f64)>) = dry_links.unzip();
         let steps = |(&link, &(by, rate)): (&usize, &(Dry, f64))| {
             let (a, b) = script.ends[link];
             by.with(script.links[link].z)
                 .steps(rate * script.jump(a, b) * script.rate.step())
         };
-        let most = links.iter().zip(&dry).map(steps).fold(1.0, f64::max);
+        let steps_max = links.iter().zip(&dry).map(steps).fold(1.0, f64::max);
         let least = (script.steps / 2).max(1);
-        let fast = (least as f64 * most).ceil().min(STEPS_MAX as f64 / 4.0) as usize;
+        let fast = (least as f64 * steps_max)
+            .ceil()
+            .min(STEPS_MAX as f64 / 4.0) as usize;
         let pairs = links.iter().flat_map(|&to| {
             let from = links.iter();
             from.map(move |&from| [script.ends[to], script.ends[from]])
@@ -67,10 +69,10 @@ impl SlideScript {
 impl Pace {
     fn new(script: &Script, parts: usize, responses: &[Vec<f64>]) -> Self {
         let integrals = Integrals::new(script, 1.0 / parts as f64);
-        let of = |response: &Vec<f64>| integrals.of(response);
+        let integral = |response: &Vec<f64>| integrals.of(response);
         Self {
             parts,
-            moves: responses.iter().map(of).collect(),
+            moves: responses.iter().map(integral).collect(),
         }
     }
 
@@ -126,18 +128,18 @@ impl Integrals {
 
     /// Response of a velocity to the forces of the step, at its Gauss points [m/frame per N].
     pub(super) fn of(&self, response: &[f64]) -> Square {
-        let mut found = Square::default();
+        let mut integrals = Square::default();
         if response.is_empty() {
-            return found;
+            return integrals;
         }
-        for (outer, found) in found.iter_mut().enumerate() {
+        for (outer, integrals) in integrals.iter_mut().enumerate() {
             for (since, weights) in self.since[outer].iter().zip(&self.weights[outer]) {
                 let by = dot(response, &since.value);
-                for (found, weight) in found.iter_mut().zip(weights) {
-                    *found += by * weight;
+                for (integrals, weight) in integrals.iter_mut().zip(weights) {
+                    *integrals += by * weight;
                 }
             }
         }
-        found
+        integrals
     }
 }

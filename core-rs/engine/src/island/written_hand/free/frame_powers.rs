@@ -123,8 +123,8 @@ impl FramePowers {
         let size = self.size();
         for (row, out) in self.square.chunks_exact_mut(size).enumerate() {
             out.fill(0.0);
-            let own = &self.change[row * size..(row + 1) * size];
-            for (&factor, other) in own.iter().zip(self.change.chunks_exact(size)) {
+            let factors = &self.change[row * size..(row + 1) * size];
+            for (&factor, other) in factors.iter().zip(self.change.chunks_exact(size)) {
                 for (out, other) in out.iter_mut().zip(other) {
                     *out += factor * other;
                 }
@@ -198,12 +198,12 @@ mod tests {
             let mut advanced = moving(&free);
             let Buffers { laws, targets, .. } = &mut buffers;
             frame_powers.advance(&free, &mut advanced, frames, laws, targets);
-            for (stepped, advanced, most) in [
+            for (stepped, advanced, error_max) in [
                 (&stepped.body.x, &advanced.body.x, 1e-11),
                 (&stepped.body.d, &advanced.body.d, 1e-14),
             ] {
                 for (a, b) in stepped.iter().zip(advanced) {
-                    assert!((a - b).abs() <= most, "{a} and {b} after {frames}");
+                    assert!((a - b).abs() <= error_max, "{a} and {b} after {frames}");
                 }
             }
         }

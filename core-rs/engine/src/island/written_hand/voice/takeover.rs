@@ -20,35 +20,35 @@ pub(crate) struct VoiceTakeover {
 impl VoiceTakeover {
     /// Index here of a gesture there.
     fn gesture(&self, there: usize) -> Option<usize> {
-        let at = self.gestures.binary_search_by_key(&there, |pair| pair.0);
-        at.ok().map(|at| self.gestures[at].1)
+        let index = self.gestures.binary_search_by_key(&there, |pair| pair.0);
+        index.ok().map(|index| self.gestures[index].1)
     }
 }
 
 /// Pairs of equal gestures of two voices: there and here, rising.
 pub(crate) fn shared(
-    (own, gestures): (&VoiceScript, &[FramedGesture]),
+    (gesture, gestures): (&VoiceScript, &[FramedGesture]),
     (their, others): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
     let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
-    for &own in &own.gestures {
-        let start = gestures[own].gesture.start.to_bits();
-        by_start.entry(start).or_default().push(own);
+    for &gesture in &gesture.gestures {
+        let start = gestures[gesture].gesture.start.to_bits();
+        by_start.entry(start).or_default().push(gesture);
     }
-    let mut found = Vec::new();
+    let mut pairs = Vec::new();
     for &their in &their.gestures {
         let Some(same) = by_start.get_mut(&others[their].gesture.start.to_bits()) else {
             continue;
         };
-        if let Some(at) = same
+        if let Some(index) = same
             .iter()
-            .position(|&own| gestures[own].gesture.is_same(&others[their].gesture))
+            .position(|&gesture| gestures[gesture].gesture.is_same(&others[their].gesture))
         {
-            found.push((their, same.remove(at)));
+            pairs.push((their, same.remove(index)));
         }
     }
-    found.sort_unstable();
-    found
+    pairs.sort_unstable();
+    pairs
 }
 
 impl Voice {
@@ -71,9 +71,9 @@ impl Voice {
         match &takeover.mats {
             None => std::mem::swap(&mut self.free, &mut old.free),
             Some(pairs) => {
-                let (own, their) = (&mut self.free.body, &old.free.body);
+                let (body, their) = (&mut self.free.body, &old.free.body);
                 for &(to, from) in pairs {
-                    (own.x[to], own.d[to]) = (their.x[from], their.d[from]);
+                    (body.x[to], body.d[to]) = (their.x[from], their.d[from]);
                 }
                 self.free.settle();
             }

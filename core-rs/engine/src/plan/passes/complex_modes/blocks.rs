@@ -6,30 +6,32 @@ use crate::spectrum::{General, general, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.
 pub(super) fn all(damping: &[f64], n: usize) -> Vec<Vec<usize>> {
-    let most = damping.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let least = (ROUNDING * most).max(NOTHING / n as f64);
-    let (mut is_known, mut found) = (vec![false; n], Vec::new());
+    let greatest = damping
+        .iter()
+        .fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
+    let least = (ROUNDING * greatest).max(NOTHING / n as f64);
+    let (mut is_known, mut blocks) = (vec![false; n], Vec::new());
     for first in 0..n {
         if is_known[first] {
             continue;
         }
         is_known[first] = true;
         let mut block = vec![first];
-        let mut at = 0;
-        while at < block.len() {
-            let row = &damping[block[at] * n..(block[at] + 1) * n];
+        let mut next = 0;
+        while next < block.len() {
+            let row = &damping[block[next] * n..(block[next] + 1) * n];
             for (other, coupling) in row.iter().enumerate() {
                 if !is_known[other] && coupling.abs() > least {
                     is_known[other] = true;
                     block.push(other);
                 }
             }
-            at += 1;
+            next += 1;
         }
         block.sort_unstable();
-        found.push(block);
+        blocks.push(block);
     }
-    found
+    blocks
 }
 
 /// The state of a block: p of the modes that a spring holds, then v of all.
@@ -53,9 +55,9 @@ impl State<'_> {
     fn matrix(&self, damping: &[f64], n: usize) -> Vec<f64> {
         let (size, held) = (self.len(), self.n_held());
         let mut matrix = vec![0.0; size * size];
-        for (i, &own) in self.block.iter().enumerate() {
+        for (i, &state_row) in self.block.iter().enumerate() {
             for (j, &other) in self.block.iter().enumerate() {
-                matrix[(held + i) * size + held + j] = -damping[own * n + other];
+                matrix[(held + i) * size + held + j] = -damping[state_row * n + other];
             }
             if i >= self.n_rigid {
                 let (p, v) = (i - self.n_rigid, held + i);
@@ -114,39 +116,43 @@ pub(super) fn add(
     };
     let size = state.len();
     let matrix = state.matrix(damping, coordinates.lambda.len());
-    let found = general(matrix.clone()).ok_or(NoModes::NotFinite)?;
-    let vectors = columns(&found);
+    let eigen = general(matrix.clone()).ok_or(NoModes::NotFinite)?;
+    let vectors = columns(&eigen);
     let left = inverse(vectors.clone()).ok_or(NoModes::Inexact)?;
-    if error(&matrix, &found, [&vectors, &left]) > ERROR_MAX {
+    if error(&matrix, &eigen, [&vectors, &left]) > ERROR_MAX {
         return Err(NoModes::Inexact);
     }
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
     let project = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
-        let own = &left[row * size..(row + 1) * size];
-        own.iter().enumerate().map(|(i, by)| by * state(i)).sum()
+        let left_row = &left[row * size..(row + 1) * size];
+        left_row
+            .iter()
+            .enumerate()
+            .map(|(i, by)| by * state(i))
+            .sum()
     };
     let held = state.n_held();
-    let initial_state = |at: usize| {
-        if at < held {
-            let mode = block[n_rigid + at];
-            state.omega[n_rigid + at] * (coordinates.x0[mode] - coordinates.rest[mode])
+    let initial_state = |row_index: usize| {
+        if row_index < held {
+            let mode = block[n_rigid + row_index];
+            state.omega[n_rigid + row_index] * (coordinates.x0[mode] - coordinates.rest[mode])
         } else {
-            coordinates.v0[block[at - held]]
+            coordinates.v0[block[row_index - held]]
         }
     };
     let impulse_state = |point: usize| {
-        move |at: usize| {
-            if at < held {
+        move |row_index: usize| {
+            if row_index < held {
                 0.0
             } else {
-                coordinates.struck[point][block[at - held]]
+                coordinates.struck[point][block[row_index - held]]
             }
         }
     };
     // How far rigid modes have moved in total when everything else has died away.
     let n_points = coordinates.struck.len();
     let mut rigid_displacement = vec![vec![0.0; n_points + 1]; n_rigid];
-    for (k, &(re, im)) in found.values.iter().enumerate() {
+    for (k, &(re, im)) in eigen.values.iter().enumerate() {
         if im < 0.0 {
             continue;
         }
@@ -155,12 +161,12 @@ pub(super) fn add(
         }
         let decay = (-re).max(0.0);
         let is_pair = im > 0.0;
-        let y = |at: usize| {
-            let own = vectors[at * size + k];
+        let y = |row_index: usize| {
+            let left_row = vectors[row_index * size + k];
             [
-                own,
+                left_row,
                 if is_pair {
-                    -vectors[at * size + k + 1]
+                    -vectors[row_index * size + k + 1]
                 } else {
                     0.0
                 },
@@ -174,14 +180,14 @@ pub(super) fn add(
         };
         let s = [re, im];
         let start = part(&initial_state);
-        let felt: Vec<Complex> = (0..n_points)
+        let excitation: Vec<Complex> = (0..n_points)
             .map(|point| part(&impulse_state(point)))
             .collect();
         for (i, rigid_displacement) in rigid_displacement.iter_mut().enumerate() {
             let share = divide(y(held + i), s);
             for (rigid_displacement, by) in rigid_displacement
                 .iter_mut()
-                .zip(felt.iter().chain([&start]))
+                .zip(excitation.iter().chain([&start]))
             {
                 *rigid_displacement -= share[0] * by[0] - share[1] * by[1];
             }
@@ -199,7 +205,7 @@ pub(super) fn add(
                 state.velocities(&coordinates.velocities[output], &y),
             )
         };
-        modes.add((pole, start), seen, |point| felt[point]);
+        modes.add((pole, start), seen, |point| excitation[point]);
     }
     for (i, rigid_displacement) in rigid_displacement.iter().enumerate() {
         let mode = block[i];
@@ -217,16 +223,16 @@ pub(super) fn add(
 
 /// Eigenvectors as the columns of a real matrix: for a pair, the real part and minus the imaginary part   (n, n). With
 /// them y = V·(Re z, Im z).
-fn columns(found: &General) -> Vec<f64> {
-    let n = found.values.len();
+fn columns(eigen: &General) -> Vec<f64> {
+    let n = eigen.values.len();
     let mut columns = vec![0.0; n * n];
     let mut k = 0;
     while k < n {
-        let width = if found.values[k].1 == 0.0 { 1 } else { 2 };
-        let own = &found.vectors[k * n..(k + width) * n];
-        let length = own.iter().map(|x| x * x).sum::<f64>().sqrt();
-        for (at, x) in own.iter().enumerate() {
-            let (column, row) = (k + at / n, at % n);
+        let width = if eigen.values[k].1 == 0.0 { 1 } else { 2 };
+        let column_pair = &eigen.vectors[k * n..(k + width) * n];
+        let length = column_pair.iter().map(|x| x * x).sum::<f64>().sqrt();
+        for (offset, x) in column_pair.iter().enumerate() {
+            let (column, row) = (k + offset / n, offset % n);
             columns[row * n + column] = if column == k { x / length } else { -x / length };
         }
         k += width;
@@ -235,22 +241,22 @@ fn columns(found: &General) -> Vec<f64> {
 }
 
 /// ‖E‖, where A + E has exactly the computed eigenvalues and eigenvectors: E = (V·B − A·V)·V⁻¹.
-fn error(matrix: &[f64], found: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
-    let n = found.values.len();
+fn error(matrix: &[f64], eigen: &General, [vectors, left]: [&[f64]; 2]) -> f64 {
+    let n = eigen.values.len();
     let mut off = vec![0.0; n * n];
     for row in 0..n {
         let into = &mut off[row * n..(row + 1) * n];
-        let own = &vectors[row * n..(row + 1) * n];
-        for (k, &(re, im)) in found.values.iter().enumerate() {
+        let row_vector = &vectors[row * n..(row + 1) * n];
+        for (k, &(re, im)) in eigen.values.iter().enumerate() {
             // B turns (Re z, Im z): [re −im; im re].
             let other = if im > 0.0 {
-                own[k + 1] * im
+                row_vector[k + 1] * im
             } else if im < 0.0 {
-                own[k - 1] * im
+                row_vector[k - 1] * im
             } else {
                 0.0
             };
-            into[k] = own[k] * re + other;
+            into[k] = row_vector[k] * re + other;
         }
         multiply(&matrix[row * n..(row + 1) * n], vectors, -1.0, into);
     }

@@ -7,24 +7,24 @@ use crate::plan::passes::linear::NoModes;
 /// residues would cancel each other.
 const CRITICAL: f64 = 1e-7;
 
-/// Adds the modes that belong to undamped mode `at` with damping `c` [1/s].
+/// Adds the modes that belong to undamped mode `mode` with damping `c` [1/s].
 pub(super) fn add(
     modes: &mut ComplexModes,
     coordinates: &Coordinates,
-    at: usize,
+    mode: usize,
     c: f64,
 ) -> Result<(), NoModes> {
     if c < -ERROR_MAX {
         return Err(NoModes::Diverges);
     }
     let c = c.max(0.0);
-    let lambda = coordinates.lambda[at];
-    let position = |output: usize| coordinates.positions[output][at];
-    let velocity = |output: usize| coordinates.velocities[output][at];
-    let struck = |point: usize| coordinates.struck[point][at];
+    let lambda = coordinates.lambda[mode];
+    let position = |output: usize| coordinates.positions[output][mode];
+    let velocity = |output: usize| coordinates.velocities[output][mode];
+    let struck = |point: usize| coordinates.struck[point][mode];
     let (x, v) = (
-        coordinates.x0[at] - coordinates.rest[at],
-        coordinates.v0[at],
+        coordinates.x0[mode] - coordinates.rest[mode],
+        coordinates.v0[mode],
     );
     if lambda == 0.0 && c <= NOTHING {
         modes.add(
@@ -54,13 +54,13 @@ pub(super) fn add(
     // Avoids the difference of two nearly equal numbers.
     let slow = lambda / fast;
     let gap = fast - slow;
-    for (own, other, sign) in [(slow, fast, 1.0), (fast, slow, -1.0)] {
+    for (pole, other, sign) in [(slow, fast, 1.0), (fast, slow, -1.0)] {
         modes.add(
             (
-                Pole::Real { decay: own },
+                Pole::Real { decay: pole },
                 [sign * (v + other * x) / gap, 0.0],
             ),
-            |output| [position(output) - own * velocity(output), 0.0],
+            |output| [position(output) - pole * velocity(output), 0.0],
             |point| [sign * struck(point) / gap, 0.0],
         );
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::{Found, free, is_within};
+use super::{Solution, free, is_within};
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::interrupt;
@@ -65,7 +65,7 @@ pub(super) fn slow(
     }
     let frame = frame(&matrices.k, &matrices.z, is_discrete);
     let flow = Flow::new(&frame, kick_every).ok_or_else(too_fast)?;
-    let found = Found {
+    let solution = Solution {
         springs: Springs::Exact(Arc::new(flow.clone())),
         turn,
         kick_every,
@@ -74,10 +74,10 @@ pub(super) fn slow(
         w: matrices.w,
         is_discrete,
     };
-    let mut slow = found.slow(rate, (part, every), body, subset)?;
-    let missing = |&(own, mat): &(usize, usize)| {
+    let mut slow = solution.slow(rate, (part, every), body, subset)?;
+    let missing = |&(local, mat): &(usize, usize)| {
         if is_struck(mat) {
-            missing_response(&flow, &frame, own, is_discrete)
+            missing_response(&flow, &frame, local, is_discrete)
         } else {
             Vec::new()
         }
@@ -90,27 +90,27 @@ pub(super) fn slow(
 fn missing_response(
     flow: &Flow,
     frame: &Square,
-    own: usize,
+    port: usize,
     is_discrete: bool,
 ) -> Vec<[Vec<f64>; 2]> {
     let n = flow.keep.n;
     let mut moved = vec![0.0; 2 * n];
-    moved[n + own] = 1.0;
+    moved[n + port] = 1.0;
     // State one frame after a push: in a CA network only the pushed mass has moved; continuous motion follows the flow
     // of a frame.
     if is_discrete {
-        moved[own] = 1.0;
+        moved[port] = 1.0;
     } else {
         moved = frame.apply(&moved);
     }
-    let mut found = Vec::new();
+    let mut responses = Vec::new();
     for frames in 1..=flow.macrostep {
         interrupt::poll();
-        found.push(flow.missing(own, frames, &moved));
+        responses.push(flow.missing(port, frames, &moved));
         moved = frame.apply(&moved);
     }
-    found.reverse();
-    found
+    responses.reverse();
+    responses
 }
 
 /// Springs and dampers of the body as matrices, in units of a frame.
@@ -133,16 +133,16 @@ impl Matrices {
         let slot = |mat: usize| free.binary_search(&mat).ok();
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
         let (mut k, mut z, mut force) = (Square::zero(n), Square::zero(n), vec![0.0; n]);
-        for (own, &i) in free.iter().enumerate() {
-            *k.at(own, own) += scheme.kappa[i];
-            *z.at(own, own) += scheme.zeta[i];
-            force[own] += scheme.kappa[i] / w[own] * scheme.rest[i];
+        for (local, &i) in free.iter().enumerate() {
+            *k.at(local, local) += scheme.kappa[i];
+            *z.at(local, local) += scheme.zeta[i];
+            force[local] += scheme.kappa[i] / w[local] * scheme.rest[i];
         }
         for run in &scheme.runs {
             for i in 0..run.len {
                 let pair = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
-                for (own, other, sign) in pair {
-                    let Some(row) = slot(own) else { continue };
+                for (local, other, sign) in pair {
+                    let Some(row) = slot(local) else { continue };
                     *k.at(row, row) += w[row] * run.k;
                     *z.at(row, row) += w[row] * run.z;
                     force[row] -= sign * run.k * run.rest;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Found, free, is_within};
+use super::{Solution, free, is_within};
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
 use crate::network::Subset;
@@ -18,16 +18,16 @@ pub(super) fn slow(
     subset: Subset,
 ) -> Result<Slow, String> {
     let frames = f64::from(every);
-    let own_rate = Rate::new(rate.hertz() / frames).map_err(|error| error.to_string())?;
+    let macro_rate = Rate::new(rate.hertz() / frames).map_err(|error| error.to_string())?;
     let stiff = || "its springs are too stiff for that rate".to_owned();
-    let scheme = Scheme::new(&subset.network, own_rate).map_err(|error| error.to_string())?;
+    let scheme = Scheme::new(&subset.network, macro_rate).map_err(|error| error.to_string())?;
     let certificate = scheme.certify(&subset.network).map_err(|_| stiff())?;
     let turn = 2.0 * maths::asin((0.5 * certificate.lambda_max.sqrt()).min(1.0));
     if !is_within(turn) {
         return Err(stiff());
     }
     let free = free(body, &subset);
-    let found = Found {
+    let solution = Solution {
         turn,
         kick_every: every,
         rest: vec![0.0; free.len()],
@@ -39,5 +39,5 @@ pub(super) fn slow(
         springs: Springs::Stepped(Arc::new(scheme)),
         is_discrete: false,
     };
-    found.slow(rate, (part, every), body, subset)
+    solution.slow(rate, (part, every), body, subset)
 }

@@ -13,9 +13,9 @@ use crate::plan::trial::third_octaves::{Band, bands, powers};
 /// Least width × duration of a band: its level is the mean of about as many independent values. Here both runs are the
 /// same sound, so one is enough.
 const FEWEST: f64 = 1.0;
-/// Bands are compared if their power is above the part `HEARD` of the strongest band's; a missing band counts as the
+/// Bands are compared if their power is above the part `AUDIBLE_POWER_MIN` of the strongest band's; a missing band counts as the
 /// ratio `MISSING` [power].
-const HEARD: f64 = 1e-6;
+const AUDIBLE_POWER_MIN: f64 = 1e-6;
 const MISSING: f64 = 1e-10;
 /// The last part of a sound that fades out is one in this many.
 const FADED: usize = 4;
@@ -23,17 +23,17 @@ const FADED: usize = 4;
 /// The largest level difference among the third octaves that are heard in `b` [dB].
 pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     let bands = bands(b.len(), rate, FEWEST);
-    let of = |x: &[f64]| -> Vec<f64> {
+    let spectrum = |x: &[f64]| -> Vec<f64> {
         let powers = powers(faded(x));
         let sum = |band: &Band| powers[band.bins.clone()].iter().sum();
         bands.iter().map(sum).collect()
     };
-    let (ours, theirs) = (of(a), of(b));
+    let (ours, theirs) = (spectrum(a), spectrum(b));
     let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
-    let heard = heard(&centres, &theirs);
-    let each = ours.iter().zip(&theirs).zip(heard);
-    let heard = each.filter(|(_, is_heard)| *is_heard);
-    heard.fold(0.0, |worst, ((ours, theirs), _)| {
+    let audible = heard(&centres, &theirs);
+    let each = ours.iter().zip(&theirs).zip(audible);
+    let audible = each.filter(|(_, is_heard)| *is_heard);
+    audible.fold(0.0, |worst, ((ours, theirs), _)| {
         worst.max(10.0 * log10((ours / theirs).max(MISSING)).abs())
     })
 }
@@ -43,8 +43,8 @@ fn faded(x: &[f64]) -> Vec<f64> {
     let n = x.len() / FADED;
     let from = x.len() - n;
     let mut x = x.to_vec();
-    for (at, x) in x[from..].iter_mut().enumerate() {
-        let s = sincos(0.5 * PI * (at as f64 + 0.5) / n as f64).1;
+    for (index, x) in x[from..].iter_mut().enumerate() {
+        let s = sincos(0.5 * PI * (index as f64 + 0.5) / n as f64).1;
         *x *= s * s;
     }
     x
@@ -54,14 +54,18 @@ fn faded(x: &[f64]) -> Vec<f64> {
 fn heard(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
-    let masked = |at: usize| -> f64 {
+    let masked = |masked_power: usize| -> f64 {
         let others = powers.iter().zip(&barks).enumerate();
-        let others = others.filter(|(other, _)| *other != at);
-        let spread = others.map(|(_, (power, bark))| power * decibels(spreading(barks[at] - bark)));
-        spread.sum::<f64>() * decibels(-14.5 - barks[at])
+        let others = others.filter(|(other, _)| *other != masked_power);
+        let spread = others
+            .map(|(_, (power, bark))| power * decibels(spreading(barks[masked_power] - bark)));
+        spread.sum::<f64>() * decibels(-14.5 - barks[masked_power])
     };
-    let own = powers.iter().enumerate();
-    own.map(|(at, power)| *power > (HEARD * strongest).max(masked(at)))
+    let indexed = powers.iter().enumerate();
+    indexed
+        .map(|(masked_power, power)| {
+            *power > (AUDIBLE_POWER_MIN * strongest).max(masked(masked_power))
+        })
         .collect()
 }
 
@@ -91,16 +95,16 @@ mod tests {
 
     /// Sines, each of a frequency [Hz] and an amplitude, 0.3 s that fade in: an abrupt beginning would be heard in
     /// every band.
-    fn tones(of: &[(f64, f64)]) -> Vec<f64> {
-        let at = |n: usize| {
+    fn tones(partials: &[(f64, f64)]) -> Vec<f64> {
+        let sample = |n: usize| {
             let rise = sincos(0.5 * PI * (n as f64 / 3_300.0).min(1.0)).0;
-            let each = of.iter();
+            let each = partials.iter();
             let sum: f64 = each
                 .map(|(f, size)| size * sincos(TAU * f * n as f64 / RATE).0)
                 .sum();
             rise * rise * sum
         };
-        (0..13_230).map(at).collect()
+        (0..13_230).map(sample).collect()
     }
 
     #[test]
@@ -117,11 +121,11 @@ mod tests {
         let loud = (1_000.0, 1.0);
         let b = tones(&[loud, near, far]);
         let without = |gone: (f64, f64)| {
-            let rest = [loud, near, far].map(|own| {
-                if own == gone {
-                    (own.0, 0.3 * own.1)
+            let rest = [loud, near, far].map(|partial| {
+                if partial == gone {
+                    (partial.0, 0.3 * partial.1)
                 } else {
-                    own
+                    partial
                 }
             });
             level_error(&tones(&rest), &b, RATE)

@@ -24,10 +24,10 @@ const FEWEST: usize = 8;
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
 /// reference.
 pub(super) fn pitch_errors(a: &[f64], b: &[f64], rate: f64, upto: f64) -> (f64, f64) {
-    let found = strongest(b, rate, upto).into_iter();
-    found.fold((0.0, 0.0), |(cents, t60), f| {
-        let (own_cents, own_t60) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
-        (f64::max(cents, own_cents), f64::max(t60, own_t60))
+    let partials = strongest(b, rate, upto).into_iter();
+    partials.fold((0.0, 0.0), |(cents, t60), f| {
+        let (cents_here, t60_here) = compare(a, b, f, rate).unwrap_or((0.0, 0.0));
+        (f64::max(cents, cents_here), f64::max(t60, t60_here))
     })
 }
 
@@ -38,15 +38,15 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
     let bin = rate / length(x.len()) as f64;
     let reach = ((2.0 / WINDOW / bin) as usize).max(2);
     let last = ((upto / bin) as usize).min(powers.len().saturating_sub(1));
-    let is_top = |at: &usize| {
-        let around = &powers[at - reach.min(*at)..(at + reach + 1).min(powers.len())];
-        powers[*at] > 0.0 && around.iter().all(|power| *power <= powers[*at])
+    let is_top = |index: &usize| {
+        let around = &powers[index - reach.min(*index)..(index + reach + 1).min(powers.len())];
+        powers[*index] > 0.0 && around.iter().all(|power| *power <= powers[*index])
     };
     let mut tops: Vec<usize> = (reach..last).filter(is_top).collect();
     tops.sort_by(|a, b| powers[*b].total_cmp(&powers[*a]));
     tops.truncate(COUNT);
-    let most = tops.first().map_or(0.0, |top| powers[*top]);
-    tops.retain(|top| powers[*top] >= WEAKEST * most);
+    let loudest = tops.first().map_or(0.0, |top| powers[*top]);
+    tops.retain(|top| powers[*top] >= WEAKEST * loudest);
     tops.into_iter().map(|top| top as f64 * bin).collect()
 }
 
@@ -90,9 +90,9 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
         })
         .collect();
     let window = hann(size);
-    let smooth = |at: usize| {
-        let own = shifted[at..at + size].iter().zip(&window);
-        own.fold([0.0; 2], |sum, (x, w)| {
+    let smooth = |index: usize| {
+        let products = shifted[index..index + size].iter().zip(&window);
+        products.fold([0.0; 2], |sum, (x, w)| {
             [sum[0] + w * x[0], sum[1] + w * x[1]]
         })
     };
@@ -103,11 +103,11 @@ fn baseband(x: &[f64], f: f64, rate: f64) -> Vec<[f64; 2]> {
 }
 
 fn hann(size: usize) -> Vec<f64> {
-    let at = |n: usize| {
+    let weight = |n: usize| {
         let s = sincos(PI * (n as f64 + 0.5) / size as f64).0;
         s * s
     };
-    (0..size).map(at).collect()
+    (0..size).map(weight).collect()
 }
 
 fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
@@ -115,20 +115,20 @@ fn times(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 /// The arguments, unwrapped.
-fn unwrapped(of: &[[f64; 2]]) -> Vec<f64> {
+fn unwrapped(values: &[[f64; 2]]) -> Vec<f64> {
     let mut last = [1.0, 0.0];
     let mut sum = 0.0;
-    let turn = |own: &[f64; 2]| {
-        let by = times(*own, [last[0], -last[1]]);
+    let turn = |turned: &[f64; 2]| {
+        let by = times(*turned, [last[0], -last[1]]);
         sum += if by == [0.0; 2] {
             0.0
         } else {
             atan2(by[1], by[0])
         };
-        last = *own;
+        last = *turned;
         sum
     };
-    of.iter().map(turn).collect()
+    values.iter().map(turn).collect()
 }
 
 /// The straight line that fits best by weighted least squares: its slope from one value to the next, and its residual
@@ -138,9 +138,9 @@ fn slope(values: &[f64], weights: &[f64]) -> (f64, f64) {
     if total <= 0.0 {
         return (0.0, 0.0);
     }
-    let mean = |of: &dyn Fn(usize) -> f64| -> f64 {
+    let mean = |value_of: &dyn Fn(usize) -> f64| -> f64 {
         let each = weights.iter().enumerate();
-        each.map(|(i, weight)| weight * of(i)).sum::<f64>() / total
+        each.map(|(i, weight)| weight * value_of(i)).sum::<f64>() / total
     };
     let (t, y) = (mean(&|i| i as f64), mean(&|i| values[i]));
     let spread = mean(&|i| (i as f64 - t) * (i as f64 - t));
@@ -164,10 +164,10 @@ mod tests {
 
     /// Two partials, each with its frequency [Hz] and decay [1/s].
     fn sound(low: (f64, f64), high: (f64, f64)) -> Vec<f64> {
-        let one = |t: f64, (f, decay): (f64, f64)| exp(-decay * t) * sincos(TAU * f * t).0;
+        let partial = |t: f64, (f, decay): (f64, f64)| exp(-decay * t) * sincos(TAU * f * t).0;
         (0..13_230)
             .map(|n| n as f64 / RATE)
-            .map(|t| one(t, low) + 0.1 * one(t, high))
+            .map(|t| partial(t, low) + 0.1 * partial(t, high))
             .collect()
     }
 

@@ -85,19 +85,19 @@ fn beginnings(speeds: &[f64], hop: usize) -> Vec<usize> {
     let powers: Vec<f64> = speeds.chunks(hop).map(energy).collect();
     let loudest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let n_before = (BEFORE / HOP) as usize;
-    let is_stroke = |at: &usize| {
-        let before = powers[at.saturating_sub(n_before)..*at].iter();
+    let is_stroke = |index: &usize| {
+        let before = powers[index.saturating_sub(n_before)..*index].iter();
         let before = before.fold(0.0_f64, |most, power| most.max(*power));
-        powers[*at] > (QUIET * loudest).max(RISE * before)
+        powers[*index] > (QUIET * loudest).max(RISE * before)
     };
     let mut begins: Vec<usize> = Vec::new();
-    for at in (0..powers.len()).filter(is_stroke) {
+    for index in (0..powers.len()).filter(is_stroke) {
         // Power that still rises belongs to the stroke before.
-        if begins.last().is_none_or(|last| at > last + n_before / 5) {
-            begins.push(at);
+        if begins.last().is_none_or(|last| index > last + n_before / 5) {
+            begins.push(index);
         }
     }
-    begins.into_iter().map(|at| at * hop).collect()
+    begins.into_iter().map(|index| index * hop).collect()
 }
 
 /// Differences from frame to frame, in which a stroke begins more suddenly than in positions.
@@ -135,7 +135,7 @@ mod tests {
 
     /// Strokes on a partial of 300 Hz that decays in 20 ms, each with its time [s] and size; 0.4 s.
     fn strokes(each: &[(f64, f64)]) -> Vec<f64> {
-        let at = |n: usize| {
+        let sample = |n: usize| {
             let since = |time: f64| n as f64 / RATE - time;
             let begun = each.iter().filter(|(time, _)| since(*time) >= 0.0);
             begun
@@ -145,7 +145,7 @@ mod tests {
                 })
                 .sum()
         };
-        (0..17_640).map(at).collect()
+        (0..17_640).map(sample).collect()
     }
 
     #[test]
