@@ -106,7 +106,7 @@ def main(arguments: list[str]) -> int:
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)
         return 2
-    made_on = report.machine()
+    built_on = report.machine()
     rows: list[Row] = []
     for name in wanted or scenes:
         for row in scenes[name]():
@@ -114,7 +114,7 @@ def main(arguments: list[str]) -> int:
             ratio = "" if row.ratio is None else f"  {row.ratio:.2f} {row.sense}"
             print(f"{row.scene}: {row.ours}  [{row.reference}]{ratio}", flush=True)
     if not wanted:
-        report.write(rows, made_on)
+        report.write(rows, built_on)
     return 0
 
 

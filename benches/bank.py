@@ -56,9 +56,9 @@ def bank(loops: Loops | None) -> list[Row]:
         for each in (100, 1_000)
     }
     peers["Csound `mode`, f64"] = (partial(csound.bank, pairs), csound.LONG - csound.SHORT)
-    for name, (made, length) in peers.items():
+    for name, (built, length) in peers.items():
         try:
-            run_peer = made()
+            run_peer = built()
             run_peer()  # a peer may be here and still not work
             runs[name], sound[name] = run_peer, length
         except Missing as why:
@@ -70,13 +70,13 @@ def bank(loops: Loops | None) -> list[Row]:
 
 def _rows(speed: dict[str, float], missing: dict[str, str]) -> list[Row]:
     scene, sense = "bank of 10,000 oscillators", "speed over the reference's"
-    said = f"{speed['ergon']:.4g} × real time"
+    text = f"{speed['ergon']:.4g} × real time"
     values = {"modules": COUNT} | {f"{name}, × real time": is_ for name, is_ in speed.items()}
     return [
-        Row(scene, said, f"{name}: {is_:.4g} × real time", speed["ergon"] / is_, sense, values)
+        Row(scene, text, f"{name}: {is_:.4g} × real time", speed["ergon"] / is_, sense, values)
         for name, is_ in speed.items()
         if name != "ergon"
-    ] + [Row(scene, said, f"{name}: {why}", None, sense, values) for name, why in missing.items()]
+    ] + [Row(scene, text, f"{name}: {why}", None, sense, values) for name, why in missing.items()]
 
 
 def _cells() -> tuple[list[float], list[float]]:

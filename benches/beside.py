@@ -44,15 +44,17 @@ def bare(loops: Loops | None) -> Iterator[Bare | None]:
     if loops is None or not loops.has("ticks"):
         yield None
         return
-    found, going, told = Bare(), np.ones(1, dtype=np.int64), np.zeros(4, dtype=np.int64)
+    result, going, output = Bare(), np.ones(1, dtype=np.int64), np.zeros(4, dtype=np.int64)
     # It has its own thread: the call releases the GIL as long as it lasts.
-    loop = threading.Thread(target=loops.call, args=("ticks", _PRIORITY, TICK_SECONDS, going, told))
+    loop = threading.Thread(
+        target=loops.call, args=("ticks", _PRIORITY, TICK_SECONDS, going, output)
+    )
     loop.start()
     try:
-        yield found
+        yield result
     finally:
         going[0] = 0
         loop.join()
-    ticks, late, worst, priority = (int(value) for value in told)
-    found.ticks, found.late = ticks, late / max(ticks, 1)
-    found.worst, found.is_fifo = worst * 1e-9, priority >= 0
+    ticks, late, worst, priority = (int(value) for value in output)
+    result.ticks, result.late = ticks, late / max(ticks, 1)
+    result.worst, result.is_fifo = worst * 1e-9, priority >= 0

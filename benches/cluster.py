@@ -47,7 +47,7 @@ def cluster() -> list[Row]:
         begun = time.perf_counter()
         two = stack.enter_context(open_cluster("local:2", Report()))
         start = time.perf_counter() - begun
-        one = stack.enter_context(open_cluster("local:1", Report()))
+        first = stack.enter_context(open_cluster("local:1", Report()))
         sounds: dict[str, str] = {}
         seconds = 0.0
 
@@ -71,7 +71,7 @@ def cluster() -> list[Row]:
             _ROUNDS,
             {
                 "1 thread": lambda: run("1 thread", 1, None),
-                "1 worker": lambda: run("1 worker", 1, one),
+                "1 worker": lambda: run("1 worker", 1, first),
                 "2 threads": lambda: run("2 threads", 2, None),
                 "2 workers": lambda: run("2 workers", 1, two),
             },

@@ -59,7 +59,7 @@ def duet(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
 
 def _played(
     wire: str,
-    way: tuple[str, ...],
+    method: tuple[str, ...],
     minutes: float,
     loops: Loops | None,
     ahead: int | None = None,
@@ -67,17 +67,17 @@ def _played(
     seconds = round(60 * minutes)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
         score = written(Path(folder), seconds)
-        first, second = (keys.enter_context(key(seconds, *way)) for _ in range(2))
+        first, second = (keys.enter_context(key(seconds, *method)) for _ in range(2))
         live = ("--live", f"ada={first}", "--live", f"remi={second}")
         audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--unchecked", "--json")
         ready = () if ahead is None else ("--ahead", str(ahead))
         command = [*ERGON, "duet", str(score), *live, *audio, *ready]
-        told, beside = _told(command, loops)
-    gaps = told["underruns"] + (told["dropped"] > 0)
-    late = told["late_ticks"] / told["ticks"]
-    kept = "" if ahead is None else f", {ahead:,} kept ready"
+        output, beside = _told(command, loops)
+    gaps = output["underruns"] + (output["dropped"] > 0)
+    late = output["late_ticks"] / output["ticks"]
+    saved = "" if ahead is None else f", {ahead:,} kept ready"
     return Row(
-        f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block{kept}, {seconds} s",
+        f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block{saved}, {seconds} s",
         f"{gaps} gaps, {late:.3%} of ticks late",
         f"{beside or 'no bare loop without Linux and a C compiler'}; {_TARGETS[wire]}",
         beside and beside.ratio(late),
@@ -85,8 +85,8 @@ def _played(
         {
             "gaps": gaps,
             "late": late,
-            "ticks": told["ticks"],
-            "dropped": told["dropped"],
+            "ticks": output["ticks"],
+            "dropped": output["dropped"],
             **{f"bare_{name}": value for name, value in (asdict(beside) if beside else {}).items()},
         },
     )
@@ -122,10 +122,10 @@ def _as_a_board() -> None:
 
 
 @contextmanager
-def key(seconds: int, *way: str) -> Iterator[str]:
+def key(seconds: int, *method: str) -> Iterator[str]:
     """An emulated key with a hand on it that plays for `seconds` [s]; yields its URL."""
     hand = ("--gesture", _HAND.format(times=seconds // 2 + 10), "--hand", "900N/m")
-    command = [*ERGON, "emulate", "frame", *way, *hand, "--json"]
+    command = [*ERGON, "emulate", "frame", *method, *hand, "--json"]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, text=True, preexec_fn=_as_a_board) as process:
         try:

@@ -68,8 +68,8 @@ def _edited(what: str, joined: str) -> Row:
         first, rendered = _rendered(folder, joined, "knock", "cache")
         again, _ = _rendered(folder, joined, "knock", "cache")
         edited, resumed = _rendered(folder, joined, "lean", "cache")
-        scratch, whole = _rendered(folder, joined, "lean", "another")
-    assert rendered != resumed == whole, "an edit renders to the bytes of a render from scratch"
+        scratch, complete = _rendered(folder, joined, "lean", "another")
+    assert rendered != resumed == complete, "an edit renders to the bytes of a render from scratch"
     return Row(
         f"render of four minutes, {what}, one gesture in the last third changed (target 20 %)",
         f"{edited:.1f} s of CPU time; nothing changed: {again:.1f} s",

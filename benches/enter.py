@@ -81,7 +81,7 @@ def enter() -> list[Row]:
     """
     costs: dict[str, list[float]] = {kind: [] for kind in _KINDS}
     ticks: dict[str, list[float]] = {kind: [] for kind in _KINDS}
-    whole: list[float] = []
+    complete: list[float] = []
     with tempfile.TemporaryDirectory() as name:
         typed = _Typed(Path(name))
         with closing(typed.session) as session:
@@ -91,7 +91,7 @@ def enter() -> list[Row]:
             gc.collect()
             gc.freeze()
             for number in range(_ROUNDS):
-                whole.append(_whole_piece())
+                complete.append(_whole_piece())
                 for kind, (lines, _) in _KINDS.items():
                     for line in lines:
                         spent, until = typed.typed(line)
@@ -99,7 +99,7 @@ def enter() -> list[Row]:
                             costs[kind].append(spent)
                             ticks[kind].append(until)
             gc.unfreeze()
-    reference = median(whole)
+    reference = median(complete)
     return [
         Row(
             f"from Enter to effect: {kind}, in 100 modules",

@@ -137,16 +137,16 @@ def _measured(fresh: _Evening, old: _Evening) -> tuple[dict[str, float], dict[st
     """
     sessions = (fresh, old)
     for line in _ALONE:
-        for one in sessions:
-            one.typed(line)
-            one.passes(_APART)
+        for item in sessions:
+            item.typed(line)
+            item.passes(_APART)
     gc.collect()
     taken: tuple[dict[str, list[float]], dict[str, list[float]]] = ({}, {})
     for _ in range(_ROUNDS):
         for line in _MEASURED:
-            for one, times in zip(sessions, taken, strict=True):
-                one.passes(_APART)
-                times.setdefault(line, []).append(one.typed(line))
+            for item, times in zip(sessions, taken, strict=True):
+                item.passes(_APART)
+                times.setdefault(line, []).append(item.typed(line))
     early, late = ({line: median(t) for line, t in times.items()} for times in taken)
     return early, late
 

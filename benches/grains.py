@@ -65,10 +65,10 @@ def _network(x: Floats, v: Floats) -> _core.Network:
     network.part("drum")
     skin = network.points("skin", axes=3, M=[0.0], X0=[0.0] * 3, V0=[0.0] * 3, numbered=False)
     first = network.points("m", axes=3, M=[M] * N, X0=list(x), V0=list(v))
-    own = (first, first + N, first + 2 * N), N
-    network.pairwise("rattle", own, own, gap=GAP, K=K, Z=Z)
+    single = (first, first + N, first + 2 * N), N
+    network.pairwise("rattle", single, single, gap=GAP, K=K, Z=Z)
     drum = (skin, skin + 1, skin + 2), 1
-    network.pairwise("drum", drum, own, gap=RADIUS, K=WALL, inside=True)
+    network.pairwise("drum", drum, single, gap=RADIUS, K=WALL, inside=True)
     network.weigh(first + 2 * N, N, -G)
     network.listen("tap", positions=[(first + 2 * N + N // 2, 1, 1.0)])
     return network

@@ -44,20 +44,20 @@ def growth(_: Loops | None) -> list[Row]:
     return [_row(what, scenes[what], np.array(found)) for what, found in measured.items()]
 
 
-def _row(what: str, scene: str, found: NDArray[np.float64]) -> Row:
-    number, cost, set_up, memory = found.T
+def _row(what: str, scene: str, result_wanted: NDArray[np.float64]) -> Row:
+    number, cost, set_up, memory = result_wanted.T
     slope = float(np.polyfit(np.log(number), np.log(cost), 1)[0])
     last = math.log(cost[-1] / cost[-2]) / math.log(number[-1] / number[-2])
     each = 2**20 * (memory[-1] - memory[0]) / (number[-1] - number[0])
-    said = (
+    text = (
         f"cost ∝ number^{slope:.2f} (last decade {last:.2f}); at {number[-1]:,.0f}: "
         f"{cost[-1]:.3g} s of a processor a second of sound, set up in {set_up[-1]:.2g} s, "
         f"{memory[-1]:.0f} MB ({each:.0f} bytes each)"
     )
-    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in found]
+    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in result_wanted]
     values: dict[str, float | int | str] = {"slope": slope, "slope_last": last}
     values |= {"bytes_each": each, "table": "\n".join(lines)}
-    return Row(f"growth: {scene}", said, "in proportion: 1", slope, "exponent", values)
+    return Row(f"growth: {scene}", text, "in proportion: 1", slope, "exponent", values)
 
 
 def _apart(what: str, size: int) -> list[float]:
@@ -69,8 +69,8 @@ def _apart(what: str, size: int) -> list[float]:
     line = [sys.executable, "-m", "benches.growth", what, str(size)]
     root = Path(__file__).parent.parent
     done = subprocess.run(line, check=True, capture_output=True, cwd=root)
-    found: list[float] = json.loads(done.stdout)
-    return found
+    result: list[float] = json.loads(done.stdout)
+    return result
 
 
 def _one(what: str, size: int) -> list[float]:
@@ -84,22 +84,22 @@ def _one(what: str, size: int) -> list[float]:
         first = network.plate("", shape="hex", radius=size, M=0.3, f=f, t60=t60, hardening=4e8)
         for i in range(network.count(first)):  # nothing lies still, and nothing is nearly zero
             network.start(first + i, 1e-5 * math.sin(0.37 * i), 0.0)
-        heard: Sequence[int] = [network.centre(first)]
+        listened: Sequence[int] = [network.centre(first)]
     else:
         sizes = [_CELLS]
         if what == "oscillators":
-            sizes = [min(_BANK_MAX, size - at) for at in range(0, size, _BANK_MAX)]
+            sizes = [min(_BANK_MAX, size - index) for index in range(0, size, _BANK_MAX)]
         for count in sizes:
             first = network.bank("", count=count, M=1e-3, f=(20.0, 10_000.0), t60=(0.5, 8.0))
-        heard = [first]
+        listened = [first]
         if what == "oscillators":
-            heard = range(size)
-            for mat in heard:
+            listened = range(size)
+            for mat in listened:
                 network.start(mat, 1e-6, 0.0)
     # Positions are added in pieces, so that the lists of this file do not dominate the memory.
-    for at in range(0, len(heard), _HEARD_MAX):
-        positions = [(mat, 1, 1.0) for mat in heard[at : at + _HEARD_MAX]]
-        network.listen(f"out{at}", positions=positions)
+    for index in range(0, len(listened), _HEARD_MAX):
+        positions = [(mat, 1, 1.0) for mat in listened[index : index + _HEARD_MAX]]
+        network.listen(f"out{index}", positions=positions)
     number = network.n_mat + network.n_lia
     n_frames = max(64, min(int(RATE), int(_WORK / number)))
     timeline = _core.Timeline(network, RATE)
@@ -127,8 +127,8 @@ def _peak() -> float:
     """
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.is_file() else []
-    found = [float(line.split()[1]) / 2**10 for line in lines if line.startswith("VmHWM")]
-    return found[0] if found else math.nan
+    result = [float(line.split()[1]) / 2**10 for line in lines if line.startswith("VmHWM")]
+    return result[0] if result else math.nan
 
 
 if __name__ == "__main__":

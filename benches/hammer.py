@@ -41,7 +41,7 @@ def hammer(_: Loops | None) -> list[Row]:
     reached = errors["ergon"]
     points = [(errors[side.name], taken[side.name]) for side in plain.values()]
     cost, how = _cost_at(reached, points)
-    said = f"{sound / taken['ergon']:.4g} × real time, {reached:.0f} dB (asked for -80 dB)"
+    text = f"{sound / taken['ergon']:.4g} × real time, {reached:.0f} dB (asked for -80 dB)"
     values: dict[str, float | int | str] = {"modules": 2 * N + 3}
     for side in everyone:
         values[f"{side.name}, s"] = taken[side.name] / sound
@@ -49,7 +49,7 @@ def hammer(_: Loops | None) -> list[Row]:
     against = f"CA at {reached:.0f} dB, {how}: {sound / cost:.4g} × real time"
     sense = "speed over CA's at equal error"
     scene = "hammer on a string of 60 masses, 0.5 s"
-    return [Row(scene, said, against, cost / taken["ergon"], sense, values)]
+    return [Row(scene, text, against, cost / taken["ergon"], sense, values)]
 
 
 def _cost_at(error: float, points: list[tuple[float, float]]) -> tuple[float, str]:

@@ -133,9 +133,9 @@ def _interrupted(what: str) -> Row:
             left = sorted(path.name for path in folder.iterdir())
             assert child.returncode == 130, f"{what} ended with {child.returncode}"
             assert set(left) <= {"score.yaml", "big.yaml"}, f"{what} left {left}"
-    said = f"{median(taken):.0f} ms, at most {max(taken):.0f} ms"
+    text = f"{median(taken):.0f} ms, at most {max(taken):.0f} ms"
     values = {"median_ms": median(taken), "most_ms": max(taken)}
-    return Row(f"Ctrl-C: {what}", said, "target: 500 ms", max(taken) / 500, "of it", values)
+    return Row(f"Ctrl-C: {what}", text, "target: 500 ms", max(taken) / 500, "of it", values)
 
 
 def _memory() -> Row:
@@ -147,10 +147,10 @@ def _memory() -> Row:
     texts = list(bases().values())
     peaks = []
     for seed in range(_SCORES):
-        found = check(mutated(texts[seed % len(texts)], random.Random(seed)))
-        assert found.code in (0, 1, None), found.said
-        peaks.append(found.peak / 1e6)
-    said = f"at most {max(peaks):.0f} MB, median {median(peaks):.0f} MB"
+        result = check(mutated(texts[seed % len(texts)], random.Random(seed)))
+        assert result.code in (0, 1, None), result.said
+        peaks.append(result.peak / 1e6)
+    text = f"at most {max(peaks):.0f} MB, median {median(peaks):.0f} MB"
     values = {"most_mb": max(peaks), "median_mb": median(peaks), "scores": _SCORES}
     scene = f"memory of `check`, {_SCORES:,} scores with extreme numbers"
-    return Row(scene, said, "target: 500 MB", max(peaks) / 500, "of it", values)
+    return Row(scene, text, "target: 500 MB", max(peaks) / 500, "of it", values)

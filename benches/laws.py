@@ -53,7 +53,7 @@ def _law(name: str) -> list[Row]:
     rows = steps.rows()
     assert rows is not None
     code = steps.native(native.address(rows))
-    found = []
+    result = []
     for n, words in _LENGTHS.items():
         chance = np.random.default_rng(1)
         d, v, out = chance.normal(0.0, 1e-3, n), chance.normal(0.0, 0.1, n), np.empty(n)
@@ -68,7 +68,7 @@ def _law(name: str) -> list[Row]:
         taken = interleaved(ROUNDS, runs)
         each = {key: 1e9 * spent / times / n for key, spent in taken.items()}
         values = {"rows": len(rows)} | {f"{key}, ns a link": ns for key, ns in each.items()}
-        found.append(
+        result.append(
             Row(
                 f"law `{name}`, a link {words}",
                 f"{each['native']:.2f} ns as native code",
@@ -78,7 +78,7 @@ def _law(name: str) -> list[Row]:
                 values,
             )
         )
-    return found
+    return result
 
 
 def _compiling() -> Row:

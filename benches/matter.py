@@ -62,11 +62,11 @@ def cloth(side: int, runs: Sequence[_Links]) -> tuple[_core.Network, int]:
     n = side * side
     network = _core.Network()
     network.part("cloth")
-    at = np.arange(n)
-    x, y = _SPACING * (at % side), _SPACING * (at // side)
+    index = np.arange(n)
+    x, y = _SPACING * (index % side), _SPACING * (index // side)
     bump = 1e-3 * np.exp(-((x - 0.4) ** 2 + (y - 0.6) ** 2) / 0.01)
     places = np.concatenate([x, y, bump])
-    mass = np.where((at == 0) | (at == side - 1), 0.0, M)
+    mass = np.where((index == 0) | (index == side - 1), 0.0, M)
     first = network.points("", axes=3, M=list(mass), X0=list(places), V0=[0.0] * (3 * n))
     for a, b, count, stiff, rest in runs:
         ends = (range(first + end, first + end + 3 * n, n) for end in (a, b))
@@ -115,10 +115,10 @@ def _list(
 
     def run(n_frames: int) -> Floats:
         out = np.empty((n_frames, 1))
-        heard = 3 * (tap % n) + tap // n
+        listened = 3 * (tap % n) + tap // n
         loops.call(
             "matter_list", n_frames, n, len(a), a, b, k, rest, z, w, weight, x, d, force,
-            heard, out,
+            listened, out,
         )  # fmt: skip
         return out
 

@@ -40,8 +40,8 @@ def interleaved(rounds: int, runs: Mapping[str, Callable[[], object]]) -> dict[s
     for number in range(rounds + 1):
         for name, run in runs.items():
             start = time.perf_counter()
-            said = run()
-            spent = said if isinstance(said, float) else time.perf_counter() - start
+            output = run()
+            spent = output if isinstance(output, float) else time.perf_counter() - start
             if number:
                 taken[name].append(spent)
     return {name: median(times) for name, times in taken.items()}
@@ -71,6 +71,6 @@ def _stopwatch(line: list[str]) -> tuple[float, float, float]:
     # A separate small process starts the command: memory inherited by a fork would count as its
     # peak.
     watch = [sys.executable, "-I", "-S", str(_STOPWATCH), *line]
-    found = json.loads(subprocess.run(watch, check=True, capture_output=True).stdout)
-    assert found["code"] == 0, f"{line} ended with {found['code']}"
-    return found["wall"], found["cpu"], found["memory"]
+    result = json.loads(subprocess.run(watch, check=True, capture_output=True).stdout)
+    assert result["code"] == 0, f"{line} ended with {result['code']}"
+    return result["wall"], result["cpu"], result["memory"]

@@ -51,11 +51,11 @@ def mesh(loops: Loops | None) -> list[Row]:
     numbers: dict[str, float | int] = {"side": SIDE, "K": a, "Z": b, "hammer": _HAMMER.m / m}
     numbers |= {"stiff": _HAMMER.k / m / RATE**2, "below": _HAMMER.x, "before": _before()}
     numbers |= {"struck": _place(_STRUCK), "first": _place(TAPS[0]), "second": _place(TAPS[1])}
-    made = sides.attempt(lambda: Side(name, partial(faust.Program("mesh", numbers).begin, RATE)))
-    if isinstance(made, Side):
-        references.append(made)
+    built = sides.attempt(lambda: Side(name, partial(faust.Program("mesh", numbers).begin, RATE)))
+    if isinstance(built, Side):
+        references.append(built)
     else:
-        missing[name] = made
+        missing[name] = built
     plain = sides.engine("CA", _core.Simulation(network, timeline))
     sides.agree([plain, *references], _PROBED, _SAME)
     all_sides = [sides.engine("ergon", planned(network, timeline, **BUDGET)), *references]

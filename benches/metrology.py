@@ -38,14 +38,14 @@ def metrology(runs: int = 5) -> list[Row]:
     """`runs` keys for each way of connecting the device."""
     ways = {"lockstep": _by_lockstep, "the clock, over a pty": _by_pty, "1 % lost": _with_losses}
     rows = []
-    for number, (way, device) in enumerate(ways.items()):
+    for number, (method, device) in enumerate(ways.items()):
         every = [_error(key, device) for key in range(number * runs, (number + 1) * runs)]
         errors = [error for error in every if error is not None]
         if not errors:
             continue
         rows.append(
             Row(
-                f"{len(errors)} of {runs} unknown keys measured by {way}",
+                f"{len(errors)} of {runs} unknown keys measured by {method}",
                 f"median {1e6 * median(errors):.2g} um, worst {1e6 * max(errors):.2g} um",
                 f"a twentieth of the sensor's step: {1e6 * _STEP / 20:.2g} um",
                 20 * max(errors) / _STEP,
@@ -131,16 +131,16 @@ def _error(seed: int, device: Callable[[list[str]], AbstractContextManager[str]]
     """
     key = _key(seed)
     with tempfile.TemporaryDirectory() as folder:
-        found = str(Path(folder) / "key.yaml")
+        result = str(Path(folder) / "key.yaml")
         with device([*key, *_SENSOR]) as url:
-            told = _ergon("metrology", url, "-o", found)
-        if told["event"] == "error":
-            print(f"key {seed}: {told['message']}", file=sys.stderr)
+            output = _ergon("metrology", url, "-o", result)
+        if output["event"] == "error":
+            print(f"key {seed}: {output['message']}", file=sys.stderr)
             return None
         if device is not _by_lockstep:
-            _take_a_tick(found)
+            _take_a_tick(result)
         with _by_lockstep([*key, *_NO_SENSOR]) as url:
-            return float(_ergon("metrology", "replay", found, url)["rms_m"])
+            return float(_ergon("metrology", "replay", result, url)["rms_m"])
 
 
 def _take_a_tick(calibration: str) -> None:

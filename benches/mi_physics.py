@@ -106,17 +106,17 @@ def _agree(
     """Fails if a peer's masses are elsewhere after some frames; the difference is a share of their
     way.
     """
-    (peer, program, lines), (n_frames, most) = theirs, probed
+    (peer, program, lines), (n_frames, limit) = theirs, probed
     plain = _core.Simulation(*ours)
     begun = _points(plain.positions())
     sides.forward(plain, n_frames)
     ended = _points(plain.positions())
-    way = np.abs(ended - begun).max()
-    _, told = program.scene(lines, 0, n_frames)()
-    is_told = np.isfinite(told).all(axis=1)
+    method = np.abs(ended - begun).max()
+    _, output = program.scene(lines, 0, n_frames)()
+    is_told = np.isfinite(output).all(axis=1)
     assert is_told.any(), "no place is told"
-    differs = float(np.abs(ended - told)[is_told].max() / way)
-    assert differs < most, f"{peer} differs by {differs:.1e} of the way"
+    differs = float(np.abs(ended - output)[is_told].max() / method)
+    assert differs < limit, f"{peer} differs by {differs:.1e} of the way"
 
 
 def _points(coordinates: Floats) -> Floats:
@@ -127,8 +127,8 @@ def _points(coordinates: Floats) -> Floats:
 
 
 def _masses(mass: Floats, places: Floats, steps: Floats) -> Iterator[str]:
-    for m, at, step in zip(mass, places, steps, strict=True):
-        numbers = " ".join(repr(float(x)) for x in (m, *at, *step))
+    for m, position, step in zip(mass, places, steps, strict=True):
+        numbers = " ".join(repr(float(x)) for x in (m, *position, *step))
         yield f"mass {numbers}"
 
 

@@ -58,26 +58,29 @@ def _heard_beats(session: Session, ear: HearingClock, beats: np.ndarray) -> np.n
 def _pass_on(sender: TimedSender, wire: ProcessPort, sent: list[tuple[float, bytes]]) -> None:
     """Pass what was sent to the follower, with the instants of sending."""
     while line := sender.next_echo():
-        at, data = line.split()
+        position, data = line.split()
         message = bytes.fromhex(data.decode())
         if message == b"\xf8":
-            sent.append((int(at) / 1e9, message))
-        wire.deliver(message, int(at) / 1e9)
+            sent.append((int(position) / 1e9, message))
+        wire.deliver(message, int(position) / 1e9)
 
 
 def midi_clock(minutes: float = 1.0) -> list[Row]:
     """Lateness of clocks, and the distance of a follower's beats from those of its master."""
     with tempfile.TemporaryDirectory() as folder:
-        told, telling = _session(Path(folder), "master")
-        own, following = _session(Path(folder), "follower")
+        output, telling = _session(Path(folder), "master")
+        player_session, following = _session(Path(folder), "follower")
         wire, sender = ProcessPort(), TimedSender(ECHO)
         sent: list[tuple[float, bytes]] = []
-        attach_midi(own, following.performance, MidiPorts((), wire, None))
-        attach_midi(told, telling.performance, MidiPorts((), None, sender))
+        attach_midi(player_session, following.performance, MidiPorts((), wire, None))
+        attach_midi(output, telling.performance, MidiPorts((), None, sender))
         threading.Thread(target=_pass_on, args=(sender, wire, sent), daemon=True).start()
-        ears = [HearingClock(told.schedule.rate, 0), HearingClock(own.schedule.rate, 0)]
+        ears = [
+            HearingClock(output.schedule.rate, 0),
+            HearingClock(player_session.schedule.rate, 0),
+        ]
         try:
-            told.submit("play")
+            output.submit("play")
             ends = time.monotonic() + 60.0 * minutes + _SETTLES
             late: list[float] = []
             apart: list[float] = []
@@ -87,7 +90,7 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
                 for ear, engine in zip(ears, (telling, following), strict=True):
                     ear.update(engine.performance.status(), now)
                 if now >= due:
-                    told.submit(f"set bells.b0.K {700 + len(apart) % 200}N/m now")
+                    output.submit(f"set bells.b0.K {700 + len(apart) % 200}N/m now")
                     due += 1.0
                 clocks = sent.copy()
                 # Instants are compared with what is known of the sound at that moment.
@@ -95,11 +98,11 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
                 if beat > done and ends - now < 60.0 * minutes:
                     number = np.array([beat])
                     late.append(
-                        clocks[24 * beat][0] - float(_heard_beats(told, ears[0], number)[0])
+                        clocks[24 * beat][0] - float(_heard_beats(output, ears[0], number)[0])
                     )
                     both = [
                         float(_heard_beats(session, ear, number)[0])
-                        for session, ear in zip((told, own), ears, strict=True)
+                        for session, ear in zip((output, player_session), ears, strict=True)
                     ]
                     apart.append(both[1] - both[0])
                 done = max(done, beat)
@@ -107,8 +110,8 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
             gaps_in_sound = [gap_count(one.performance.status()) for one in (telling, following)]
             instants = np.array([at for at, _ in sent])
         finally:
-            told.close()
-            own.close()
+            output.close()
+            player_session.close()
     number = np.arange(len(instants))
     line = np.polyfit(number, instants, 1)
     uneven = np.abs(instants - np.polyval(line, number))
@@ -122,6 +125,6 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
 
 def _row(what: str, seconds: np.ndarray) -> Row:
     away = np.sort(np.abs(seconds)) * 1e3
-    worst, most, mid = away[-1], away[int(0.99 * (len(away) - 1))], float(np.median(away))
-    said = f"median {mid:.2f} ms, 99 % {most:.2f} ms, worst {worst:.2f} ms of {len(away)}"
-    return Row(f"MIDI {what}", said, "1 ms a beat", float(most), "ms at 99 %")
+    worst, limit, mid = away[-1], away[int(0.99 * (len(away) - 1))], float(np.median(away))
+    text = f"median {mid:.2f} ms, 99 % {limit:.2f} ms, worst {worst:.2f} ms of {len(away)}"
+    return Row(f"MIDI {what}", text, "1 ms a beat", float(limit), "ms at 99 %")

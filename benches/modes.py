@@ -23,13 +23,13 @@ class Body:
     @property
     def pole(self) -> NDArray[np.complex128]:
         """s of q = Re(c·exp(s·t))."""
-        found: NDArray[np.complex128] = -self.sigma + 1j * np.sqrt(self.w2 - self.sigma**2)
-        return found
+        result: NDArray[np.complex128] = -self.sigma + 1j * np.sqrt(self.w2 - self.sigma**2)
+        return result
 
     def phasor(self, q: Floats, v: Floats) -> NDArray[np.complex128]:
         """c of q = Re(c·exp(s·t)) for positions and speeds at t = 0."""
-        found: NDArray[np.complex128] = q - 1j * (v + self.sigma * q) / self.pole.imag
-        return found
+        result: NDArray[np.complex128] = q - 1j * (v + self.sigma * q) / self.pole.imag
+        return result
 
 
 def row(n: int) -> tuple[Floats, Floats]:

@@ -70,15 +70,15 @@ def bases() -> dict[str, str]:
 def mutated(text: str, chance: random.Random) -> str:
     """The text with one to three of its numbers replaced."""
     for _ in range(chance.choice((1, 1, 2, 3))):
-        places = [found for found in _NUMBER.finditer(text) if _is_value(text, found.start())]
-        found = chance.choice(places)
-        stop = found.end()
+        places = [result for result in _NUMBER.finditer(text) if _is_value(text, result.start())]
+        result = chance.choice(places)
+        stop = result.end()
         if chance.random() < 0.3:
             new = chance.choice(UNITS)
             stop += len(re.match(r"[A-Za-z%/]*", text[stop:])[0])  # type: ignore[index]
         else:
             new = chance.choice(EXTREMES)
-        text = text[: found.start()] + new + text[stop:]
+        text = text[: result.start()] + new + text[stop:]
     return text
 
 
@@ -104,7 +104,7 @@ def check(text: str, folder: Path = LIBRARY, *, patience: float = 60.0) -> Check
     `peak` is the memory that the process took beyond what it began with.
     """
     sys.stdout.flush()
-    told, tell = os.pipe()
+    output, tell = os.pipe()
     began = time.monotonic()
     child = os.fork()
     if child == 0:
@@ -112,27 +112,27 @@ def check(text: str, folder: Path = LIBRARY, *, patience: float = 60.0) -> Check
         try:
             os.dup2(tell, 1)
             os.dup2(tell, 2)
-            os.close(told)
+            os.close(output)
             code = _checked(text, folder)
         finally:
             sys.stdout.flush()
             os._exit(code)
     os.close(tell)
-    said = bytearray()
-    os.set_blocking(told, False)
+    message = bytearray()
+    os.set_blocking(output, False)
     peak, ended = 0, None
     while ended is None and time.monotonic() - began < patience:
         peak = max(peak, _peak(child))
-        _drain(told, said)
+        _drain(output, message)
         pid, status = os.waitpid(child, os.WNOHANG)
         ended = os.waitstatus_to_exitcode(status) if pid else None
         time.sleep(0.002)
     if ended is None:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-    _drain(told, said)
-    os.close(told)
-    return Checked(ended, _told_peak(said) or peak, time.monotonic() - began, said.decode())
+    _drain(output, message)
+    os.close(output)
+    return Checked(ended, _told_peak(message) or peak, time.monotonic() - began, message.decode())
 
 
 def _checked(text: str, folder: Path) -> int:
@@ -159,8 +159,8 @@ def _peak(child: int) -> int:
         status = Path(f"/proc/{child}/status").read_text()
     except OSError:
         return 0
-    found = re.search(r"VmHWM:\s+(\d+) kB", status)
-    return int(found[1]) * 1024 if found else 0
+    result = re.search(r"VmHWM:\s+(\d+) kB", status)
+    return int(result[1]) * 1024 if result else 0
 
 
 def _drain(pipe: int, into: bytearray) -> None:

@@ -59,20 +59,20 @@ def pages(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
     alone = [
         sum(b.late * b.ticks for b in some) / max(1, sum(b.ticks for b in some)) for some in bares
     ]
-    said = (
+    text = (
         f"a bare loop beside them: {alone[0]:.3%} and {alone[1]:.3%}"
         if all(bares)
         else "no bare loop"
     )
     least = min(min(run.taken) for run in seen)
-    most = max(max(run.taken) for run in seen)
+    limit = max(max(run.taken) for run in seen)
     return [
         Row(
             f"a duet of two keys over UDP beside 10,000 oscillators, {_AHEAD:,} kept ready, "
             f"without pages and with four, 2 × {seconds} s each",
             f"{without:.3%} of ticks late without, {beside:.3%} with ({beside - without:+.3%}); "
-            f"a page took {least / 1e6:.1f} to {most / 1e6:.1f} MB",
-            f"{said}; target: {_TARGET:+.2%} at most",
+            f"a page took {least / 1e6:.1f} to {limit / 1e6:.1f} MB",
+            f"{text}; target: {_TARGET:+.2%} at most",
             None,
             "by the clock",
             {
@@ -81,7 +81,7 @@ def pages(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
                 "bare_without": alone[0],
                 "bare_with": alone[1],
                 "bytes_least": least,
-                "bytes_most": most,
+                "bytes_most": limit,
             },
         )
     ]
@@ -122,16 +122,16 @@ def _followed(process: subprocess.Popen[str], loops: Loops | None, *, is_seen: b
     for reader in readers:
         reader.join()
     assert process.wait() == 0, f"the duet ended with {process.returncode}: {last}"
-    told = json.loads(last)
+    output = json.loads(last)
     assert not is_seen or min(taken) > 0, f"a page took nothing: {taken}"
-    return _Run(told["ticks"], told["late_ticks"], beside, taken)
+    return _Run(output["ticks"], output["late_ticks"], beside, taken)
 
 
 def _read(url: str, taken: list[int], number: int, pause: float, over: threading.Event) -> None:
     """A page: reads and counts what is sent until the duet is over."""
-    found = re.match(r"http://(127\.0\.0\.1):(\d+)(.*/)", url)
-    assert found is not None, url
-    host, port, path = found.groups()
+    result = re.match(r"http://(127\.0\.0\.1):(\d+)(.*/)", url)
+    assert result is not None, url
+    host, port, path = result.groups()
     with socket.socket() as page:
         if pause:
             page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _TAKEN_SLOWLY)

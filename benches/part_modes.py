@@ -21,11 +21,11 @@ def part_modes() -> list[Row]:
     network = _core.Network()
     network.part("membrane")
     network.plate("p", shape="square", radius=_RADIUS, M=0.3, f=_F, rim="fixed")
-    found = network.part_modes("membrane", count=_COUNT)
-    n_masses = len(found.mats)
+    result = network.part_modes("membrane", count=_COUNT)
+    n_masses = len(result.mats)
     values, _ = row(round(n_masses**0.5))
     wanted = np.sqrt(np.sort((values[:, None] + values).ravel())[:_COUNT])
-    cents = np.abs(1200 * np.log2(found.poles.imag / (2 * np.pi) / (wanted * _F / wanted[0])))
+    cents = np.abs(1200 * np.log2(result.poles.imag / (2 * np.pi) / (wanted * _F / wanted[0])))
     start = time.process_time()
     taken = interleaved(3, {"modes": lambda: network.part_modes("membrane", count=_COUNT)})
     spent = (time.process_time() - start) / 4
@@ -33,7 +33,7 @@ def part_modes() -> list[Row]:
         Row(
             "part_modes",
             f"{n_masses:,} masses, {_COUNT} modes: {taken['modes']:.1f} s ({spent:.1f} s of CPU), "
-            f"worst {cents.max():.0e} cents, {'certified' if found.is_certified else 'UNCERTAIN'}",
+            f"worst {cents.max():.0e} cents, {'certified' if result.is_certified else 'UNCERTAIN'}",
             f"at most {_LIMIT:.0f} s",
             taken["modes"] / _LIMIT,
             "of the limit",
@@ -63,11 +63,11 @@ def admittance() -> list[Row]:
         omega = 2 * np.pi * f
         wanted = np.array([1j * w * np.sum(levels / (squares - w * w)) for w in omega])
         start = time.perf_counter()
-        found = network.admittance(
+        result = network.admittance(
             ["membrane"], [elements.mats[point]], [[elements.mats[point]]], f
         )
         taken = (time.perf_counter() - start) / count
-        error = float((np.abs(found[0] - wanted) / np.abs(wanted)).max())
+        error = float((np.abs(result[0] - wanted) / np.abs(wanted)).max())
         rows.append(
             Row(
                 f"admittance {side * side:,}",

@@ -92,16 +92,16 @@ class _Scene:
 def scene(seed: int, n_modules: int) -> str:
     """A score of about so many modules."""
     chance = random.Random(f"planning {seed} {n_modules}")
-    made = _Scene(chance, n_modules)
-    heard = ", ".join(f"o{i}: {{SOX: {end}}}" for i, end in enumerate(made.ends[:4]))
-    modules = "\n".join(f"      {line}" for line in made.lines)
+    built = _Scene(chance, n_modules)
+    listened = ", ".join(f"o{i}: {{SOX: {end}}}" for i, end in enumerate(built.ends[:4]))
+    modules = "\n".join(f"      {line}" for line in built.lines)
     return (
         "ergon: 1\n"
-        f"keys: {{{', '.join(f'{key}: {{M: 300g, K: 60N/m, Z: 1Ns/m}}' for key in made.keys)}}}\n"
-        f"{_LAWS}instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{heard}}}\n"
+        f"keys: {{{', '.join(f'{key}: {{M: 300g, K: 60N/m, Z: 1Ns/m}}' for key in built.keys)}}}\n"
+        f"{_LAWS}instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{listened}}}\n"
         "gestures: {go: 0mm@0 smooth 4mm@40ms throw 0mm@90ms}\n"
-        f"players: {{{', '.join(f'p{key}: {{key: {key}}}' for key in made.keys)}}}\n"
-        f"parts: {{{', '.join(f'p{key}: [{{at: 1|1, play: go}}]' for key in made.keys)}}}\n"
+        f"players: {{{', '.join(f'p{key}: {{key: {key}}}' for key in built.keys)}}}\n"
+        f"parts: {{{', '.join(f'p{key}: [{{at: 1|1, play: go}}]' for key in built.keys)}}}\n"
         "render: {tail: 1s}\n"
         f"accuracy: {chance.choice(ACCURACIES)}\n"
     )
@@ -149,15 +149,15 @@ def planning(count: int = 40) -> list[Row]:
     import ergon.cli.check  # noqa: F401  # its import is no part of planning
 
     rows = []
-    for n_modules, most in SIZES:
+    for n_modules, limit in SIZES:
         all_checked = [checked(seed, n_modules) for seed in range(count)]
         sound = [one for one in all_checked if one.code == 0]
         seconds = sorted(one.seconds for one in all_checked)
         worst = max(all_checked, key=lambda one: one.seconds)
-        n_long = sum(one.seconds > most for one in all_checked)
-        said = (
+        n_long = sum(one.seconds > limit for one in all_checked)
+        text = (
             f"CPU time: median {statistics.median(seconds):.2f} s, "
-            f"slowest {worst.seconds:.2f} s (scene {worst.seed}); {n_long} above {most:g} s; "
+            f"slowest {worst.seconds:.2f} s (scene {worst.seed}); {n_long} above {limit:g} s; "
             f"{len(sound)} of {count} accepted"
         )
         values: dict[str, float | int | str] = {
@@ -166,6 +166,6 @@ def planning(count: int = 40) -> list[Row]:
             "above": n_long,
         }
         what = f"`check` of a scene by chance, about {n_modules:,} modules"
-        target = f"target: at most {most:g} s of one core"
-        rows.append(Row(what, said, target, None, "by CPU time", values))
+        target = f"target: at most {limit:g} s of one core"
+        rows.append(Row(what, text, target, None, "by CPU time", values))
     return rows

@@ -73,9 +73,9 @@ def _size(loops: Loops, rust: Mapping[str, RustMesh], rings: int, q: float) -> l
     for name, dtype in (("f64", np.float64), ("f32", np.float32)):
         everyone[f"Rust {name}"] = _rust(rust[name], mesh, dtype)
         everyone[f"C {name}"] = _c(loops, "runs_f32" if name == "f32" else "runs", mesh, dtype)
-    heard = everyone["ergon"](_PROBED)[1]
+    listened = everyone["ergon"](_PROBED)[1]
     for name in ("Rust f64", "C f64"):
-        differs = np.abs(everyone[name](_PROBED)[1] - heard).max() / np.abs(heard).max()
+        differs = np.abs(everyone[name](_PROBED)[1] - listened).max() / np.abs(listened).max()
         assert differs < _SAME, f"{name} differs by {differs:.1e}"
     n_frames = max(20, int(_LINK_FRAMES / mesh.n_links))
     n = len(mesh.x)
@@ -93,12 +93,12 @@ def _size(loops: Loops, rust: Mapping[str, RustMesh], rings: int, q: float) -> l
         error = f", {sides.error(single, truth):.0f} dB after 1 s"
     kind = "hardening" if q else "linear"
     scene = f"mesh of {n:,} masses, {kind}"
-    said = f"the engine's loops in f32: {ns['Rust f32']:.2f} ns a link and frame{error}"
+    text = f"the engine's loops in f32: {ns['Rust f32']:.2f} ns a link and frame{error}"
     beside = ", ".join(f"{name} {ns[name]:.2f}" for name in ("ergon", "C f64", "C f32"))
     gain = ns["Rust f64"] / ns["Rust f32"]
     values: dict[str, float | int | str] = {"masses": n} | {f"{a}, ns": b for a, b in ns.items()}
     said64 = f"in f64: {ns['Rust f64']:.2f} ({beside})"
-    row = Row(scene, said, said64, gain, "speed over f64's", values)
+    row = Row(scene, text, said64, gain, "speed over f64's", values)
     return [row] if n < _STREAMED else [row, _roofline(scene, mesh, ns["ergon"], best["copy"])]
 
 

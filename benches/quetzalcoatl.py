@@ -40,12 +40,12 @@ def quetzalcoatl(_: Loops | None) -> list[Row]:
         "threads": THREADS,
         "x_real_time": speed,
     }
-    said = f"{speed:.2f} × real time on {THREADS} threads"
+    text = f"{speed:.2f} × real time on {THREADS} threads"
     name = f"Quetzalcoatl's size: {modules:,} modules, of which {ergons:,} ergons; 24 outputs"
     plain = sides.engine("whole", _core.Simulation(network, timeline))
     values["dB"] = error = sides.error(side.begin()(_FRAMES), plain.begin()(_FRAMES))
-    whole = f"real time: 1; against the same scene stepped whole {error:.0f} dB"
-    return [Row(name, said, whole, speed, "× real time", values)]
+    complete = f"real time: 1; against the same scene stepped whole {error:.0f} dB"
+    return [Row(name, text, complete, speed, "× real time", values)]
 
 
 def scene() -> tuple[_core.Network, _core.Timeline, int]:

@@ -92,16 +92,16 @@ def recall() -> list[Row]:
 
 
 def _row(folder: Path, what: str, text: str, options: tuple[str, ...]) -> Row:
-    kept, samples = _rendered(folder, text, "on", *options)
-    whole, scratch = _rendered(folder, text, "off", *options)
+    saved, samples = _rendered(folder, text, "on", *options)
+    complete, scratch = _rendered(folder, text, "off", *options)
     assert samples == scratch, "what is recalled has the bytes of a render from scratch"
     return Row(
         f"render of eighty seconds on eight channels, {what}",
-        f"{kept:.2f} s of CPU time, start of the program included",
-        f"from scratch: {whole:.2f} s",
-        kept / whole,
+        f"{saved:.2f} s of CPU time, start of the program included",
+        f"from scratch: {complete:.2f} s",
+        saved / complete,
         "of the time from scratch",
-        {"cpu_s": kept, "scratch_s": whole},
+        {"cpu_s": saved, "scratch_s": complete},
     )
 
 

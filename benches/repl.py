@@ -129,11 +129,11 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
             time.sleep(_APART)
             for _ in range(6):
                 for line in LINES:
-                    said = line.format(**names)
+                    message = line.format(**names)
                     begin = time.perf_counter()
-                    reply = session.submit(said)
+                    reply = session.submit(message)
                     taken.append(1e3 * (time.perf_counter() - begin))
-                    assert reply.taken, f"{said}: {reply.text}"
+                    assert reply.taken, f"{message}: {reply.text}"
                     time.sleep(_APART)
             late = session.state().late
         gc.unfreeze()

@@ -93,17 +93,17 @@ def replan() -> list[Row]:
         for what, (old, new) in _EDITS.items():
             assert _SCORE.count(old) == 1
             edited = _SCORE.replace(old, new)
-            kept, plan = _planned(folder, edited, "on")
-            whole, scratch = _planned(folder, edited, "off")
+            saved, plan = _planned(folder, edited, "on")
+            complete, scratch = _planned(folder, edited, "off")
             assert plan == scratch, "a plan after an edit is that from scratch"
             rows.append(
                 Row(
                     f"plan of five players, {what} changed (target 1 s)",
-                    f"{kept:.2f} s of CPU time, start of the program and reading included",
-                    f"from scratch: {whole:.2f} s",
-                    kept / whole,
+                    f"{saved:.2f} s of CPU time, start of the program and reading included",
+                    f"from scratch: {complete:.2f} s",
+                    saved / complete,
                     "of the time from scratch",
-                    {"cpu_s": kept, "scratch_s": whole},
+                    {"cpu_s": saved, "scratch_s": complete},
                 )
             )
     return rows

@@ -100,12 +100,12 @@ def _version() -> str:
     return subprocess.run([cc, "--version"], capture_output=True, text=True).stdout.split("\n")[0]
 
 
-def write(rows: Sequence[Row], made_on: dict[str, str | int | float]) -> None:
+def write(rows: Sequence[Row], built_on: dict[str, str | int | float]) -> None:
     """Write the page and the data."""
-    load = float(made_on["load_before"])
+    load = float(built_on["load_before"])
     # Other load on the same cores changes wall times, and ratios less, so the page reports it.
     busy = f"; load before the run {load:.1f}" if load > 0.5 else ""
-    page = _HEAD.format(**made_on, load=busy)
+    page = _HEAD.format(**built_on, load=busy)
     for row in rows:
         ratio = "–" if row.ratio is None else f"{row.ratio:.2f}"
         page += f"| {row.scene} | {row.ours} | {row.reference} | {ratio} | {row.sense} |\n"
@@ -113,5 +113,5 @@ def write(rows: Sequence[Row], made_on: dict[str, str | int | float]) -> None:
     PAGE.write_text(page)
     tables = [str(row.values["table"]) + "\n" for row in rows if "table" in row.values]
     TABLE.write_text(COLUMNS + "".join(tables))
-    data = {"v": 1, "machine": made_on, "rows": [asdict(row) for row in rows]}
+    data = {"v": 1, "machine": built_on, "rows": [asdict(row) for row in rows]}
     DATA.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")

@@ -56,10 +56,10 @@ def forward(simulation: _core.Simulation, n_frames: int, every: int = 1) -> Floa
     return out
 
 
-def attempt(made: Callable[[], Side]) -> Side | str:
+def attempt(built: Callable[[], Side]) -> Side | str:
     """A peer's side, or why there is none."""
     try:
-        return made()
+        return built()
     except Missing as missing:
         return str(missing)
 
@@ -79,9 +79,9 @@ def seconds(rounds: int, sides: Sequence[Side], n_frames: int) -> dict[str, floa
     return interleaved(rounds, {side.name: partial(timed, side) for side in sides})
 
 
-def error(heard: Floats, truth: Floats) -> float:
+def error(listened: Floats, truth: Floats) -> float:
     """Root mean square of the difference over that of the truth, all outputs together [dB]."""
-    wrong = float(np.linalg.norm(heard - truth) / np.linalg.norm(truth))
+    wrong = float(np.linalg.norm(listened - truth) / np.linalg.norm(truth))
     return 20.0 * math.log10(max(wrong, 1e-16))
 
 
@@ -104,14 +104,14 @@ def rows(
 ) -> list[Row]:
     """A row for each reference, timed or missing; the first of `taken` is ours."""
     ours, *others = taken
-    said = {name: f"{sound / spent:.4g} × real time" for name, spent in taken.items()}
+    text = {name: f"{sound / spent:.4g} × real time" for name, spent in taken.items()}
     for name, error in errors.items():
-        said[name] += f", {error:.0f} dB"
+        text[name] += f", {error:.0f} dB"
     values = {"modules": modules} | {f"{name}, s": spent / sound for name, spent in taken.items()}
     values |= {f"{name}, dB": error for name, error in errors.items()}
-    asked = f"{said[ours]} ({budget})"
+    asked = f"{text[ours]} ({budget})"
     sense = "speed over the reference's"
     return [
-        Row(scene, asked, f"{name}: {said[name]}", taken[name] / taken[ours], sense, values)
+        Row(scene, asked, f"{name}: {text[name]}", taken[name] / taken[ours], sense, values)
         for name in others
     ] + [Row(scene, asked, f"{name}: {why}", None, sense, values) for name, why in missing.items()]

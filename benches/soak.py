@@ -101,8 +101,8 @@ def soak(steady: int = 3600, written: int = 600) -> list[Row]:
         with tempfile.TemporaryDirectory() as folder:
             looks, slowest, refused = _stepped(Path(folder), typed, seconds)
         took = time.perf_counter() - began
-        said = f"{seconds:,} s of a line a second that {what}, computed in {took:.0f} s"
-        row = _row(said, looks, is_by_frames=True)
+        text = f"{seconds:,} s of a line a second that {what}, computed in {took:.0f} s"
+        row = _row(text, looks, is_by_frames=True)
         lines = f"the slowest line took {1e3 * slowest:.0f} ms, {refused} were refused"
         rows.append(replace(row, ours=f"{row.ours}; {lines}"))
     return rows
@@ -159,8 +159,8 @@ def _typed(folder: Path, seconds: int) -> tuple[list[Held], int]:
     command = [sys.executable, "-m", "ergon.cli", "repl", str(score), *options]
     looks = []
     with (
-        (folder / "said.txt").open("wb") as said,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as repl,
+        (folder / "said.txt").open("wb") as text,
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=text, stderr=text) as repl,
     ):
         assert repl.stdin is not None
 
@@ -195,7 +195,7 @@ def _row(what: str, looks: Sequence[Held], *, is_by_frames: bool) -> Row:
     per_look = [
         grown_by / max(span, 1) for grown_by, span in zip((first, second), spans, strict=True)
     ]
-    said = (
+    text = (
         f"memory {early.memory:.0f} MB after a quarter, {late.memory:.0f} MB at the end "
         f"({100 * grown:+.1f} %); {early.files} and {late.files} files, "
         f"{early.threads} and {late.threads} threads; journal {late.journal:.0f} kB, "
@@ -211,4 +211,4 @@ def _row(what: str, looks: Sequence[Held], *, is_by_frames: bool) -> Row:
     target = (
         f"target: memory grows by at most {100 * _MEMORY_GROWTH:.0f} %, files and threads do not"
     )
-    return Row(what, said, target, None, "by frames" if is_by_frames else "by the clock", values)
+    return Row(what, text, target, None, "by frames" if is_by_frames else "by the clock", values)

@@ -52,9 +52,9 @@ def stall(stops: int = 100, seed: int = 1) -> list[Row]:
             real_time(board.process.pid, priority=70)  # a real board runs beside no other program
             windows = list(_stopped(score, board.url, lengths))
             packets = board.log()
-    found = [_after(packets, *window) for window in windows]
-    before, old, step = (max(column) for column in zip(*found, strict=True))
-    worse = sum(first > _OLD or jump > _STEP for _, first, jump in found)
+    result = [_after(packets, *window) for window in windows]
+    before, old, step = (max(column) for column in zip(*result, strict=True))
+    worse = sum(first > _OLD or jump > _STEP for _, first, jump in result)
     return [
         Row(
             f"a host that is stopped {stops} times, {lengths.min():.2f} s to {lengths.max():.1f} s",
@@ -94,9 +94,9 @@ def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, floa
     """The force before a stop, the greatest force of the first packets after it, and the largest
     step [N].
     """
-    at, asked = packets["t"], packets["asked"]
-    before = asked[at < began][-1]
-    after = asked[(at >= ended) & (at < ended + _REST)]
+    position, asked = packets["t"], packets["asked"]
+    before = asked[position < began][-1]
+    after = asked[(position >= ended) & (position < ended + _REST)]
     assert len(after) > _FIRST, "it goes on"
     # A busy machine may stop the host or the board again; that shows as a fall to zero.
     is_fall = after[1:] == 0

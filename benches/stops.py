@@ -69,16 +69,16 @@ class Prompt:
     end: Callable[[], None]
     process: int
 
-    def stop(self, way: str) -> None:
+    def stop(self, method: str) -> None:
         """Stop the force in this way."""
-        if way in ("TERM", "INT", "HUP"):
-            os.kill(self.process, getattr(signal, f"SIG{way}"))
-        elif way == "F12":
+        if method in ("TERM", "INT", "HUP"):
+            os.kill(self.process, getattr(signal, f"SIG{method}"))
+        elif method == "F12":
             self.key(F12)
-        elif way == "end":
+        elif method == "end":
             self.end()
         else:
-            self.enter(way)
+            self.enter(method)
 
 
 def stops(runs: int = 5) -> list[Row]:
@@ -86,21 +86,21 @@ def stops(runs: int = 5) -> list[Row]:
     rows = []
     for where in _PROMPTS:
         for state in ("idle", "slow"):
-            found = {}
-            for way in WAYS:
-                if (where, state, way) not in LEFT_OUT:
-                    found[way] = [_stopped(where, state, way) for _ in range(runs)]
-                    print(f"  {where:8} {state:4} {way:5} {_told(found[way])}", flush=True)
-            told = "; ".join(f"{way} {_told(times)}" for way, times in found.items())
+            result = {}
+            for method in WAYS:
+                if (where, state, method) not in LEFT_OUT:
+                    result[method] = [_stopped(where, state, method) for _ in range(runs)]
+                    print(f"  {where:8} {state:4} {method:5} {_told(result[method])}", flush=True)
+            output = "; ".join(f"{method} {_told(times)}" for method, times in result.items())
             rows.append(
                 Row(
                     f"zero force after a stop, {where}, {state}, {runs} runs each",
-                    told,
+                    output,
                     "target: 10 ms; F12 in a terminal 70 ms",
                     None,
                     "",
-                    {f"{way} median": median(times) for way, times in found.items()}
-                    | {f"{way} most": max(times) for way, times in found.items()},
+                    {f"{method} median": median(times) for method, times in result.items()}
+                    | {f"{method} most": max(times) for method, times in result.items()},
                 )
             )
     return rows
@@ -110,7 +110,7 @@ def _told(times: list[float]) -> str:
     return f"median {1e3 * median(times):.1f} ms, most {1e3 * max(times):.1f} ms"
 
 
-def _stopped(where: str, state: str, way: str) -> float:
+def _stopped(where: str, state: str, method: str) -> float:
     """One run [s]."""
     with tempfile.TemporaryDirectory(prefix="ergon-") as name, ExitStack() as stack:
         folder = Path(name)
@@ -127,7 +127,7 @@ def _stopped(where: str, state: str, way: str) -> float:
             prompt.enter(_SLOW)
             time.sleep(_AT_WORK)
         began = time.monotonic()
-        prompt.stop(way)
+        prompt.stop(method)
         time.sleep(_AFTER)
         return _after(board, began)
 
@@ -171,25 +171,27 @@ def _plain(command: list[str], folder: Path) -> Iterator[Prompt]:
 
 @contextmanager
 def _terminal(command: list[str], folder: Path) -> Iterator[Prompt]:
-    with Terminal(command, cwd=folder) as at:
-        at.sees("quant bar")
+    with Terminal(command, cwd=folder) as terminal:
+        terminal.sees("quant bar")
 
         def write(text: str) -> None:
-            os.write(at.child.child_fd, text.encode())
+            os.write(terminal.child.child_fd, text.encode())
 
-        yield Prompt(lambda line: write(line + ENTER), write, lambda: write(CTRL_D), at.child.pid)
+        yield Prompt(
+            lambda line: write(line + ENTER), write, lambda: write(CTRL_D), terminal.child.pid
+        )
 
 
 @contextmanager
 def _socket(command: list[str], folder: Path) -> Iterator[Prompt]:
     """A terminal connected to an engine process, which gets the signals."""
     place = folder / "s"
-    with Terminal([*command, "--socket", str(place)], cwd=folder) as at:
-        at.sees("quant bar")
-        engine = int(at.text.partition("the engine is process ")[2].partition(";")[0])
+    with Terminal([*command, "--socket", str(place)], cwd=folder) as terminal:
+        terminal.sees("quant bar")
+        engine = int(terminal.text.partition("the engine is process ")[2].partition(";")[0])
 
         def write(text: str) -> None:
-            os.write(at.child.child_fd, text.encode())
+            os.write(terminal.child.child_fd, text.encode())
 
         try:
             yield Prompt(lambda line: write(line + ENTER), write, lambda: write(CTRL_D), engine)

@@ -53,11 +53,11 @@ def string(loops: Loops | None) -> list[Row]:
     name = "Faust mi.lib, double"
     numbers = {"n": N, "K": a, "Z": b, "at": _AT, "high": _HIGH, "kick": float(d[_AT])}
     numbers |= {"first": TAPS[0], "second": TAPS[1]}
-    made = sides.attempt(lambda: Side(name, partial(faust.Program("string", numbers).begin, RATE)))
-    if isinstance(made, Side):
-        references.append(made)
+    built = sides.attempt(lambda: Side(name, partial(faust.Program("string", numbers).begin, RATE)))
+    if isinstance(built, Side):
+        references.append(built)
     else:
-        missing[name] = made
+        missing[name] = built
     sides.agree([sides.engine("CA", plain), *references], _PROBED, _SAME)
     all_sides = [sides.engine("ergon", planned(network, timeline, **BUDGET)), *references]
     truth = _truth()
@@ -88,10 +88,10 @@ def _truth() -> Floats:
     eigenvalues, shapes = row(N)
     k, z = tuned(float(eigenvalues[0]), _M / N, _F, _T60)
     m = _M / N
-    heard = shapes[list(TAPS)]
-    body = Body(k / m * eigenvalues, 0.5 * z / m * eigenvalues, heard)
+    listened = shapes[list(TAPS)]
+    body = Body(k / m * eigenvalues, 0.5 * z / m * eigenvalues, listened)
     q = shapes.T @ _pulled()
-    return ring(body, body.phasor(q, np.zeros(N)), np.arange(_FRAMES) / RATE, heard)
+    return ring(body, body.phasor(q, np.zeros(N)), np.arange(_FRAMES) / RATE, listened)
 
 
 def _listed(loops: Loops, a: float, b: float, x: Floats, d: Floats) -> Run:

@@ -36,25 +36,27 @@ def struck(body: Body, hammer: Hammer, rate: float, n_frames: int) -> Floats:
     """
     period, shapes = 1.0 / rate, body.shapes
     out = np.zeros((n_frames, len(shapes)))
-    n, at, touches = len(body.w2), 0.0, False
+    n, position, touches = len(body.w2), 0.0, False
     state = np.concatenate([np.zeros(2 * n), [hammer.x, hammer.v]])
     end = n_frames * period
-    while at < end:
-        # Samples from `at` on, and where they lie from there.
-        first = math.ceil(at / period - 1e-9)
+    while position < end:
+        # Samples from `position` on, and where they lie from there.
+        first = math.ceil(position / period - 1e-9)
         if touches:
-            until, after, solved = _through(body, hammer, state, end - at)
-            last = min(n_frames, math.ceil((at + until) / period - 1e-9))
+            until, after, solved = _through(body, hammer, state, end - position)
+            last = min(n_frames, math.ceil((position + until) / period - 1e-9))
             if last > first:
-                out[first:last] = solved(np.arange(first, last) * period - at)[:n].T @ shapes.T
+                out[first:last] = (
+                    solved(np.arange(first, last) * period - position)[:n].T @ shapes.T
+                )
         else:
-            until, after = _until_touch(body, state, end - at, period)
-            last = min(n_frames, math.ceil((at + until) / period - 1e-9))
+            until, after = _until_touch(body, state, end - position, period)
+            last = min(n_frames, math.ceil((position + until) / period - 1e-9))
             if last > first:
                 c = body.phasor(state[:n], state[n:-2])
-                begun = c * np.exp(body.pole * (first * period - at))
+                begun = c * np.exp(body.pole * (first * period - position))
                 out[first:last] = ring(body, begun, np.arange(last - first) * period, shapes)
-        at, state, touches = at + until, after, not touches
+        position, state, touches = position + until, after, not touches
     return out
 
 

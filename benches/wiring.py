@@ -19,7 +19,7 @@ Ints = NDArray[np.int32]
 
 
 def bent(
-    build: Callable[[_core.Network], int], bend: float, speed: float
+    build: Callable[[_core.Network], int], curvature: float, speed: float
 ) -> tuple[_core.Network, int]:
     """A body that is slightly bent, or moving, so that no link is at rest; and the number of free
     masses.
@@ -31,7 +31,9 @@ def bent(
     n_free = network.count(first)
     for i in range(n_free):
         x, y = network.position_of(i)
-        network.start(i, bend * math.sin(5.0 * x + 3.0 * y), speed * math.sin(4.0 * x - 3.0 * y))
+        network.start(
+            i, curvature * math.sin(5.0 * x + 3.0 * y), speed * math.sin(4.0 * x - 3.0 * y)
+        )
     return network, n_free
 
 
@@ -46,18 +48,18 @@ def neighbours(places: Floats, n_free: int) -> Ints:
     cells: dict[tuple[int, int], list[int]] = {}
     for i, (x, y) in enumerate(places):
         cells.setdefault((int(x // width), int(y // width)), []).append(i)
-    found = []
+    result = []
     for (column, row), members in cells.items():
         near = [
             j for c in (-1, 0, 1) for r in (-1, 0, 1) for j in cells.get((column + c, row + r), ())
         ]
         for i in members:
-            found += [
+            result += [
                 (i, j)
                 for j in near
                 if j > i and i < n_free and np.hypot(*(places[i] - places[j])) < reach
             ]
-    links = np.array(found, dtype=np.int32)
+    links = np.array(result, dtype=np.int32)
     right, up = (places[links[:, 1]] - places[links[:, 0]]).T
     level = np.abs(up) < 0.1 * reach
     back = np.where(level, right < 0.0, up < 0.0)

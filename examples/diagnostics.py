@@ -18,14 +18,14 @@ def diagnostics(score: str) -> list[dict[str, object]]:
     checked = ergon.check("score.yaml", ergon.ReadOptions(text=score))
     return [
         {
-            "code": found.code,
-            "severity": found.severity,
-            "line": found.place.line,
-            "column": found.place.column,
-            "message": found.message,
-            "suggestion": found.suggestion,
+            "code": result.code,
+            "severity": result.severity,
+            "line": result.place.line,
+            "column": result.place.column,
+            "message": result.message,
+            "suggestion": result.suggestion,
         }
-        for found in checked.diagnostics
+        for result in checked.diagnostics
     ]
 
 

@@ -59,8 +59,8 @@ _FIRST = (
 
 def pytest_xdist_auto_num_workers() -> int | None:
     """One worker more than processors: tests of devices, servers and browsers often wait."""
-    own = "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ
-    return None if own else (os.cpu_count() or 1) + 1
+    single = "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ
+    return None if single else (os.cpu_count() or 1) + 1
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -105,7 +105,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def private_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """What ergon notes of the files that it writes is not noted in the user's own folder."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
@@ -136,7 +136,7 @@ def patient_lines(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def work_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current folder, empty and the test's own; messages have no colour."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NO_COLOR", "1")

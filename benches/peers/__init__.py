@@ -25,10 +25,10 @@ def command(line: list[str], limit: float = 600.0) -> str:
         done = subprocess.run(line, capture_output=True, text=True, timeout=limit)
     except subprocess.TimeoutExpired:
         raise Missing(f"`{line[0]}` took longer than {limit:g} s") from None
-    said = done.stdout + done.stderr
+    output = done.stdout + done.stderr
     if done.returncode != 0:
-        raise Missing(f"`{line[0]}` failed: {' '.join(said.split())[-200:]}")
-    return said
+        raise Missing(f"`{line[0]}` failed: {' '.join(output.split())[-200:]}")
+    return output
 
 
 def by_difference(run: Callable[[float], float], short: float, long: float) -> Callable[[], float]:

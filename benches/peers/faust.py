@@ -27,8 +27,8 @@ class Program:
         written = "".join(f"{key} = {value!r};\n" for key, value in numbers.items())
         sources = [_HERE / "faust.cpp", _HERE / f"{name}.dsp"]
         versions = command([faust, "--version"]) + command([cxx, "--version"])
-        told = "".join([versions, written, *FLAGS, *(path.read_text() for path in sources)])
-        folder = _KEPT / f"{name}-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
+        output = "".join([versions, written, *FLAGS, *(path.read_text() for path in sources)])
+        folder = _KEPT / f"{name}-{hashlib.sha256(output.encode()).hexdigest()[:16]}"
         library = folder / "program.so"
         if not library.is_file():
             print(f"compiling {name}.dsp: once, a minute or two", file=sys.stderr, flush=True)
@@ -52,19 +52,19 @@ class Program:
         n_outputs).
         """
         library = self._library
-        made = ctypes.c_void_p(library.begin(ctypes.c_int64(int(rate))))
+        built = ctypes.c_void_p(library.begin(ctypes.c_int64(int(rate))))
 
         class Held:  # frees what was made when nobody can go on with it
             def __del__(self) -> None:
-                library.end(made)
+                library.end(built)
 
         held = Held()
-        n_outputs = int(library.outputs(made))
+        n_outputs = int(library.outputs(built))
 
         def compute(n_frames: int) -> NDArray[np.float64]:
             assert held is not None
             out = np.empty((n_outputs, n_frames))
-            library.compute(made, ctypes.c_int64(n_frames), ctypes.c_void_p(out.ctypes.data))
+            library.compute(built, ctypes.c_int64(n_frames), ctypes.c_void_p(out.ctypes.data))
             return out.T
 
         return compute

@@ -57,8 +57,8 @@ class Program:
 
         def run() -> tuple[float, Floats]:
             line = [self._java, _MEMORY, "-cp", self._folder.name, "miPhysics.Engine.MiPhysics"]
-            said = command([*line, str(file), str(warm), str(n_frames)])
-            head, _, rest = said[said.index("took ") :].partition("\n")
+            text = command([*line, str(file), str(warm), str(n_frames)])
+            head, _, rest = text[text.index("took ") :].partition("\n")
             places = np.array([[float(word) for word in row.split()] for row in rest.splitlines()])
             return int(head.split()[1]) * 1e-9, places
 

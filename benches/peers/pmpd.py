@@ -46,10 +46,10 @@ class Program:
 
         def run() -> tuple[float, Floats]:
             quiet = ["-batch", "-nogui", "-noaudio", "-nomidi", "-noprefs"]
-            said = command([self._pd, *quiet, "-stderr", "-path", str(_OBJECTS), str(file)])
+            output = command([self._pd, *quiet, "-stderr", "-path", str(_OBJECTS), str(file)])
             places = np.full((len(masses), 3), np.nan)
             seconds = np.nan
-            for line in said.splitlines():
+            for line in output.splitlines():
                 name, _, rest = line.partition(": ")
                 if name == "took":
                     seconds = float(rest) * 1e-3
@@ -68,14 +68,14 @@ def _read(lines: Iterable[str]) -> tuple[list[_Numbers], list[_Numbers], float]:
     masses, springs, gravity = [], [], 0.0
     for line in lines:
         word, *numbers = line.split()
-        own = tuple(float(number) for number in numbers)
+        item = tuple(float(number) for number in numbers)
         if word == "mass":
-            masses.append(own[:4])
+            masses.append(item[:4])
         elif word == "spring":
-            springs.append(own)
+            springs.append(item)
         else:
             assert word == "gravity", line
-            (gravity,) = own
+            (gravity,) = item
     return masses, springs, gravity
 
 
@@ -117,18 +117,18 @@ def _patch(
     for spring, (a, b, *_) in enumerate(springs, len(masses)):
         yield from (_cord(int(a), 0, spring, 0), _cord(int(b), 0, spring, 1))
         yield from (_cord(spring, 0, int(a), 0), _cord(spring, 1, int(b), 0))
-    loaded, reset, warmed, most, last, leave = range(control, gates)
+    loaded, reset, warmed, limit, last, leave = range(control, gates)
     yield _cord(loaded, 0, begin, 0)
     # The last frame reports places, and its time is counted too.
     for outlet, (what, inlet) in enumerate(
-        [(leave, 0), (clock, 1), (last, 0), (most, 0), (clock, 0), (warmed, 0), (reset, 0)]
+        [(leave, 0), (clock, 1), (last, 0), (limit, 0), (clock, 0), (warmed, 0), (reset, 0)]
     ):
         yield _cord(begin, outlet, what, inlet)
-    yield from (_cord(count, 0, until, 0) for count in (warmed, most))
+    yield from (_cord(count, 0, until, 0) for count in (warmed, limit))
     yield from (_cord(until, 0, frame, 0), _cord(clock, 0, end, 0), _cord(last, 0, shown, 0))
     yield _cord(shown, 0, frame, 0)
-    for at, probe in enumerate(probes):
-        gate = gates + 2 * at
+    for index, probe in enumerate(probes):
+        gate = gates + 2 * index
         yield from (_cord(int(probe), 0, gate, 0), _cord(gate, 0, gate + 1, 0))
         yield _cord(shown, 1, gate, 1)
 

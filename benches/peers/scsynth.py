@@ -25,10 +25,10 @@ def bank(cells: Sequence[tuple[float, float]], each: int) -> Callable[[], float]
     groups = [cells[i : i + each] for i in range(0, len(cells), each)]
 
     def run(sound: float) -> float:
-        score, heard = Path(folder.name) / f"{sound}.osc", Path(folder.name) / "heard.wav"
+        score, listened = Path(folder.name) / f"{sound}.osc", Path(folder.name) / "heard.wav"
         if not score.is_file():
             score.write_bytes(_score(groups, sound))
-        to = ["-N", str(score), "_", str(heard), "44100", "WAV", "float"]
+        to = ["-N", str(score), "_", str(listened), "44100", "WAV", "float"]
         start = time.perf_counter()
         command([scsynth, *to, "-o", "1", "-i", "0", "-m", "65536", "-D", "0"])
         return time.perf_counter() - start
@@ -61,14 +61,14 @@ def _definition(name: str, cells: Sequence[tuple[float, float]]) -> bytes:
         ("Klank", klank, 1),
         ("Out", [number(0.0), (1, 0)], 0),
     ]
-    said = b"SCgf" + struct.pack(">ih", 2, 1) + _short(name)
-    said += struct.pack(">i", len(constants)) + b"".join(constants) + struct.pack(">ii", 0, 0)
-    said += struct.pack(">i", len(units))
+    text = b"SCgf" + struct.pack(">ih", 2, 1) + _short(name)
+    text += struct.pack(">i", len(constants)) + b"".join(constants) + struct.pack(">ii", 0, 0)
+    text += struct.pack(">i", len(units))
     for kind, inputs, n_outputs in units:
-        said += _short(kind) + struct.pack(">biih", _AUDIO, len(inputs), n_outputs, 0)
-        said += b"".join(struct.pack(">ii", *pair) for pair in inputs)
-        said += bytes([_AUDIO] * n_outputs)
-    return said + struct.pack(">h", 0)
+        text += _short(kind) + struct.pack(">biih", _AUDIO, len(inputs), n_outputs, 0)
+        text += b"".join(struct.pack(">ii", *pair) for pair in inputs)
+        text += bytes([_AUDIO] * n_outputs)
+    return text + struct.pack(">h", 0)
 
 
 def _short(text: str) -> bytes:

@@ -65,9 +65,9 @@ pub unsafe extern "C" fn mesh(
         );
         let taps = from_raw_parts(taps, n_taps);
         let out = from_raw_parts_mut(out, n_frames as usize * n_taps);
-        for heard in out.chunks_exact_mut(n_taps) {
-            for (heard, &tap) in heard.iter_mut().zip(taps) {
-                *heard = x[tap as usize];
+        for listened in out.chunks_exact_mut(n_taps) {
+            for (listened, &tap) in listened.iter_mut().zip(taps) {
+                *listened = x[tap as usize];
             }
             if !frame(&runs, law, numbers, x, d, room, force) {
                 return;

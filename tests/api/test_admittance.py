@@ -33,13 +33,13 @@ render: {tail: 1.5s}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("wires.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 @pytest.mark.parametrize(("where", "heard"), [("wire.s.3", "wire.s.17"), ("block.m", "block.n")])
-def test_a_render_of_one_stroke_has_this_spectrum(where: str, heard: str):
+def test_a_render_of_one_stroke_has_this_spectrum(where: str, listened: str):
     """Velocity over force, from the positions that follow 1 mN·s."""
     score = STRUCK.replace("WHERE", where).replace("PART", where.split(".")[0])
     Path("struck.yaml").write_text(score)
@@ -47,40 +47,40 @@ def test_a_render_of_one_stroke_has_this_spectrum(where: str, heard: str):
     x = sound.frames[:, 0].astype(float)
     x = x[round(0.01 * sound.rate) :]
     f = np.fft.rfftfreq(len(x), 1 / sound.rate)
-    heard_at = (f > 40.0) & (f < 3000.0)
+    audible_at = (f > 40.0) & (f < 3000.0)
     played = 2j * np.pi * f * np.fft.rfft(x) / sound.rate / 1e-3
     wanted = ergon.admittance(
-        "struck.yaml", where, heard, ergon.AdmittanceOptions(frequencies=f[heard_at])
+        "struck.yaml", where, listened, ergon.AdmittanceOptions(frequencies=f[audible_at])
     )
     size = np.abs(wanted.values[0])
-    error = np.abs(played[heard_at] - wanted.values[0])
+    error = np.abs(played[audible_at] - wanted.values[0])
     assert error.max() < 2e-3 * size.max()
     strong = size > 0.05 * size.max()
-    assert np.abs(20 * np.log10(np.abs(played[heard_at]) / size))[strong].max() < 0.1
+    assert np.abs(20 * np.log10(np.abs(played[audible_at]) / size))[strong].max() < 0.1
 
 
 def test_points_levels_phases_and_peaks():
     options = ergon.AdmittanceOptions(low="D3", high="1kHz", count=40, peaks=True)
-    found = ergon.admittance("wires.yaml", "wire.s.3", ["wire.s.17", "wire.s.3"], options)
-    assert (found.parts, found.forced) == (("wire",), "wire.s.3")
-    assert found.heard == ("wire.s.17", "wire.s.3")
-    assert found.values.shape == (2, len(found.frequencies)) == (2, 43)
-    assert found.decibels == pytest.approx(20 * np.log10(np.abs(found.values)))
-    assert np.all(np.abs(found.phases[1]) <= 90.0 + 1e-9)
+    result = ergon.admittance("wires.yaml", "wire.s.3", ["wire.s.17", "wire.s.3"], options)
+    assert (result.parts, result.forced) == (("wire",), "wire.s.3")
+    assert result.heard == ("wire.s.17", "wire.s.3")
+    assert result.values.shape == (2, len(result.frequencies)) == (2, 43)
+    assert result.decibels == pytest.approx(20 * np.log10(np.abs(result.values)))
+    assert np.all(np.abs(result.phases[1]) <= 90.0 + 1e-9)
     (part,) = ergon.modes("wires.yaml", ergon.ModesOptions(parts=["wire"], count=3))
-    peaks = np.sort(found.frequencies[found.peaks(1)])
+    peaks = np.sort(result.frequencies[result.peaks(1)])
     assert peaks == pytest.approx(part.frequencies, rel=1e-4)
     # At a resonance the driving-point admittance is real, and 1/(2σ) times the square of the shape.
-    at = found.values[1][np.isin(found.frequencies, peaks)]
+    position = result.values[1][np.isin(result.frequencies, peaks)]
     shape = np.abs(part.points["wire.s.3"])
-    assert at.real == pytest.approx(shape**2 / (-2 * part.poles.real), rel=5e-3)
+    assert position.real == pytest.approx(shape**2 / (-2 * part.poles.real), rel=5e-3)
 
 
 def test_one_point_is_its_own_and_contacts_are_counted():
-    found = ergon.admittance("wires.yaml", "pad.m", options=ergon.AdmittanceOptions(count=5))
-    assert found.heard == ("pad.m",)
-    assert (found.n_laws, found.n_contacts) == (1, 1)
-    assert found.inputs[0] == Path("wires.yaml")
+    result = ergon.admittance("wires.yaml", "pad.m", options=ergon.AdmittanceOptions(count=5))
+    assert result.heard == ("pad.m",)
+    assert (result.n_laws, result.n_contacts) == (1, 1)
+    assert result.inputs[0] == Path("wires.yaml")
 
 
 def test_points_of_two_parts_have_the_links_between_them():
@@ -89,9 +89,9 @@ def test_points_of_two_parts_have_the_links_between_them():
         "hit: {RES: {between: [k1, m], K: 900N/m}}",
     )
     options = ergon.AdmittanceOptions(text=text, low=1, high=30, count=4)
-    found = ergon.admittance("wires.yaml", "k1", "pad.m", options)
-    assert found.parts == ("k1", "pad")
-    for f, value in zip(found.frequencies, found.values[0], strict=True):
+    result = ergon.admittance("wires.yaml", "k1", "pad.m", options)
+    assert result.parts == ("k1", "pad")
+    for f, value in zip(result.frequencies, result.values[0], strict=True):
         s = 2j * np.pi * f
         matrix = np.array([[0.4 * s * s + 1.2 * s + 960, -900], [-900, 0.02 * s * s + 1100]])
         assert value == pytest.approx(s * np.linalg.inv(matrix)[1, 0], rel=1e-9)
@@ -112,7 +112,7 @@ def test_points_of_two_parts_have_the_links_between_them():
         ("k1", (), {"frequencies": [1.0, 0.0]}, "frequencies: write a row of numbers above 0"),
     ],
 )
-def test_what_cannot_be_asked_for(forced: str, heard: str, options: dict, message: str):
+def test_what_cannot_be_asked_for(forced: str, listened: str, options: dict, message: str):
     with pytest.raises(ergon.OptionError) as refused:
-        ergon.admittance("wires.yaml", forced, heard, ergon.AdmittanceOptions(**options))
+        ergon.admittance("wires.yaml", forced, listened, ergon.AdmittanceOptions(**options))
     assert str(refused.value).startswith(message)

@@ -42,17 +42,17 @@ render: {tail: 0.2s}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("s.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def test_the_sum_of_the_modes_is_the_sound() -> None:
     exact = played(SCORE, method="modal")
     t = np.arange(len(exact)) / RATE
-    for column, made in enumerate(mode_tables("s.yaml", ExportOptions(parts=("wire", "mesh")))):
-        head, names, *rows = csv.reader(made.text.splitlines())
-        assert head == [f"# modes of {made.part}", " made by ergon"]
+    for column, built in enumerate(mode_tables("s.yaml", ExportOptions(parts=("wire", "mesh")))):
+        head, names, *rows = csv.reader(built.text.splitlines())
+        assert head == [f"# modes of {built.part}", " made by ergon"]
         assert names[:4] == ["mode", "frequency [Hz]", "T60 [s]", "decay [1/s]"]
         assert len(names) == 6
         numbers = np.array(rows, dtype=float)

@@ -10,7 +10,7 @@ from planned_sound import off_db, played
 from ergon.cli import app
 from ergon.workshop.api.export_csound import csound_orchestras
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 RATE = 44_100
 SCORE = """\
 ergon: 1
@@ -48,15 +48,15 @@ def test_csound_plays_what_the_engine_plays() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="modal")
     Path("s.yaml").write_text(SCORE.replace("strikes:", DEAF))
-    made = csound_orchestras("s.yaml")
-    assert [one.part for one in made] == ["wire", "mesh", "bell", "sky"]
+    built = csound_orchestras("s.yaml")
+    assert [item.part for item in built] == ["wire", "mesh", "bell", "sky"]
     sounds = []
-    for one in made:
-        Path(f"{one.part}.csd").write_text(one.text)
-        sounds.append(heard(Path(f"{one.part}.csd")))
+    for item in built:
+        Path(f"{item.part}.csd").write_text(item.text)
+        sounds.append(heard(Path(f"{item.part}.csd")))
     assert len({len(sound) for sound in sounds} | {len(exact)}) == 1
-    found = np.column_stack(sounds)
-    assert off_db(found, exact) < -140
+    result = np.column_stack(sounds)
+    assert off_db(result, exact) < -140
 
 
 def test_the_orchestra_says_what_its_numbers_are(capsys: pytest.CaptureFixture[str]) -> None:

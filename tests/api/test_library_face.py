@@ -24,19 +24,19 @@ PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bell.yaml").write_text(SCORE)
     Path("bad.yaml").write_text(SCORE.replace("400g", "400h"))
-    return own_folder
+    return work_folder
 
 
 def test_all_that_is_public_is_listed_and_typed():
     assert set(ergon.__all__) == set(ergon._PLACES)
     assert set(ergon.__all__) <= set(dir(ergon))
     for name in ergon.__all__:
-        found = getattr(ergon, name)
-        assert found.__doc__, name
-        assert "cli" not in found.__module__.split("."), name
+        result = getattr(ergon, name)
+        assert result.__doc__, name
+        assert "cli" not in result.__module__.split("."), name
     with pytest.raises(AttributeError, match="no attribute 'rendre'"):
         _ = ergon.rendre
 
@@ -165,20 +165,20 @@ def test_a_report_hears_of_warnings_and_progress():
             self.tasks.append(task)
             return super().progress(task, total, rate)
 
-    kept = Kept()
+    saved = Kept()
     unused = ergon.RenderOptions(text=SCORE.replace("parts:", "marks: {A: 1|1}\nparts:"), to="1|3")
     with pytest.raises(ergon.ScoreError):
-        ergon.render("bell.yaml", unused, report=kept)
-    assert kept.found
-    ergon.render("bell.yaml", ergon.RenderOptions(to="1|3"), report=kept)
-    assert kept.tasks == ["rendering"]
+        ergon.render("bell.yaml", unused, report=saved)
+    assert saved.found
+    ergon.render("bell.yaml", ergon.RenderOptions(to="1|3"), report=saved)
+    assert saved.tasks == ["rendering"]
 
 
 def test_what_is_refused_is_an_ergon_error(capsys: pytest.CaptureFixture[str]):
-    with pytest.raises(ergon.ScoreError) as found:
+    with pytest.raises(ergon.ScoreError) as raised:
         ergon.render("bad.yaml")
-    assert str(found.value).startswith("bad.yaml:8:14: error[E203] M of key 'k1'")
-    assert [one.code for one in found.value.diagnostics] == ["E203"]
+    assert str(raised.value).startswith("bad.yaml:8:14: error[E203] M of key 'k1'")
+    assert [one.code for one in raised.value.diagnostics] == ["E203"]
     with pytest.raises(ergon.ScoreError, match=r"none\.yaml"):
         ergon.render("none.yaml")
     for wrong, option in (
@@ -241,7 +241,7 @@ def test_what_the_page_shows(capsys: pytest.CaptureFixture[str]):
             put(block, Path())
         elif block.language == "python":
             exec(block.text, names)
-    said = capsys.readouterr().out
-    assert "bell.yaml:2:" in said
-    assert "'bell'" in said
+    output = capsys.readouterr().out
+    assert "bell.yaml:2:" in output
+    assert "'bell'" in output
     assert names["heard"].kept == []  # type: ignore[attr-defined]

@@ -32,9 +32,9 @@ render: {tail: 0.5s}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("wires.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def modes(*parts: str, **options: object) -> tuple[ergon.PartModes, ...]:
@@ -71,10 +71,10 @@ def test_a_string_and_where_it_is_struck_and_heard():
 
 
 def test_all_parts_in_the_order_of_the_score():
-    found = modes()
-    assert [part.part for part in found] == ["k1", "wire", "pad", "wall"]
-    assert [len(part.poles) for part in found] == [1, 20, 1, 0]
-    key, _, pad, _ = found
+    result = modes()
+    assert [part.part for part in result] == ["k1", "wire", "pad", "wall"]
+    assert [len(part.poles) for part in result] == [1, 20, 1, 0]
+    key, _, pad, _ = result
     assert key.poles[0] == pytest.approx(-1.5 + 1j * np.sqrt(150.0 - 1.5**2))
     # The law at its slope at rest, the contact with the floor open, that with the key left out.
     assert (pad.n_laws, pad.n_contacts) == (1, 1)

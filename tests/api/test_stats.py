@@ -10,9 +10,9 @@ from tests.api.test_tune import SCORE
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bars.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def stats(part: str, **options: object) -> ergon.PartStats:
@@ -68,8 +68,8 @@ def test_all_energy_of_a_blow_goes_into_the_modes():
 
 
 def test_every_part_and_what_has_no_mass():
-    found = ergon.stats("bars.yaml")
-    assert [part.part for part in found] == [
+    result = ergon.stats("bars.yaml")
+    assert [part.part for part in result] == [
         "k1",
         "bar",
         "free",
@@ -79,9 +79,9 @@ def test_every_part_and_what_has_no_mass():
         "bowl",
         "wall",
     ]
-    wall = found[-1]
+    wall = result[-1]
     assert (wall.n_masses, wall.n_held, wall.mass, wall.highest) == (0, 1, 0.0, 0.0)
-    assert found[4].links[0].kind == "LNL"
+    assert result[4].links[0].kind == "LNL"
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_what_cannot_be_asked_for(options: dict, message: str):
     assert str(refused.value).startswith(message)
 
 
-def test_a_list_of_modes_tells_whose_mass_is_meant(own_folder: Path):
+def test_a_list_of_modes_tells_whose_mass_is_meant(work_folder: Path):
     """Its mass M is that of a mode: a strike at a place moves it by its level over M."""
     body = "{M: 150g, f: [220Hz, 447Hz], t60: [4s, 3s], places: {rim: [1, 0.5], waist: [0.4, -1]}}"
     Path("modes.yaml").write_text(
@@ -112,7 +112,7 @@ def test_a_list_of_modes_tells_whose_mass_is_meant(own_folder: Path):
     assert stats("bar").mode_masses == {}
 
 
-def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(own_folder: Path):
+def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(work_folder: Path):
     """What a spring holds beside it gives way as without it."""
     Path("loose.yaml").write_text(
         "ergon: 1\ninstruments:\n  one:\n    modules:\n"
@@ -121,9 +121,11 @@ def test_a_mass_that_only_a_damper_holds_goes_where_it_is_pushed(own_folder: Pat
         "strikes: {a: {to: one.m, at: 0.02s, impulse: 2mNs}}\nrender: {tail: 1s}\n"
     )
     (part,) = ergon.stats("loose.yaml")
-    given = {point.name: point.compliance for point in part.points}
-    assert given["one.m"] == pytest.approx(1 / (5e-3 * (2 * np.pi * 200) ** 2), rel=1e-3)
-    assert sorted(np.isinf(x) for x in given.values()) == [False] * (len(given) - 1) + [True]
+    arguments = {point.name: point.compliance for point in part.points}
+    assert arguments["one.m"] == pytest.approx(1 / (5e-3 * (2 * np.pi * 200) ** 2), rel=1e-3)
+    assert sorted(np.isinf(x) for x in arguments.values()) == [False] * (len(arguments) - 1) + [
+        True
+    ]
 
 
 @pytest.mark.parametrize(

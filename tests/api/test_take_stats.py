@@ -14,7 +14,7 @@ W = 2 * np.pi * F
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     """A hand that goes to and fro in a viscous fluid, and one that rests; 60 rows are missing."""
     every = []
     for tick in range(100, 100 + N):
@@ -27,8 +27,8 @@ def folder(own_folder: Path) -> Path:
         every.append(row(tick, hand, Axis(0.001)))
     data = [header((("remi", "k2"), ("ada", "k1")), 44000.0, 44)]
     data += [rows(*every[i : i + 250]) for i in range(0, len(every), 250)]
-    (own_folder / "hand.take").write_bytes(b"".join([*data, end()]))
-    return own_folder
+    (work_folder / "hand.take").write_bytes(b"".join([*data, end()]))
+    return work_folder
 
 
 def test_a_hand_in_a_viscous_fluid():
@@ -72,7 +72,7 @@ def test_what_is_no_take_is_refused(folder: Path):
     (only,) = ergon.take_stats("empty.take")
     assert (only.n_ticks, only.n_lost, only.movement, only.force) == (0, 0, None, None)
     (folder / "one.take").write_bytes(header() + rows(row(5, Axis(0.001, 1.0))) + end())
-    (one,) = ergon.take_stats("one.take")
-    assert one.movement is None
-    assert one.force is not None
-    assert (one.force.peak, one.force.given) == (1.0, 0.0)
+    (first,) = ergon.take_stats("one.take")
+    assert first.movement is None
+    assert first.force is not None
+    assert (first.force.peak, first.force.given) == (1.0, 0.0)

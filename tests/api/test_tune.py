@@ -51,19 +51,19 @@ render: {{tail: 0.5s}}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bars.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def tune(part: str, targets: object, *by: str, **options: object) -> ergon.Tuned:
     return ergon.tune("bars.yaml", part, targets, ergon.TuneOptions(by=by, **options))  # type: ignore[arg-type]
 
 
-def pitches(found: ergon.Tuned, count: int = 12) -> np.ndarray:
+def pitches(result_wanted: ergon.Tuned, count: int = 12) -> np.ndarray:
     """The modes of the part as the edited text says it, by `ergon.modes`."""
-    assert found.edited is not None
-    options = ergon.ModesOptions(text=found.edited, parts=[found.part], count=count)
+    assert result_wanted.edited is not None
+    options = ergon.ModesOptions(text=result_wanted.edited, parts=[result_wanted.part], count=count)
     (part,) = ergon.modes("bars.yaml", options)
     return part.frequencies[part.frequencies > 1.0]
 
@@ -73,45 +73,45 @@ def pitches(found: ergon.Tuned, count: int = 12) -> np.ndarray:
     [("bar", ()), ("bar", ("masses",)), ("bar", ("springs",)), ("free", ()), ("free", ("masses",))],
 )
 def test_ratios_are_reached(part: str, by: tuple[str, ...]):
-    found = tune(part, "1:2.76:5.4", *by)
-    assert found.is_reached
-    assert found.modes == (1, 2, 3)
-    own = pitches(found)[:3]
-    assert np.abs(1200 * np.log2(own / own[0] / [1, 2.76, 5.4])).max() < 1e-6
-    assert own == pytest.approx(found.frequencies, rel=1e-12)
-    assert own[0] == pytest.approx(found.before[0], rel=1e-9)
-    assert all(value.name.endswith(".M") for value in found.values) or by != ("masses",)
+    result = tune(part, "1:2.76:5.4", *by)
+    assert result.is_reached
+    assert result.modes == (1, 2, 3)
+    single = pitches(result)[:3]
+    assert np.abs(1200 * np.log2(single / single[0] / [1, 2.76, 5.4])).max() < 1e-6
+    assert single == pytest.approx(result.frequencies, rel=1e-12)
+    assert single[0] == pytest.approx(result.before[0], rel=1e-9)
+    assert all(value.name.endswith(".M") for value in result.values) or by != ("masses",)
 
 
 def test_the_base_of_ratios_and_modes_that_are_left_alone():
-    found = tune("bar", "1:_:5", base="A3")
-    assert found.modes == (1, 3)
-    assert np.abs(1200 * np.log2(pitches(found)[[0, 2]] / [220.0, 1100.0])).max() < 1e-6
+    result = tune("bar", "1:_:5", base="A3")
+    assert result.modes == (1, 3)
+    assert np.abs(1200 * np.log2(pitches(result)[[0, 2]] / [220.0, 1100.0])).max() < 1e-6
     again = tune("bar", {1: "A3", 3: 1100.0})
-    assert again.values == found.values
+    assert again.values == result.values
 
 
 def test_one_value_in_closed_form():
-    found = tune("wire", ["A3"])
-    assert [(value.name, value.before) for value in found.values] == [
+    result = tune("wire", ["A3"])
+    assert [(value.name, value.before) for value in result.values] == [
         ("wire.s.f", pytest.approx(293.66476791740756))
     ]
-    assert found.values[0].after == pytest.approx(220.0, rel=1e-12)
-    found = tune("k1", [3.0], "K")
-    (value,) = found.values
+    assert result.values[0].after == pytest.approx(220.0, rel=1e-12)
+    result = tune("k1", [3.0], "K")
+    (value,) = result.values
     assert value.name == "k1.K"
     assert value.after == pytest.approx(0.4 * ((2 * np.pi * 3.0) ** 2 + 1.5**2), rel=1e-10)
-    found = tune("soft", [20.0], "k")
-    assert found.values[0].after == pytest.approx(0.02 * (2 * np.pi * 20.0) ** 2, rel=1e-10)
+    result = tune("soft", [20.0], "k")
+    assert result.values[0].after == pytest.approx(0.02 * (2 * np.pi * 20.0) ** 2, rel=1e-10)
 
 
 def test_the_list_of_a_body_of_modes():
-    found = tune("bowl", "1:2", base="A3")
-    assert [(value.name, value.after) for value in found.values] == [("bowl.f.2", 440.0)]
-    assert found.edited == SCORE.replace("[220Hz, 450Hz]", "[220Hz, 440.0Hz]")
-    assert tune("bowl", ["A3", "A4"], "pitches").values == found.values
-    assert tune("bowl", ["A3", "A4"], "f.2").values == found.values
-    assert np.abs(1200 * np.log2(pitches(found)[:2] / [220.0, 440.0])).max() < 1e-6
+    result = tune("bowl", "1:2", base="A3")
+    assert [(value.name, value.after) for value in result.values] == [("bowl.f.2", 440.0)]
+    assert result.edited == SCORE.replace("[220Hz, 450Hz]", "[220Hz, 440.0Hz]")
+    assert tune("bowl", ["A3", "A4"], "pitches").values == result.values
+    assert tune("bowl", ["A3", "A4"], "f.2").values == result.values
+    assert np.abs(1200 * np.log2(pitches(result)[:2] / [220.0, 440.0])).max() < 1e-6
 
 
 def test_a_body_of_modes_that_a_spring_holds():
@@ -125,11 +125,11 @@ def test_a_body_of_modes_that_a_spring_holds():
         "    out: {SOX: b.point}\nstrikes: {a: {to: [one.b.point], at: 0s, impulse: 1mNs}}\n"
     )
     targets = np.array([231.0, 462.0, 600.0])
-    found = ergon.tune("held.yaml", "one", targets.tolist(), ergon.TuneOptions(by=["b.f"]))
-    assert found.is_reached
-    assert [value.name for value in found.values] == [f"one.b.f.{i}" for i in (1, 2, 3)]
+    result = ergon.tune("held.yaml", "one", targets.tolist(), ergon.TuneOptions(by=["b.f"]))
+    assert result.is_reached
+    assert [value.name for value in result.values] == [f"one.b.f.{i}" for i in (1, 2, 3)]
     alone = []
-    for value, seconds in zip(found.values, t60, strict=True):
+    for value, seconds in zip(result.values, t60, strict=True):
         sigma = np.log(1000.0) / seconds
         alone.append(np.array([1.0, 2 * sigma, (2 * np.pi * value.after) ** 2 + sigma**2]))
     poles = np.polymul(np.polymul(alone[0], alone[1]), alone[2])
@@ -137,8 +137,8 @@ def test_a_body_of_modes_that_a_spring_holds():
         others = np.polymul(*(alone[j] for j in range(3) if j != i))
         poles = np.polyadd(poles, np.polymul([z / mass, k / mass], others))
     roots = np.roots(poles).imag
-    heard = np.sort(roots[roots > 0]) / (2 * np.pi)
-    assert np.abs(1200 * np.log2(heard / targets)).max() < 1e-6
+    listened = np.sort(roots[roots > 0]) / (2 * np.pi)
+    assert np.abs(1200 * np.log2(listened / targets)).max() < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -158,61 +158,61 @@ def test_a_body_of_modes_that_a_spring_holds():
 def test_a_list_that_is_not_what_sounds_stays_as_it_is(bowl: str, trouble: str):
     Path("bowl.csv").write_text("f, t60, rim\n220Hz, 2s, 1\n450Hz, 2s, 1\n")
     text = SCORE.replace("\n  wall: ", f"\n  low: {{{bowl}}}\n  wall: ")
-    found = tune("low", "1:2", text=text)
-    assert found.is_reached
-    assert found.edited is None
-    assert trouble in found.trouble
+    result = tune("low", "1:2", text=text)
+    assert result.is_reached
+    assert result.edited is None
+    assert trouble in result.trouble
 
 
 def test_a_list_that_another_instrument_has_is_written_for_this_one():
     text = SCORE.replace("\n  wall: ", "\n  low: {like: bowl}\n  wall: ")
-    found = tune("low", ["A3", "A4"], text=text)
-    assert found.is_reached
-    assert found.edited is not None
-    assert "bowl: {MODES: {M: 20g, f: [220Hz, 450Hz], t60: 2s}}" in found.edited
-    assert np.abs(1200 * np.log2(pitches(found)[:2] / [220.0, 440.0])).max() < 1e-6
+    result = tune("low", ["A3", "A4"], text=text)
+    assert result.is_reached
+    assert result.edited is not None
+    assert "bowl: {MODES: {M: 20g, f: [220Hz, 450Hz], t60: 2s}}" in result.edited
+    assert np.abs(1200 * np.log2(pitches(result)[:2] / [220.0, 440.0])).max() < 1e-6
 
 
 def test_a_discrete_network():
-    found = tune("discrete", [300.0, 600.0], "K")
-    assert found.is_reached
-    assert [value.text for value in found.values] == [repr(value.after) for value in found.values]
-    assert np.abs(1200 * np.log2(pitches(found) / [300.0, 600.0])).max() < 1e-6
+    result = tune("discrete", [300.0, 600.0], "K")
+    assert result.is_reached
+    assert [value.text for value in result.values] == [repr(value.after) for value in result.values]
+    assert np.abs(1200 * np.log2(pitches(result) / [300.0, 600.0])).max() < 1e-6
 
 
 def test_values_change_least():
     """Of all small changes that reach the targets none has smaller logarithms."""
-    found = tune("bar", [58.4, 178.5], "masses")
-    change = np.log([value.after / value.before for value in found.values])
+    result = tune("bar", [58.4, 178.5], "masses")
+    change = np.log([value.after / value.before for value in result.values])
     slopes = []
-    for value in found.values:  # by differences, from the first score
+    for value in result.values:  # by differences, from the first score
         name = value.name.removeprefix("bar.").removesuffix(".M")
         line = next(one for one in SCORE.splitlines() if one.startswith(f"      {name}: {{MAS"))
         heavier = SCORE.replace(
             line, f"      {name}: {{MAS: {{M: {value.before * 1.0001!r}kg}}}}", 1
         )
         (part,) = ergon.modes("bars.yaml", ergon.ModesOptions(text=heavier, parts=["bar"], count=2))
-        slopes.append(np.log(part.frequencies / found.before) / np.log(1.0001))
+        slopes.append(np.log(part.frequencies / result.before) / np.log(1.0001))
     slopes = np.array(slopes).T
     least = np.linalg.pinv(slopes) @ slopes @ change
     assert change == pytest.approx(least, abs=0.02 * np.abs(change).max())
 
 
 def test_what_cannot_be_reached_together_is_told():
-    found = tune("wire", "1:2.1:3.3")
-    assert not found.is_reached
-    assert found.rank < 2
-    assert np.abs(found.cents).max() > 80.0
-    found = tune("bar", ["A3", "E5"], "m1.M")
-    assert not found.is_reached
-    assert found.rank == 1
-    assert np.abs(found.cents).max() > 1.0
+    result = tune("wire", "1:2.1:3.3")
+    assert not result.is_reached
+    assert result.rank < 2
+    assert np.abs(result.cents).max() > 80.0
+    result = tune("bar", ["A3", "E5"], "m1.M")
+    assert not result.is_reached
+    assert result.rank == 1
+    assert np.abs(result.cents).max() > 1.0
 
 
 def test_the_text_is_edited_and_comments_stay():
-    found = tune("bar", {2: 170.0}, "m3.M")
-    (value,) = found.values
-    assert found.edited == SCORE.replace(
+    result = tune("bar", {2: 170.0}, "m3.M")
+    (value,) = result.values
+    assert result.edited == SCORE.replace(
         "m3: {MAS: {M: 3g}}", f"m3: {{MAS: {{M: {value.text}}}}}", 1
     )
 
@@ -224,11 +224,11 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
     Path("used.yaml").write_text(
         "ergon: 1\nuse: [tools.yaml]\nstrikes: {a: {to: [bar], at: 0s, impulse: 1mNs}}\n"
     )
-    found = ergon.tune("used.yaml", "bar", ["A3"])
-    assert found.is_reached
-    assert found.values[0].after == pytest.approx(220.0)
-    if found.edited is None:
-        assert "tools.yaml" in found.trouble
+    result = ergon.tune("used.yaml", "bar", ["A3"])
+    assert result.is_reached
+    assert result.values[0].after == pytest.approx(220.0)
+    if result.edited is None:
+        assert "tools.yaml" in result.trouble
 
 
 @pytest.mark.parametrize(
@@ -274,6 +274,6 @@ def test_the_path_may_be_written_in_any_way():
 
 def test_a_value_at_the_border_of_what_it_may_be_stays_there():
     stiff = SCORE.replace("masses: 24, M: 4g", "masses: 40, M: 4g, inharmonicity: 1e-4")
-    found = tune("wire", "1:2.3", text=stiff)
-    assert not found.is_reached
-    assert 0.09 < next(v.after for v in found.values if v.name.endswith("inharmonicity")) <= 0.1
+    result = tune("wire", "1:2.3", text=stiff)
+    assert not result.is_reached
+    assert 0.09 < next(v.after for v in result.values if v.name.endswith("inharmonicity")) <= 0.1

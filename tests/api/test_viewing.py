@@ -75,8 +75,8 @@ def test_many_channels_of_a_room_are_folded_to_two_ears(tmp_path: Path) -> None:
     (folder := tmp_path / "shown").mkdir()
     shown = render_view(path, folder, FileOptions(motion=True), Report())
     assert shown.sound is not None
-    found = sound.read_info(shown.sound)
-    assert (found.format.n_channels, found.format.bits) == (2, 16)
+    result = sound.read_info(shown.sound)
+    assert (result.format.n_channels, result.format.bits) == (2, 16)
     assert np.abs(read(shown.sound)).max(axis=0).min() > 1e-3
 
 
@@ -85,12 +85,12 @@ def test_channels_of_which_nobody_says_where_they_are_go_to_their_sides(
     tmp_path: Path, channels: int
 ) -> None:
     frames = np.random.default_rng(1).uniform(-0.5, 0.5, (5000, channels))
-    said = Said()
-    made = read(for_two_ears(written(tmp_path / "a.wav", frames, "double"), tmp_path, said))
+    text = Said()
+    built = read(for_two_ears(written(tmp_path / "a.wav", frames, "double"), tmp_path, text))
     left, right = frames[:, 0::2].mean(axis=1), frames[:, 1::2].mean(axis=1) if channels > 1 else 0
     wanted = left[:, None] if channels == 1 else np.stack([left, right], axis=1)
-    assert np.abs(made - wanted).max() < 2**-15
-    assert len(said.sentences) == (channels > 2)
+    assert np.abs(built - wanted).max() < 2**-15
+    assert len(text.sentences) == (channels > 2)
 
 
 def test_what_browsers_play_stays_what_it_is(tmp_path: Path) -> None:
@@ -102,14 +102,14 @@ def test_what_browsers_play_stays_what_it_is(tmp_path: Path) -> None:
 def test_sound_beside_a_motion_file_is_that_of_its_score(tmp_path: Path) -> None:
     path = score(tmp_path)
     shown = render_view(path, tmp_path, FileOptions(motion=True), Report())
-    said = Said()
-    assert sound_beside(shown.motion, said) == shown.motion.with_suffix(".wav")
-    assert said.sentences == []
+    text = Said()
+    assert sound_beside(shown.motion, text) == shown.motion.with_suffix(".wav")
+    assert text.sentences == []
     other = Piece().write(tmp_path / "other.motion")
-    assert sound_beside(other, said) is None
-    assert said.sentences == []
+    assert sound_beside(other, text) is None
+    assert text.sentences == []
     (tmp_path / "other.wav").write_bytes(shown.motion.with_suffix(".wav").read_bytes())
-    assert sound_beside(other, said) is None
-    assert "is not the sound of" in said.sentences[0]
+    assert sound_beside(other, text) is None
+    assert "is not the sound of" in text.sentences[0]
     (tmp_path / "other.wav").write_bytes(b"RIFF")
-    assert sound_beside(other, said) is None
+    assert sound_beside(other, text) is None

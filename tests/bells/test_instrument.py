@@ -82,13 +82,13 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
         f, t60, level = np.array(F), np.array(T60), np.abs(LEVELS)
     Path("s.yaml").write_text(SCORE % to)
     assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
-    found = ergon.bell("s.wav", ergon.BellOptions(modes=len(f)))
-    assert len(found.f) == len(f)
-    assert 1200 * np.abs(np.log2(found.f / f)).max() < (1e-3 if form == "modes" else 0.1)
-    assert found.t60 == pytest.approx(t60, rel=1e-3 if form == "modes" else 0.12)
-    heard = np.abs(found.levels[:, 0] * found.heard)
-    assert heard == pytest.approx(level / level.max(), rel=0.02)
-    assert found.strokes[0].explained > 0.9999
+    result = ergon.bell("s.wav", ergon.BellOptions(modes=len(f)))
+    assert len(result.f) == len(f)
+    assert 1200 * np.abs(np.log2(result.f / f)).max() < (1e-3 if form == "modes" else 0.1)
+    assert result.t60 == pytest.approx(t60, rel=1e-3 if form == "modes" else 0.12)
+    listened = np.abs(result.levels[:, 0] * result.heard)
+    assert listened == pytest.approx(level / level.max(), rel=0.02)
+    assert result.strokes[0].explained > 0.9999
 
 
 @pytest.mark.slow
@@ -127,10 +127,10 @@ def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -
     )
     assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
     again = ergon.bell("s.wav", ergon.BellOptions(modes=len(F)))
-    heard = np.abs(again.levels[:, 0] * again.heard) * again.reference
+    listened = np.abs(again.levels[:, 0] * again.heard) * again.reference
     # The hammer is hard, and yet leaves a little less of high modes than a blow without length.
     wanted = np.abs(LEVELS) * peak / np.sum(np.abs(LEVELS)) * spectrum(np.array(F), LENGTH)
-    assert heard == pytest.approx(wanted, rel=0.1)
+    assert listened == pytest.approx(wanted, rel=0.1)
 
 
 @pytest.mark.slow
@@ -152,9 +152,9 @@ def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> N
     assert piece is not None
     network = stage(piece).network
     key = next(i for i in range(network.n_mat) if network.name_of(i) == "k1")
-    felt = network.reachable_network(key, 44100.0).response(44, (400, 4096))
-    assert felt is not None
-    assert 3900.0 < np.abs(felt).max() < 4100.0
+    forces = network.reachable_network(key, 44100.0).response(44, (400, 4096))
+    assert forces is not None
+    assert 3900.0 < np.abs(forces).max() < 4100.0
 
 
 def test_a_chain_is_refused_where_it_is_none() -> None:
@@ -169,10 +169,10 @@ def test_the_end_of_a_chain_has_the_modes_and_levels() -> None:
     f = np.array([200.0, 540.0, 1100.0])
     t60 = even(f)
     level = np.array([1.0, 0.5, 0.3])
-    own = chain(f, t60, level, 0.1)
-    stiffness = np.diag(own.springs) + np.diag(np.r_[0, own.springs[:-1]])
-    stiffness -= np.diag(own.springs[:-1], 1) + np.diag(own.springs[:-1], -1)
-    root = 1 / np.sqrt(own.masses)
+    single = chain(f, t60, level, 0.1)
+    stiffness = np.diag(single.springs) + np.diag(np.r_[0, single.springs[:-1]])
+    stiffness -= np.diag(single.springs[:-1], 1) + np.diag(single.springs[:-1], -1)
+    root = 1 / np.sqrt(single.masses)
     values, vectors = np.linalg.eigh(root[:, None] * stiffness * root)
     sigma = 3 * np.log(10) / t60
     assert values == pytest.approx((2 * np.pi * f) ** 2 + sigma**2, rel=1e-9)

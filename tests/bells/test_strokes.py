@@ -62,9 +62,9 @@ def test_a_stroke_begins_where_it_begins():
 def pushed(levels, length, impulse, seed):
     """A bell of levels, pushed by half a sine."""
     struck = church()
-    heard = contact.spectrum(struck.f, length) * levels * impulse
+    listened = contact.spectrum(struck.f, length) * levels * impulse
     t = np.arange(int(4 * RATE)) / RATE
-    modes = zip(struck.f, struck.d, heard, strict=True)
+    modes = zip(struck.f, struck.d, listened, strict=True)
     sound = sum(a * np.exp(-d * t) * np.cos(2 * np.pi * f * t) for f, d, a in modes)
     sound = np.concatenate([np.zeros(int(length * RATE)), sound])
     noise = 1e-5 * np.random.default_rng(seed).standard_normal(sound.size)
@@ -80,20 +80,20 @@ def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
         ("waist", pushed(levels[1], 0.4e-3, 1.0, 3)),
         ("waist", pushed(levels[1], 0.6e-3, 0.5, 4)),
     ]
-    found = of_strokes(strokes)
+    result = of_strokes(strokes)
     struck = church()
-    assert found.places == ("rim", "waist")
-    pairs = matched(found.f, struck.f, cents=1.0)
+    assert result.places == ("rim", "waist")
+    pairs = matched(result.f, struck.f, cents=1.0)
     assert len(pairs) == len(struck.f)
-    assert len(found.f) <= len(struck.f) + 2
-    true, own = (np.array(column) for column in zip(*pairs, strict=True))
+    assert len(result.f) <= len(struck.f) + 2
+    true, item = (np.array(column) for column in zip(*pairs, strict=True))
     low = struck.f[true] * 0.7e-3 < 1.0  # higher ones are lost in the soft stroke's notch
     for column in (0, 1):
-        heard = np.abs(found.levels[own, column]) * found.heard[own]
-        ratio = np.log(heard / levels[column][true])[low]
+        listened = np.abs(result.levels[item, column]) * result.heard[item]
+        ratio = np.log(listened / levels[column][true])[low]
         assert np.median(np.abs(ratio - np.median(ratio))) < 0.05
-    assert found.strokes[1].impulse == pytest.approx(0.3, rel=0.15)
-    assert found.contact == pytest.approx(0.4e-3, rel=0.3)
+    assert result.strokes[1].impulse == pytest.approx(0.3, rel=0.15)
+    assert result.contact == pytest.approx(0.4e-3, rel=0.3)
 
 
 def hertz(f: np.ndarray, length: float) -> np.ndarray:
@@ -110,13 +110,13 @@ def test_two_strokes_tell_how_long_they_touched(push, hard: float, soft: float):
     for seed in range(3):
         rng = np.random.default_rng(seed)
         levels = rng.uniform(0.2, 1.0, f.size)
-        heard = np.stack([levels * push(f, hard), 0.4 * levels * push(f, soft)])
-        heard *= np.exp(0.02 * rng.standard_normal(heard.shape))
-        told = contact.levels(f, heard, np.full(heard.shape, 0.02))
-        lengths = [length or 0.0 for length in told.lengths]
+        listened = np.stack([levels * push(f, hard), 0.4 * levels * push(f, soft)])
+        listened *= np.exp(0.02 * rng.standard_normal(listened.shape))
+        output = contact.levels(f, listened, np.full(listened.shape, 0.02))
+        lengths = [length or 0.0 for length in output.lengths]
         assert lengths == pytest.approx([hard, soft], rel=0.36)
-        assert told.impulses == pytest.approx([1.0, 0.4], rel=0.1)
-        low = np.log(told.levels / levels)[f * soft < 1.0]
+        assert output.impulses == pytest.approx([1.0, 0.4], rel=0.1)
+        low = np.log(output.levels / levels)[f * soft < 1.0]
         assert np.median(np.abs(low - np.median(low))) < 0.08
 
 
@@ -127,21 +127,21 @@ def test_strokes_that_do_not_tell_how_long_they_touched_say_so(hard: float, soft
     for seed in range(3):
         rng = np.random.default_rng(seed)
         levels = rng.uniform(0.2, 1.0, f.size)
-        heard = np.stack([levels * contact.spectrum(f, one) for one in (hard, soft)])
-        heard *= np.exp(0.02 * rng.standard_normal(heard.shape)) * [[1.0], [0.4]]
-        told = contact.levels(f, heard, np.full(heard.shape, 0.02))
-        assert told.lengths == (None, None)
+        listened = np.stack([levels * contact.spectrum(f, one) for one in (hard, soft)])
+        listened *= np.exp(0.02 * rng.standard_normal(listened.shape)) * [[1.0], [0.4]]
+        output = contact.levels(f, listened, np.full(listened.shape, 0.02))
+        assert output.lengths == (None, None)
         if hard < 1e-3:
-            assert told.impulses == pytest.approx([1.0, 0.4], rel=0.05)
+            assert output.impulses == pytest.approx([1.0, 0.4], rel=0.05)
 
 
 def test_what_falls_fast_is_not_thought_to_have_begun_hundreds_of_decibels_louder():
     """A soft stroke is loudest late; a mode of 10 ms would fall by 180 dB since it began."""
     t = np.arange(RATE) / RATE
     sound = np.cos(2 * np.pi * 440 * t) * np.exp(-3 * t) * np.minimum(t / 0.025, 1.0)
-    one = stroke("soft.wav", sound, RATE)
-    assert one.sound.size < RATE - 0.02 * RATE
-    assert one.delay <= 0.004
+    first = stroke("soft.wav", sound, RATE)
+    assert first.sound.size < RATE - 0.02 * RATE
+    assert first.delay <= 0.004
 
 
 def test_the_spring_of_a_contact_makes_its_length():

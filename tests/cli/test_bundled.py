@@ -10,7 +10,7 @@ from ergon.exchange.wave import read_info
 SCORE = "ergon: 1\ninstruments: {b: {CEL: {M: 1g, f: 300Hz, t60: 50ms}, out: {SOX: b}}}\n"
 Capture = pytest.CaptureFixture[str]
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 
 
 @pytest.mark.parametrize("command", ["check", "plan", "stats"])

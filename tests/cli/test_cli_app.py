@@ -81,11 +81,11 @@ def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
     ],
 )
 def test_wrong_usage_exits_2(
-    capsys: pytest.CaptureFixture[str], typed: list[str], said: str
+    capsys: pytest.CaptureFixture[str], typed: list[str], output: str
 ) -> None:
     assert app.run(typed) == 2
     out, err = capsys.readouterr()
-    assert said in err
+    assert output in err
     assert out == ""
 
 
@@ -115,7 +115,7 @@ def test_outcomes(
     capsys: pytest.CaptureFixture[str],
     error: BaseException,
     code: int,
-    said: str,
+    text: str,
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error
@@ -124,7 +124,7 @@ def test_outcomes(
     monkeypatch.delenv("ERGON_DEBUG", raising=False)
     assert app.run([]) == code
     out, err = capsys.readouterr()
-    assert err.startswith(said)
+    assert err.startswith(text)
     assert "Traceback" not in err
     assert out == ""
 
@@ -153,11 +153,11 @@ def test_engine_errors_name_the_module() -> None:
 
     core = Core()
     core.EngineError, core.DivergedError = EngineError, DivergedError
-    found = app._engine(EngineError("bell.m: M must be positive"), core)
-    assert (found.exit_code, found.message) == (1, "bell.m: M must be positive")
-    found = app._engine(DivergedError("'bell.m' is not finite"), core)
-    assert (found.exit_code, found.message) == (4, "'bell.m' is not finite")
-    assert found.place["frame"] == 4410
+    result = app._engine(EngineError("bell.m: M must be positive"), core)
+    assert (result.exit_code, result.message) == (1, "bell.m: M must be positive")
+    result = app._engine(DivergedError("'bell.m' is not finite"), core)
+    assert (result.exit_code, result.message) == (4, "'bell.m' is not finite")
+    assert result.place["frame"] == 4410
 
 
 def test_a_broken_pipe_ends_quietly() -> None:
@@ -302,8 +302,8 @@ def test_records_and_a_file_do_not_both_go_to_stdout(
     command: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert app.run([*command, "--json", "-o", "-"]) == 2
-    told = json.loads(capsys.readouterr().out)
-    assert told["message"] == "--json and -o - both write to stdout; give one"
+    output = json.loads(capsys.readouterr().out)
+    assert output["message"] == "--json and -o - both write to stdout; give one"
 
 
 @pytest.mark.parametrize("option", [["--force-max", "nan"], ["--cents", "nan"], ["--rate", "nan"]])

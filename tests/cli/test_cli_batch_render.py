@@ -34,7 +34,7 @@ NOT_STABLE = (
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("ERGON_CACHE", "plans")
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
     monkeypatch.setattr(stretches, "_NS_PER_SAMPLE", 0.0)
@@ -44,7 +44,7 @@ def folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("long.yaml").write_text(BELL.format(**FEW | {"tail": 4}))
     Path("wild.yaml").write_text(BELL.format(**FEW | {"q": "1e17", "impulse": "10Ns"}))
     Path("stiff.yaml").write_text(NOT_STABLE)
-    return own_folder
+    return work_folder
 
 
 def sounds(*paths: str) -> list[bytes]:
@@ -85,11 +85,11 @@ def test_one_that_fails_stops_no_other(
     capsys.readouterr()
     words = ["render", *more, "-o", "made"]
     assert app.run([*words, "wild.yaml", "stiff.yaml", "a.yaml", "long.yaml"]) == 1
-    said = capsys.readouterr().err
-    assert "2 of 4 scores failed: " in said
-    assert "wild.yaml:" in said
-    assert "stiff.yaml:" in said
-    assert "Traceback" not in said
+    output = capsys.readouterr().err
+    assert "2 of 4 scores failed: " in output
+    assert "wild.yaml:" in output
+    assert "stiff.yaml:" in output
+    assert "Traceback" not in output
     assert sorted(path.name for path in Path("made").iterdir()) == ["a.wav", "long.wav"]
     assert sounds("made/long.wav", "made/a.wav") == each[:2]
     # Of those that diverge alone the exit code says so.
@@ -170,9 +170,9 @@ def in_the_way() -> list[str]:
     ],
 )
 def test_all_are_looked_at_before_the_first_is_rendered(
-    scores: object, more: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+    scores: object, more: list[str], code: int, output: str, capsys: pytest.CaptureFixture[str]
 ):
     names = scores()  # type: ignore[operator]
     assert app.run(["render", *names, *more]) == code
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
     assert not Path("a.wav").exists()

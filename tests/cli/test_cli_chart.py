@@ -30,10 +30,10 @@ render: {tail: 1s}
 
 
 @pytest.fixture
-def here(own_folder: Path) -> Path:
-    (own_folder / "bell.yaml").write_text(SCORE)
-    (own_folder / "hard.yaml").write_text(HARD)
-    return own_folder
+def here(work_folder: Path) -> Path:
+    (work_folder / "bell.yaml").write_text(SCORE)
+    (work_folder / "hard.yaml").write_text(HARD)
+    return work_folder
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -83,8 +83,8 @@ def test_where_nothing_runs_twice_the_table_says_why(
         app.run(["chart", "harder.yaml", "--seconds", "0.1", "--upto", "2", "--methods", "ca"]) == 1
     )
     assert "the table says why" in capsys.readouterr().err
-    found = {p["method"]: p["status"] for p in rows(here / "harder-chart.csv")}
-    assert found == {"ca": "refused", "planner": "ok"}
+    records_read = {p["method"]: p["status"] for p in rows(here / "harder-chart.csv")}
+    assert records_read == {"ca": "refused", "planner": "ok"}
 
 
 def test_what_the_planner_takes_for_an_error_is_one_point_more(
@@ -125,7 +125,7 @@ def test_what_the_planner_takes_for_an_error_is_one_point_more(
     ],
 )
 def test_what_is_refused(
-    here: Path, capsys: pytest.CaptureFixture[str], typed: list[str], code: int, said: str
+    here: Path, capsys: pytest.CaptureFixture[str], typed: list[str], code: int, output: str
 ) -> None:
     (here / "wrong.yaml").write_text("ergon: 1\nkees: {}\n")
     (here / "mine.csv").write_text("a,b\n")
@@ -133,7 +133,7 @@ def test_what_is_refused(
     (here / "bell.yaml").write_text(text)
     assert app.run(typed) == code
     out, err = capsys.readouterr()
-    assert said in err
+    assert output in err
     assert "Traceback" not in out + err
     assert {path.name for path in here.iterdir()} == {
         "bell.yaml", "hard.yaml", "wrong.yaml", "mine.csv"
@@ -159,8 +159,8 @@ def test_without_matplotlib_there_is_the_table(
 
 def test_maps_of_a_method(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run(["stability", "--maps", "cell", "--json"]) == 0
-    told = records(capsys)  # with a record of progress each second, on a slow machine
-    spots = [record for record in told if record["event"] != "progress"]
+    records_read = records(capsys)  # with a record of progress each second, on a slow machine
+    spots = [record for record in records_read if record["event"] != "progress"]
     assert {spot["event"] for spot in spots} == {"spot"}
     for spot in spots:
         assert spot["stable"] == spot["certified"] == (spot["x"] + 2 * spot["y"] < 4)

@@ -47,11 +47,11 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
     with emulated("frame", "--udp", "0", *clock) as url:
         asked = ["doctor", "--no-audio", "--seconds", "0.5", "--json", "--device", url]
         assert app.run(asked) == 0
-    found = records(capsys)
-    assert [r["event"] for r in found] == [
+    rows = records(capsys)
+    assert [r["event"] for r in rows] == [
         *("machine", "speed", "laws", "thread", "memory", "wake-up", "device", "felt")
     ]
-    wakes, device, felt = (by(found, what) for what in ("wake-up", "device", "felt"))
+    wakes, device, forces = (by(rows, what) for what in ("wake-up", "device", "felt"))
     n = math.ceil(0.5 / fitness.TICK_SECONDS)
     assert wakes["ticks"] == sum(wakes["histogram_us"]) == n
     assert 0 < wakes["p50_s"] <= wakes["p99_s"] <= wakes["p999_s"] <= wakes["max_s"]
@@ -59,20 +59,20 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
     # A datagram there and back takes some microseconds at least; most come within 20 ms, or none.
     assert 1e-6 < device["p50_s"] < 0.1
     assert device["p50_s"] <= device["max_s"]
-    assert felt["felt_p50_s"] == pytest.approx(44 / 44100 + device["p50_s"])
+    assert forces["felt_p50_s"] == pytest.approx(44 / 44100 + device["p50_s"])
     if clock:
         assert device["unanswered"] == 0
-    policy = by(found, "thread")
+    policy = by(rows, "thread")
     assert (policy["fifo"] is None) == bool(policy["todo"])
 
 
 def test_doctor_goes_on_without_what_is_missing(capsys: Capture):
     asked = ["doctor", "--audio", "null", "--seconds", "0.1"]
     assert app.run([*asked, "--device", "frame:/dev/nowhere", "--device", "emul:"]) == 3
-    told = capsys.readouterr()
-    assert "frame:/dev/nowhere" in told.err
-    assert "emul:: p50" in told.out
-    assert "no server answers" in told.out
+    output = capsys.readouterr()
+    assert "frame:/dev/nowhere" in output.err
+    assert "emul:: p50" in output.out
+    assert "no server answers" in output.out
     assert app.run([*asked, "--device", "nobody"]) == 2
 
 
@@ -128,13 +128,13 @@ def test_devices_lists_sound_names_and_ports(
     (folder / "by-id").mkdir()
     (folder / "by-id/usb-Teensy_77").symlink_to("/dev/ttyACM0")
     assert app.run(["devices", "--json"]) == 0
-    found = records(capsys)
-    assert {r["audio"] for r in found if r["event"] == "sound"} >= {"jack", "pulse"}
-    assert by(found, "device") == {
+    rows = records(capsys)
+    assert {r["audio"] for r in rows if r["event"] == "sound"} >= {"jack", "pulse"}
+    assert by(rows, "device") == {
         **{"v": 1, "event": "device", "name": "left", "url": "firefader:/dev/ttyACM0#1"},
         "tested": [1],
     }
-    assert [(r["path"], r["name"], r["urls"]) for r in found if r["event"] == "port"] == [
+    assert [(r["path"], r["name"], r["urls"]) for r in rows if r["event"] == "port"] == [
         ("/dev/ttyACM0", "Teensy USB Serial 77", [f"frame:{folder}/by-id/usb-Teensy_77"]),
         ("/dev/ttyS0", "", []),
         ("/dev/ttyUSB0", "FTDI FT232R", ["firefader:/dev/ttyUSB0"]),
@@ -174,16 +174,16 @@ def test_take_record_keeps_where_a_hand_was(capsys: Capture):
         assert app.run(["take", "record", "--live", live, "-o", "a.take", "--seconds", "0.4"]) == 0
         assert "wrote a.take: remi" in capsys.readouterr().err
         assert app.run(["take", "record", "--live", live, "-o", "a.take"]) == 2
-    found = _core.read_recording("a.take")
-    assert found.whole
-    assert found.frames == 44
-    n = len(found.ticks())
+    result = _core.read_recording("a.take")
+    assert result.whole
+    assert result.frames == 44
+    n = len(result.ticks())
     assert 0 <= n - round(0.4 * TICK) < 20
     # Before the first tick it is asked where it is, and nothing is sent.
-    assert found.positions()[:, 0] == pytest.approx(np.array(followed(n)), abs=1e-12)
-    assert not np.any(found.forces())
-    assert not np.any(found.sent())
-    assert json.loads(found.about)["axes"][0]["device"] == f"{live.removeprefix('remi=')}#0"
+    assert result.positions()[:, 0] == pytest.approx(np.array(followed(n)), abs=1e-12)
+    assert not np.any(result.forces())
+    assert not np.any(result.sent())
+    assert json.loads(result.about)["axes"][0]["device"] == f"{live.removeprefix('remi=')}#0"
 
 
 @pytest.mark.parametrize(
@@ -218,9 +218,9 @@ def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
         finally:
             process.kill()  # else a failure would wait for its end
     if "record" in asked:
-        found = _core.read_recording("c.take")
-        assert found.whole
-        assert len(found.ticks()) > 100
+        result = _core.read_recording("c.take")
+        assert result.whole
+        assert len(result.ticks()) > 100
     assert not (folder / "config").exists()
 
 
@@ -229,8 +229,8 @@ def test_two_hands_without_names(capsys: Capture):
         hands = [part for axis in (0, 1) for part in ("--live", f"{url}#{axis}")]
         asked = ["take", "record", *hands, "--tick", "500", "-o", "b.take", "--seconds", "0.1"]
         assert app.run(asked) == 0
-    found = _core.read_recording("b.take")
-    assert (found.names, found.frames) == (["hand", "hand2"], 88)
+    result = _core.read_recording("b.take")
+    assert (result.names, result.frames) == (["hand", "hand2"], 88)
 
 
 def test_what_cannot_be_recorded(capsys: Capture):
@@ -255,12 +255,12 @@ def test_the_committed_table_of_faults_is_what_the_command_measures(faults_page:
 
 def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
     assert app.run(["doctor", "--safety", "--json"]) == 0
-    found = records(capsys)
-    assert {r["event"] for r in found} == {"fault"}
-    assert {r["device"] for r in found} == {"emul", "frame", "firefader", "haply"}
-    assert len(found) == 4 * len({r["fault"] for r in found}) == 80
-    assert not any(r["exceeds"] for r in found)
-    (nan,) = (r for r in found if r["device"] == "frame" and "NaN" in r["fault"])
+    rows = records(capsys)
+    assert {r["event"] for r in rows} == {"fault"}
+    assert {r["device"] for r in rows} == {"emul", "frame", "firefader", "haply"}
+    assert len(rows) == 4 * len({r["fault"] for r in rows}) == 80
+    assert not any(r["exceeds"] for r in rows)
+    (nan,) = (r for r in rows if r["device"] == "frame" and "NaN" in r["fault"])
     assert nan["seconds"] == nan["bound"] == 1e-3
 
 
@@ -272,6 +272,6 @@ def test_doctor_safety_fails_where_a_force_exceeds_its_bound(
         "ergon.live.faults.measure_faults", lambda: [FaultRow("the port is gone", [cell])]
     )
     assert app.run(["doctor", "--safety"]) == 1
-    told = capsys.readouterr()
-    assert "EXCEEDS ITS BOUND" in told.out
-    assert "the port is gone, frame" in told.err
+    output = capsys.readouterr()
+    assert "EXCEEDS ITS BOUND" in output.out
+    assert "the port is gone, frame" in output.err

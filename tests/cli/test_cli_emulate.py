@@ -207,10 +207,10 @@ def test_it_ends_by_itself():
     ],
 )
 def test_what_cannot_be_is_said(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], output: str, capsys: pytest.CaptureFixture[str]
 ):
     assert app.run(["emulate", *arguments]) in (1, 2)
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
 
 
 def test_a_gesture_becomes_positions():

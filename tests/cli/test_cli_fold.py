@@ -118,10 +118,10 @@ def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
     done = ergon(tmp_path, *words, "24")
     assert done.returncode == 0
     lower = float(done.stderr.split("turned down by ")[1].split(" dB")[0])
-    made = samples(tmp_path / "in-stereo.wav")
-    np.testing.assert_allclose(made, clean * 10 ** (-lower / 20), atol=1e-6)
-    assert 10 ** (-3 / 20) < np.abs(made).max() <= 10 ** (-1 / 20)
-    assert np.abs(resample_poly(made, 8, 1, axis=0)).max() < 10 ** (-0.5 / 20)
+    built = samples(tmp_path / "in-stereo.wav")
+    np.testing.assert_allclose(built, clean * 10 ** (-lower / 20), atol=1e-6)
+    assert 10 ** (-3 / 20) < np.abs(built).max() <= 10 ** (-1 / 20)
+    assert np.abs(resample_poly(built, 8, 1, axis=0)).max() < 10 ** (-0.5 / 20)
 
 
 def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
@@ -153,7 +153,7 @@ def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
         (("text.wav", "--to", "stereo"), "not a WAVE file"),
     ],
 )
-def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], said: str):
+def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], message: str):
     noise(tmp_path / "in.wav", 10)
     noise(tmp_path / "nan.wav", 10, 2, peak=np.float32(1.0))
     data = bytearray((tmp_path / "nan.wav").read_bytes())
@@ -163,7 +163,7 @@ def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], s
     before = sorted(tmp_path.iterdir())
     done = ergon(tmp_path, "fold", *words)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
-    assert said in done.stderr
+    assert message in done.stderr
     assert "internal error" not in done.stderr
     assert sorted(tmp_path.iterdir()) == before, "nothing is written"
 
@@ -218,11 +218,11 @@ def test_low_frequency_effects_are_left_out_of_a_fold_and_named(tmp_path: Path):
     done = ergon(tmp_path, "fold", "in.wav", "--to", "stereo", "-o", "out.wav")
     assert done.returncode == 0, done.stderr
     assert "channel 4 is for low-frequency effects, and is left out" in done.stderr
-    heard = samples(tmp_path / "out.wav")
-    assert not heard[10].any()
+    listened = samples(tmp_path / "out.wav")
+    assert not listened[10].any()
     right = np.sin(np.radians(-30.0))
     gains = np.sqrt((1 - right) / 2), np.sqrt((1 + right) / 2)
-    np.testing.assert_allclose(heard[20], 0.5 * np.array(gains), atol=1e-6)
+    np.testing.assert_allclose(listened[20], 0.5 * np.array(gains), atol=1e-6)
 
 
 def test_the_delays_of_a_head_are_heard(tmp_path: Path):

@@ -20,11 +20,11 @@ def records(text: str) -> list[dict]:
 def test_a_dome_that_ships_is_checked_by_its_name(tmp_path: Path):
     done = ergon("check", "dome24", "--json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    *ways, whole = records(done.stdout)
+    *ways, complete = records(done.stdout)
     assert [way["by"] for way in ways] == ["nearest", "VBAP", "AllRAD 3", "AllRAD 5"]
     assert abs(ways[0]["off_mean_deg"] - 13.1) < 0.1
-    assert (whole["loudspeakers"], whole["symmetric"], whole["holes"]) == (24, True, [])
-    assert not whole["open_above"]
+    assert (complete["loudspeakers"], complete["symmetric"], complete["holes"]) == (24, True, [])
+    assert not complete["open_above"]
 
 
 def test_holes_are_named(tmp_path: Path):
@@ -64,8 +64,8 @@ def test_layouts_go_to_other_programs_and_come_back(tmp_path: Path):
         assert back.returncode == 0, back.stderr
         again = ergon("check", f"{form}-4.yaml", "--json", folder=tmp_path)
         first = ergon("check", "dome24", "--json", folder=tmp_path)
-        for ours, own in zip(records(first.stdout)[:4], records(again.stdout)[:4], strict=True):
-            assert abs(ours["off_mean_deg"] - own["off_mean_deg"]) < 1e-3
+        for ours, item in zip(records(first.stdout)[:4], records(again.stdout)[:4], strict=True):
+            assert abs(ours["off_mean_deg"] - item["off_mean_deg"]) < 1e-3
         assert "r: 4.0m" in (tmp_path / f"{form}-4.yaml").read_text()
 
 
@@ -103,7 +103,7 @@ def test_noise_is_played(tmp_path: Path):
 def test_wrong_files_and_options_are_told(tmp_path: Path):
     (tmp_path / "bad.json").write_text("{}")
     (tmp_path / "a.txt").write_text("")
-    for words, said in (
+    for words, message in (
         (("import", "bad.json"), "bad.json: it has no list"),
         (("import", "a.txt"), "give --form"),
         (("import", "no.xml"), "no.xml"),
@@ -117,7 +117,7 @@ def test_wrong_files_and_options_are_told(tmp_path: Path):
         before = sorted(tmp_path.iterdir())
         done = ergon(*words, folder=tmp_path)
         assert (done.returncode, done.stdout) == (2, ""), words
-        assert said in done.stderr
+        assert message in done.stderr
         assert sorted(tmp_path.iterdir()) == before, "nothing is written"
 
 
@@ -178,10 +178,10 @@ render: {tail: 1s}
 
 
 def test_wrong_outputs_of_a_layout_are_refused(tmp_path: Path):
-    for outputs, said in (("[1, 2]", "2 outputs for 3 loud"), ("[1, 2, 2]", "at the output 2")):
+    for outputs, message in (("[1, 2]", "2 outputs for 3 loud"), ("[1, 2, 2]", "at the output 2")):
         (tmp_path / "room.yaml").write_text(
             f"ergon: 1\nspeakers: [{{az: 45}}, {{az: -45}}, {{az: 180}}]\noutputs: {outputs}\n"
         )
         done = ergon("check", "room.yaml", folder=tmp_path)
         assert done.returncode == 1
-        assert said in done.stderr
+        assert message in done.stderr

@@ -62,23 +62,23 @@ def take(
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of takes that no test changes."""
-    made = tmp_path_factory.mktemp("takes")
-    take(made / "rain.take", rain(KEY), 1)
-    take(made / "knocks.take", knocks(KEY), 2)
-    return made
+    built = tmp_path_factory.mktemp("takes")
+    take(built / "rain.take", rain(KEY), 1)
+    take(built / "knocks.take", knocks(KEY), 2)
+    return built
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path, takes: Path) -> Path:
-    shutil.copytree(takes, own_folder, dirs_exist_ok=True)
-    return own_folder
+def folder(work_folder: Path, takes: Path) -> Path:
+    shutil.copytree(takes, work_folder, dirs_exist_ok=True)
+    return work_folder
 
 
 def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     command = ["metrology", "fit", "rain.take", "--held-out", "knocks.take", "-o", "k.yaml"]
     assert app.run(command) == 0
-    said = capsys.readouterr()
-    table = said.out.splitlines()
+    output = capsys.readouterr()
+    table = output.out.splitlines()
     assert [line[:12].strip() for line in table[1:7]] == [
         "M K Z",
         "+ dry",
@@ -89,8 +89,8 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     ]
     assert all("not kept" in line for line in table[3:5])
     assert " g at 18" in table[6] or " g at 179" in table[6]
-    assert "the sensor's noise is 4" in said.err
-    assert "its step is 7.32 um" in said.err
+    assert "the sensor's noise is 4" in output.err
+    assert "its step is 7.32 um" in output.err
     assert " ".join(table[0].split()) == "fit rms of step replay of step BIC what was added"
     # Of the last row: 4.2 um are 0.58 steps of 7.32 um, in the fit and in the replay.
     left, off, bic = (float(table[6].replace(",", "").split()[i]) for i in (4, 7, 8))
@@ -99,8 +99,8 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     assert bic < -240_000
     take("again.take", knocks(KEY), 3)
     assert app.run(["metrology", "replay", "k.yaml", "again.take", "--width", "80"]) == 0
-    said = capsys.readouterr()
-    shown = said.out.splitlines()
+    output = capsys.readouterr()
+    shown = output.out.splitlines()
     assert [line.split("[")[0].strip() for line in shown if "] " in line] == [
         "force",
         "position",
@@ -115,10 +115,10 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     stiff = Path("k.yaml").read_text().replace("K: 6", "K: 5")
     Path("stiff.yaml").write_text(stiff)
     assert app.run(["metrology", "compare", "k.yaml", "stiff.yaml"]) == 0
-    said = capsys.readouterr()
-    assert "mode 1 f [Hz]" in said.out
-    assert "more than 3 standard deviations apart: K by" in said.err
-    assert "of 9 figures with their covariance" in said.err
+    output = capsys.readouterr()
+    assert "mode 1 f [Hz]" in output.out
+    assert "more than 3 standard deviations apart: K by" in output.err
+    assert "of 9 figures with their covariance" in output.err
     assert app.run(["metrology", "compare", "k.yaml", "k.yaml"]) == 0
     assert "no figure differs" in capsys.readouterr().err
     text = Path("k.yaml").read_text()
@@ -128,23 +128,23 @@ def test_a_key_is_measured_and_a_score_takes_it(capsys: Capture):
     score = "ergon: 1\nkeys:\n  k: {calib: k.yaml}\ngestures:\n  g: '0mm@0 1mm@1 0mm@2'\n"
     Path("s.yaml").write_text(score + "parts:\n  - {key: k, at: 1|1, play: g}\n")
     app.run(["check", "s.yaml"])
-    told = capsys.readouterr().err
-    assert "k.yaml" not in told, told
+    printed = capsys.readouterr().err
+    assert "k.yaml" not in printed, printed
 
 
 @pytest.mark.slow
 def test_json_says_every_number_and_its_deviation(capsys: Capture):
     take("rain.take", rain(KEY), 1, lost=100)
     assert app.run(["metrology", "fit", "rain.take", "--json"]) == 0
-    told = records(capsys)
-    stages = [record for record in told if record["event"] == "stage"]
+    records_read = records(capsys)
+    stages = [record for record in records_read if record["event"] == "stage"]
     assert [stage["name"] for stage in stages][:2] == ["M K Z", "dry"]
     mode = next(stage for stage in stages if stage["name"] == "mode")
     assert mode["kept"]
     for name, true in (("mass", 0.38), ("dry", 0.05), ("mode_frequency_1", 180.0)):
-        found = mode["parameters"][name]
-        assert abs(found["value"] - true) < 5 * found["deviation"]
-    assert told[-1]["event"] == "measured"
+        result = mode["parameters"][name]
+        assert abs(result["value"] - true) < 5 * result["deviation"]
+    assert records_read[-1]["event"] == "measured"
 
 
 @pytest.mark.slow
@@ -153,16 +153,16 @@ def test_a_take_that_lacks_ticks_is_fitted(capsys: Capture):
     gap = set(np.random.default_rng(3).choice(np.arange(200, 6000), 60, replace=False).tolist())
     take("rain.take", rain(KEY, 6.0), 1, gap=gap)
     assert app.run(["metrology", "fit", "rain.take", "--json"]) == 0
-    told = records(capsys)
-    kept = [record for record in told if record["event"] == "stage" and record["kept"]]
-    last = kept[-1]
+    records_read = records(capsys)
+    saved = [record for record in records_read if record["event"] == "stage" and record["kept"]]
+    last = saved[-1]
     # Whatever stood for the mode before it was known is taken away.
     assert "mode_frequency_1" in last["parameters"]
     assert not {"presliding", "static_dry"} & last["parameters"].keys()
     assert last["rms_m"] < 4.5e-6
     for name, true in (("mass", 0.38), ("stiffness", 60.0), ("dry", 0.05), ("delay", KEY[6])):
-        found = last["parameters"][name]
-        assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+        result = last["parameters"][name]
+        assert abs(result["value"] - true) < 4.5 * result["deviation"], name
 
 
 CALIBRATION = """ergon: 1
@@ -248,22 +248,22 @@ def test_a_key_of_a_device_is_measured(capsys: Capture):
         url = board.url + "&patience=600"
         command = ["metrology", url, "-o", "key.yaml", "--seconds", "5", "--json"]
         assert app.run(command) == 0
-        told = records(capsys)
-        assert [one["event"] for one in told][:2] == ["rung", "rung"]
-        last = [one for one in told if one["event"] == "stage" and one["kept"]][-1]
+        records_read = records(capsys)
+        assert [one["event"] for one in records_read][:2] == ["rung", "rung"]
+        last = [one for one in records_read if one["event"] == "stage" and one["kept"]][-1]
         assert last["name"] == "mode"
         for name, true in (("mass", 0.38), ("stiffness", 60.0), ("damping", 1.2), ("dry", 0.05)):
-            found = last["parameters"][name]
-            assert abs(found["value"] - true) < 4.5 * found["deviation"], name
+            result = last["parameters"][name]
+            assert abs(result["value"] - true) < 4.5 * result["deviation"], name
         for name in ("key.svg", "key.strikes.take", "key.rain.take", "key.held-out.take"):
             assert Path(name).exists()
         assert app.run(["metrology", "replay", "key.yaml", url, "--json"]) == 0
         assert records(capsys)[-1]["rms_m"] < 5e-6
     takes = ["key.strikes.take", "key.rain.take", "--held-out", "key.held-out.take"]
     assert app.run(["metrology", "fit", *takes, "--json"]) == 0
-    said = capsys.readouterr()
-    again = json.loads(said.out.splitlines()[-2])
-    assert "an older take" not in said.err
+    output = capsys.readouterr()
+    again = json.loads(output.out.splitlines()[-2])
+    assert "an older take" not in output.err
     assert again["parameters"] == last["parameters"] or not again["kept"]
     assert app.run(["metrology", "compare", "key.yaml", "key.yaml", "--json"]) == 0
     assert records(capsys)[-1]["replay_difference_m"] == 0
@@ -273,9 +273,9 @@ def test_a_key_of_a_device_is_measured(capsys: Capture):
     heavy = text.replace("M: 4", "M: 5").replace("M: 39", "M: 49")
     Path("heavy.yaml").write_text(heavy)
     assert app.run(["metrology", "weigh", "key.yaml", "heavy.yaml", "--mass", "100g"]) == 0
-    said = capsys.readouterr()
-    assert "true over found: 1 ± " in said.out
-    assert "does not sink" in said.err
+    output = capsys.readouterr()
+    assert "true over found: 1 ± " in output.out
+    assert "does not sink" in output.err
 
 
 TRUE = """ergon: 1
@@ -319,8 +319,8 @@ def test_a_replay_is_seen_in_a_browser():
     command = [*ERGON, "metrology", "replay", "true.yaml", "knocks.take", "--view", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
-        told = map(json.loads, process.stdout)
-        ready = next(record for record in told if record["event"] == "ready")
+        output = map(json.loads, process.stdout)
+        ready = next(record for record in output if record["event"] == "ready")
         with urllib.request.urlopen(ready["url"] + "motion", timeout=PATIENCE) as answer:
             assert answer.read(4) == b"ERGM"
         process.send_signal(signal.SIGINT)
@@ -347,9 +347,9 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
     """The host is told, and what was recorded is kept."""
     with emulator("frame", "--pty", *EMULATED, "--seconds", "25") as board:
         assert app.run(["metrology", board.url, "-o", "key.yaml"]) == 2
-    told = capsys.readouterr().err
-    assert "the device no longer answers" in told or "unplugged" in told
-    assert "kept key.strikes.take" in told
+    output = capsys.readouterr().err
+    assert "the device no longer answers" in output or "unplugged" in output
+    assert "kept key.strikes.take" in output
     assert Path("key.strikes.take").stat().st_size > 1000
     assert not Path("key.yaml").exists()
 

@@ -14,9 +14,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("wires.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def table(name: str) -> list[dict[str, str]]:

@@ -33,12 +33,12 @@ keys:
 
 
 def test_names_by_section() -> None:
-    found = names_in(SCORE)
-    assert found["marks"] == ["A", "B", "C-2"]
-    assert found["gestures"] == ["knock", "lean", "soft"]
-    assert found["takes"] == ["remi-7"]
-    assert found["players"] == ["ada"]
-    assert found["keys"] == ["k1", "k2"]
+    result = names_in(SCORE)
+    assert result["marks"] == ["A", "B", "C-2"]
+    assert result["gestures"] == ["knock", "lean", "soft"]
+    assert result["takes"] == ["remi-7"]
+    assert result["players"] == ["ada"]
+    assert result["keys"] == ["k1", "k2"]
 
 
 def test_a_glance_agrees_with_the_loader(tmp_path: Path) -> None:
@@ -53,10 +53,10 @@ def test_a_glance_agrees_with_the_loader(tmp_path: Path) -> None:
     path.write_text(text)
     piece = load(path).piece
     assert piece is not None
-    found = names_in(text)
-    assert set(found["gestures"]) == set(piece.gestures)
-    assert set(found["players"]) == set(piece.players)
-    assert set(found["marks"]) == {mark.name for mark in piece.marks}
+    result = names_in(text)
+    assert set(result["gestures"]) == set(piece.gestures)
+    assert set(result["players"]) == set(piece.players)
+    assert set(result["marks"]) == {mark.name for mark in piece.marks}
 
 
 def test_garbage_has_no_names(tmp_path: Path) -> None:
@@ -83,13 +83,13 @@ def test_the_scan_loads_nothing_heavy(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def scripts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("scripts")
-    made = {}
+    built = {}
     for shell in ("bash", "zsh", "fish"):
         command = [*ERGON, "completion", shell]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
-        made[shell] = folder / f"ergon.{shell}"
-        made[shell].write_text(done.stdout)
-    return made
+        built[shell] = folder / f"ergon.{shell}"
+        built[shell].write_text(done.stdout)
+    return built
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

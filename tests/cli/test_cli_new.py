@@ -21,7 +21,7 @@ from ergon.scores.reading.load import load
 Capture = pytest.CaptureFixture[str]
 
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 
 
 @pytest.mark.parametrize("template", few(TEMPLATES, 1))
@@ -87,9 +87,9 @@ def test_schema(capsys: Capture) -> None:
 
 
 @pytest.fixture
-def shipped(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shipped(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A library of one score, so that these tests do not depend on what ships."""
-    path = own_folder / "library" / "one-gesture.yaml"
+    path = work_folder / "library" / "one-gesture.yaml"
     path.parent.mkdir()
     (path.parent / "instruments").mkdir()
     text = contents("bell", "first sound")

@@ -21,9 +21,9 @@ render: {tail: 0.1s}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("a.yaml").write_text(GONGS)
-    return own_folder
+    return work_folder
 
 
 @pytest.mark.parametrize(
@@ -41,9 +41,9 @@ def folder(own_folder: Path) -> Path:
         (["sweep", "--on", "local:2", "--jobs", "2", "--vary", "seed=1,2"], "excludes --jobs"),
     ],
 )
-def test_mistakes(words: list[str], said: str, capsys: pytest.CaptureFixture[str]):
+def test_mistakes(words: list[str], message: str, capsys: pytest.CaptureFixture[str]):
     assert app.run([words[0], "a.yaml", *words[1:]]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert [path.name for path in Path().iterdir()] == ["a.yaml"]
 
 
@@ -55,20 +55,20 @@ def test_a_plan_says_what_bounds_the_time(capsys: pytest.CaptureFixture[str]):
     assert app.run(["plan", "a.yaml", "--on", "local:3", "--json"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     rows = dict.fromkeys("abd", 0.0)
-    for one in lines:
-        if one["event"] == "plan_row":
-            rows[one["parts"][0]] += one["cost"]
-    (told,) = (one for one in lines if one["event"] == "shares")
-    assert sorted(told["workers"]) == pytest.approx(sorted([rows["a"], rows["b"], 0.0]))
-    assert told["home"] == pytest.approx(rows["d"])
-    assert told["dearest"] == ["a"]
-    assert told["bound"] == pytest.approx(sum(rows.values()) / rows["a"])
+    for item in lines:
+        if item["event"] == "plan_row":
+            rows[item["parts"][0]] += item["cost"]
+    (output,) = (item for item in lines if item["event"] == "shares")
+    assert sorted(output["workers"]) == pytest.approx(sorted([rows["a"], rows["b"], 0.0]))
+    assert output["home"] == pytest.approx(rows["d"])
+    assert output["dearest"] == ["a"]
+    assert output["bound"] == pytest.approx(sum(rows.values()) / rows["a"])
 
 
 def test_shares_by_hand():
-    own = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
-    found = share_out(own, 10.0, 2)
-    assert sorted(found.loads) == [4.0, 5.0]
-    assert (found.home, found.whole, found.longest, found.bound) == (1.0, 10.0, 5.0, 2.5)
-    assert found.dearest == own[0]
+    single = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
+    result = share_out(single, 10.0, 2)
+    assert sorted(result.loads) == [4.0, 5.0]
+    assert (result.home, result.whole, result.longest, result.bound) == (1.0, 10.0, 5.0, 2.5)
+    assert result.dearest == single[0]
     assert share_out([], 2.0, 4).longest == 2.0

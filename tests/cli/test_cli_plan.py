@@ -43,30 +43,32 @@ render: {tail: 0.5s, bits: float}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    (own_folder / "all.yaml").write_text(SCORE)
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "all.yaml").write_text(SCORE)
+    return work_folder
 
 
 def rows(capsys: Capture, *options: str) -> dict[str, dict]:
     """The rows of a plan by their first part; those of islands by what is in them."""
     assert app.run(["plan", "all.yaml", "--json", *options]) == 0
-    found = records(capsys)
-    assert [row["event"] for row in found][-1] == "plan"
-    return {"+".join(row["parts"]): row for row in found if row["event"] == "plan_row"}
+    records_read = records(capsys)
+    assert [row["event"] for row in records_read][-1] == "plan"
+    return {"+".join(row["parts"]): row for row in records_read if row["event"] == "plan_row"}
 
 
 def test_everything_by_what_it_needs(capsys: Capture) -> None:
-    found = rows(capsys, "--error", "-60dB")
-    assert found["wire"]["what"] == "modes"
-    assert found["wire"]["modes"] <= found["wire"]["modes_of"] == 24
-    assert (found["sky"]["what"], found["sky"]["n_mat"]) == ("oscillators", 40)
-    assert found["deaf"]["what"] == "unheard"
-    assert found["drum"]["what"] == "still"
-    assert found["k1+bell"]["what"] == "stepped"
-    assert found["k1+bell"]["error_db"] <= -60.0
-    assert found["gong"]["error_db"] <= -60.0
-    assert all(row["certificate"] == "proved" for row in (found["wire"], found["sky"]))
+    records_read = rows(capsys, "--error", "-60dB")
+    assert records_read["wire"]["what"] == "modes"
+    assert records_read["wire"]["modes"] <= records_read["wire"]["modes_of"] == 24
+    assert (records_read["sky"]["what"], records_read["sky"]["n_mat"]) == ("oscillators", 40)
+    assert records_read["deaf"]["what"] == "unheard"
+    assert records_read["drum"]["what"] == "still"
+    assert records_read["k1+bell"]["what"] == "stepped"
+    assert records_read["k1+bell"]["error_db"] <= -60.0
+    assert records_read["gong"]["error_db"] <= -60.0
+    assert all(
+        row["certificate"] == "proved" for row in (records_read["wire"], records_read["sky"])
+    )
 
 
 def test_a_method_for_all(capsys: Capture) -> None:
@@ -101,11 +103,11 @@ def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
     assert app.run(["render", "all.yaml", "-o", "c.wav"]) == 0
     a, b, c = (hash_samples(Path(name)) for name in ("a.wav", "b.wav", "c.wav"))
     assert a == b != c
-    told = json.loads(Path("all.json").read_text())["hash"]
-    assert read_info(Path("a.wav")).plan == read_info(Path("b.wav")).plan == told
+    output = json.loads(Path("all.json").read_text())["hash"]
+    assert read_info(Path("a.wav")).plan == read_info(Path("b.wav")).plan == output
     capsys.readouterr()
     assert app.run(["info", "a.wav"]) == 0
-    assert f"plan:    sha256 {told}" in capsys.readouterr().out
+    assert f"plan:    sha256 {output}" in capsys.readouterr().out
 
 
 # Four masses in a row: every method has a plan of its own for them.
@@ -164,9 +166,9 @@ def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) 
     """Files of earlier versions name none."""
     Path("row.yaml").write_text(ROW.replace("render:", "accuracy: {method: ca}\nrender:"))
     assert app.run(["plan", "row.yaml", "-o", "row.json"]) == 0
-    found = json.loads(Path("row.json").read_text())
-    assert found.pop("budget") == {"method": "ca"}
-    Path("row.json").write_text(json.dumps(found))
+    result = json.loads(Path("row.json").read_text())
+    assert result.pop("budget") == {"method": "ca"}
+    Path("row.json").write_text(json.dumps(result))
     assert app.run(["render", "row.yaml", "--plan", "row.json", "-o", "b.wav"]) == 0
     capsys.readouterr()
 
@@ -198,8 +200,8 @@ def test_a_plan_that_does_not_fit_leaves_no_file(text: str, says: str, capsys: C
 
 
 def test_a_plan_that_costs_too_much_says_what_would_fit(capsys: Capture) -> None:
-    dear = SCORE.replace("render:", "accuracy: {error: -120dB, cpu: 0.5%}\nrender:")
-    Path("dear.yaml").write_text(dear)
+    expensive = SCORE.replace("render:", "accuracy: {error: -120dB, cpu: 0.5%}\nrender:")
+    Path("dear.yaml").write_text(expensive)
     assert app.run(["plan", "dear.yaml"]) == 0
     err = capsys.readouterr().err
     assert "warning[W402]" in err

@@ -28,21 +28,21 @@ def test_a_stopped_render_leaves_nothing(
     with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE) as process:
         until(lambda: list(folder.glob(".long.wav.*.part")), "a render")
         process.send_signal(number)
-        _, said = process.communicate(timeout=PATIENCE)
-        assert process.returncode == 128 + number, said
-        assert b"Traceback" not in said
+        _, output = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 128 + number, output
+        assert b"Traceback" not in output
     files = [path.name for path in folder.rglob("*") if path.is_file()]
     assert sorted(files) == ["bell.yaml", "long.yaml"]
 
 
 def test_renders_go_through_pipes(folder: Path) -> None:
-    whole = subprocess.run(
+    complete = subprocess.run(
         [*ERGON, "render", "-q", "bell.yaml", "-o", "-"],
         cwd=folder,
         capture_output=True,
         check=True,
     )
-    assert whole.stderr == b""
+    assert complete.stderr == b""
     with subprocess.Popen(
         [*ERGON, "render", "bell.yaml", "-o", "-", "--bits", "float"],
         cwd=folder,
@@ -62,7 +62,7 @@ def test_renders_go_through_pipes(folder: Path) -> None:
         check=True,
     )
     assert again.returncode == 0
-    assert (folder / "x.wav").read_bytes() == whole.stdout
+    assert (folder / "x.wav").read_bytes() == complete.stdout
 
 
 def test_without_a_terminal_nothing_is_coloured_or_drawn(folder: Path) -> None:

@@ -17,9 +17,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    (own_folder / "bell.yaml").write_text(SCORE)
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "bell.yaml").write_text(SCORE)
+    return work_folder
 
 
 def test_render_writes_what_the_score_says(capsys: Capture) -> None:
@@ -82,9 +82,9 @@ def test_a_performance_has_the_gain_of_the_file(master: str, capsys: Capture) ->
 def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> None:
     Path("two.yaml").write_text(TWO_BELLS.replace("MASTER", "loudness: -3LUFS"), encoding="utf-8")
     assert app.run(["render", "two.yaml"]) == 0
-    said = capsys.readouterr().err
-    assert "true peak -1.0 dBTP" in said
-    assert "dB below the -3 LUFS of its master" in said
+    output = capsys.readouterr().err
+    assert "true peak -1.0 dBTP" in output
+    assert "dB below the -3 LUFS of its master" in output
     for part in (["--to", "0.75s"], ["--from", "1.5s"]):
         assert app.run(["render", "two.yaml", *part, "-o", "part.wav", "--force"]) == 0
         assert "of its master" not in capsys.readouterr().err
@@ -110,8 +110,8 @@ def test_same_bytes_for_any_threads_and_blocks() -> None:
         (["--threads", "1"], ["--threads", "2", "--block", "997"], ["--block", "64"])
     ):
         assert app.run(["render", "-q", "bell.yaml", "-o", f"{index}.wav", *more]) == 0
-    one, two, three = (Path(f"{index}.wav").read_bytes() for index in range(3))
-    assert one == two == three
+    item, two, three = (Path(f"{index}.wav").read_bytes() for index in range(3))
+    assert item == two == three
 
 
 def test_a_comment_changes_no_byte_and_a_title_no_sample() -> None:
@@ -128,9 +128,9 @@ def test_a_part_of_the_piece(capsys: Capture) -> None:
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float"]) == 0
     part = ["--from", "0.25s", "--to", "B-2", "-o", "part.wav"]
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float", *part]) == 0
-    whole, _ = soundfile.read("bell.wav", dtype="float32")
+    complete, _ = soundfile.read("bell.wav", dtype="float32")
     cut, _ = soundfile.read("part.wav", dtype="float32")
-    np.testing.assert_array_equal(cut, whole[11_025 : 2 * 44_100])
+    np.testing.assert_array_equal(cut, complete[11_025 : 2 * 44_100])
     assert app.run(["render", "bell.yaml", "--from", "Q"]) == 2
     assert "--from: unknown mark 'Q'" in capsys.readouterr().err
     assert app.run(["render", "bell.yaml", "--from", "40|1"]) == 2
@@ -155,10 +155,10 @@ def test_a_piece_without_a_length_is_told_to_have_a_tail(folder: Path, capsys: C
 def test_another_rate() -> None:
     assert app.run(["render", "-q", "bell.yaml"]) == 0
     assert app.run(["render", "-q", "bell.yaml", "--rate", "48000", "-o", "48.wav"]) == 0
-    one, two = read_info(Path("bell.wav")), read_info(Path("48.wav"))
+    first, two = read_info(Path("bell.wav")), read_info(Path("48.wav"))
     assert two.format.rate == 48_000
-    assert two.n_frames / 48_000 == pytest.approx(one.n_frames / 44_100, abs=1e-4)
-    assert one.score == two.score
+    assert two.n_frames / 48_000 == pytest.approx(first.n_frames / 44_100, abs=1e-4)
+    assert first.score == two.score
     assert app.run(["render", "bell.yaml", "--rate", "44100.5"]) == 2
 
 
@@ -259,8 +259,8 @@ def test_a_silent_file_ends_with_1_where_it_shall(folder: Path, capsys: Capture)
     text = "ergon: 1\ninstruments: {bell: {modules: {m: {CEL: {M: 2g, f: A4}}}, out: {SOX: m}}}\n"
     score.write_text(text + "render: {tail: 100ms}\n", encoding="utf-8")
     assert app.run(["render", "still.yaml"]) == 0
-    told = capsys.readouterr().err
-    assert "still.yaml:1:1: warning[W324] the file is silent" in told
+    output = capsys.readouterr().err
+    assert "still.yaml:1:1: warning[W324] the file is silent" in output
     assert app.run(["render", "still.yaml", "--strict"]) == 1
     assert Path("still.wav").exists()
     assert app.run(["render", "bell.yaml", "--strict"]) == 0
@@ -271,7 +271,7 @@ def test_a_file_of_which_every_sample_is_rounded_to_0_is_silent(
 ) -> None:
     score = "ergon: 1\ninstruments: {m: {CEL: {M: 1g, f: A4, t60: 1s}, out: {SOX: m}}}\n"
     score += "strikes: {s: {to: m, at: 0, impulse: IMPULSE}}\nrender: {tail: 100ms, bits: BITS}\n"
-    for impulse, bits, code, told in (
+    for impulse, bits, code, message in (
         ("0.0001uNs", 24, 1, "W324"),  # -149 dBFS
         ("0.001uNs", 24, 0, "W325"),  # -129 dBFS
         ("0.001uNs", 16, 1, "W324"),
@@ -280,7 +280,7 @@ def test_a_file_of_which_every_sample_is_rounded_to_0_is_silent(
         text = score.replace("IMPULSE", impulse).replace("BITS", str(bits))
         Path("soft.yaml").write_text(text + "mix: {master: {reference: -20dB}}\n")
         assert app.run(["render", "soft.yaml", "--strict", "--force"]) == code
-        assert f"warning[{told}]" in capsys.readouterr().err
+        assert f"warning[{message}]" in capsys.readouterr().err
 
 
 def test_the_summary_tells_the_level_of_each_instrument(folder: Path, capsys: Capture) -> None:
@@ -289,11 +289,11 @@ def test_the_summary_tells_the_level_of_each_instrument(folder: Path, capsys: Ca
     text = f"ergon: 1\ninstruments: {{low: {low}, high: {high}}}\nrender: {{tail: 1s}}\n"
     Path("two.yaml").write_text(text, encoding="utf-8")
     assert app.run(["render", "two.yaml"]) == 0
-    told = capsys.readouterr().err.splitlines()
-    peaks = [float(line.split("peak ")[1].split(" dB")[0]) for line in told[1:]]
-    assert [line.split(":")[0] for line in told[1:]] == ["low", "high"]
+    output = capsys.readouterr().err.splitlines()
+    peaks = [float(line.split("peak ")[1].split(" dB")[0]) for line in output[1:]]
+    assert [line.split(":")[0] for line in output[1:]] == ["low", "high"]
     assert peaks == pytest.approx([0.0, -20.0], abs=0.11)
-    assert all(line.endswith(" LUFS") for line in told[1:])
+    assert all(line.endswith(" LUFS") for line in output[1:])
     assert app.run(["render", "--json", "two.yaml"]) == 0
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     named = [record["name"] for record in records if record["event"] == "instrument"]
@@ -319,13 +319,13 @@ def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) ->
     (folder / "soft.yaml").write_text(STRUCK_HARD.replace("0.5Ns", "0.01Ns"))
     assert app.run(["render", "hard.yaml"]) == 0
     last = capsys.readouterr().err.splitlines()[-1]
-    said = r"gong: (\d+) frames were computed finer, up to ([248]) times: .*"
-    found = re.fullmatch(said, last)
-    assert found is not None, last
+    text = r"gong: (\d+) frames were computed finer, up to ([248]) times: .*"
+    result = re.fullmatch(text, last)
+    assert result is not None, last
     assert app.run(["render", "--json", "--force", "hard.yaml"]) == 0
     (record,) = [r for r in records(capsys) if r["event"] == "finer"]
-    told = (record["frames"], record["most"])
-    assert (record["part"], *told) == ("gong", *map(int, found.groups()))
+    output = (record["frames"], record["most"])
+    assert (record["part"], *output) == ("gong", *map(int, result.groups()))
     assert app.run(["render", "soft.yaml"]) == 0
     assert "finer" not in capsys.readouterr().err
 
@@ -347,5 +347,5 @@ def test_an_instrument_that_hides_all_others_is_told(
     for impulse, is_told in (("0.05mNs", True), ("0.5mNs", False)):
         Path("a.yaml").write_text(text % impulse)
         assert app.run(["render", "a.yaml", "-f"]) == 0
-        told = "loud is 28 dB louder than every other instrument" in capsys.readouterr().err
-        assert told == is_told
+        output = "loud is 28 dB louder than every other instrument" in capsys.readouterr().err
+        assert output == is_told

@@ -19,9 +19,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    (own_folder / "bell.yaml").write_text(SCORE)
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "bell.yaml").write_text(SCORE)
+    return work_folder
 
 
 # --- check --------------------------------------------------------------------------------------
@@ -127,10 +127,10 @@ def test_what_was_followed_exactly_has_no_worst(folder: Path, capsys: Capture) -
 
 def test_check_simulate_says_what_swings_and_touches(folder: Path, capsys: Capture) -> None:
     assert app.run(["check", "--simulate", "--json", "bell.yaml"]) == 0
-    found = records(capsys)
-    key = next(r for r in found if r["event"] == "swing" and r["mass"] == "k1")
+    rows = records(capsys)
+    key = next(r for r in rows if r["event"] == "swing" and r["mass"] == "k1")
     assert key["low_m"] < 0 < key["high_m"] < 0.02
-    contact = next(r for r in found if r["event"] == "contact")
+    contact = next(r for r in rows if r["event"] == "contact")
     assert (contact["striker"], contact["closed"] > 0) == ("k1", True)
     assert contact["first_s"] > 0
     assert contact["deepest_m"] > 0
@@ -140,17 +140,17 @@ def test_a_contact_that_never_closes_is_named(folder: Path, capsys: Capture) -> 
     assert "gap: 1mm" in SCORE
     (folder / "far.yaml").write_text(SCORE.replace("gap: 1mm", "gap: 14mm"))
     assert app.run(["check", "--simulate", "far.yaml"]) == 0
-    said = capsys.readouterr()
-    assert "warning[W320] contact" in said.err
-    missed = re.search(r"k1 comes within ([\d.]+) mm of touching", said.err)
-    reached = re.search(r"^k1: from .* to ([\d.]+) mm", said.out, re.MULTILINE)
+    output = capsys.readouterr()
+    assert "warning[W320] contact" in output.err
+    missed = re.search(r"k1 comes within ([\d.]+) mm of touching", output.err)
+    reached = re.search(r"^k1: from .* to ([\d.]+) mm", output.out, re.MULTILINE)
     assert missed
     assert reached
     assert float(missed[1]) + float(reached[1]) == pytest.approx(14.0, abs=0.05)
     assert app.run(["render", "far.yaml", "-o", "far.wav"]) == 0
-    told = capsys.readouterr().err
-    assert "warning[W324] the file is silent" in told
-    assert "`ergon check --simulate` says what moves and what touches" in told
+    printed = capsys.readouterr().err
+    assert "warning[W324] the file is silent" in printed
+    assert "`ergon check --simulate` says what moves and what touches" in printed
 
 
 def test_swapped_ends_of_a_contact_are_named(folder: Path, capsys: Capture) -> None:

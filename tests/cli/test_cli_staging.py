@@ -23,7 +23,7 @@ instruments:
 
 
 @pytest.fixture
-def here(own_folder: Path) -> Path:
+def here(work_folder: Path) -> Path:
     """A score that is read without a mistake and cannot be played, and the journal of one."""
     Path("score.yaml").write_text(SCORE, encoding="utf-8")
     journal = Journal(Path("began.jsonl"))
@@ -31,7 +31,7 @@ def here(own_folder: Path) -> Path:
     journal.append("session", **opening.fields())
     journal.append("said", line="show", taken=True, reply="", frame=640)
     journal.close()
-    return own_folder
+    return work_folder
 
 
 @pytest.mark.parametrize(

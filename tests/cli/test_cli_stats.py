@@ -14,9 +14,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bars.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def test_figures_in_the_terminal(capsys: Capture):
@@ -34,14 +34,14 @@ def test_figures_in_the_terminal(capsys: Capture):
 
 def test_as_records(capsys: Capture):
     assert app.run(["stats", "bars.yaml", "--json"]) == 0
-    found = records(capsys)
-    assert [row["part"] for row in found] == [
+    records_read = records(capsys)
+    assert [row["part"] for row in records_read] == [
         *("k1", "bar", "free", "wire", "soft", "discrete", "bowl", "wall")
     ]
-    assert found[1]["links"][0]["count"] == 8
-    assert found[2]["points"][0]["compliance_m_per_n"] is None
-    assert found[2]["free_motions"] == 1
-    assert found[-1]["t60_range_s"] == []
+    assert records_read[1]["links"][0]["count"] == 8
+    assert records_read[2]["points"][0]["compliance_m_per_n"] is None
+    assert records_read[2]["free_motions"] == 1
+    assert records_read[-1]["t60_range_s"] == []
 
 
 @pytest.mark.parametrize(
@@ -73,10 +73,10 @@ def test_of_a_take(capsys: Capture):
     assert out[7] == "  force felt    peak 1 N, rms 0.705 N; sent up to 0 N"
     assert out[8].startswith("  energy        given ")
     assert app.run(["stats", "hand.take", "remi", "--cutoff", "8Hz", "--json"]) == 0
-    (found,) = records(capsys)
-    assert (found["event"], found["lost"], found["held"]) == ("hand", 0, 0)
-    assert len(found["movement"]["reversals"]) == 9
-    assert found["movement"]["cutoff"] == 8.0
+    (records_read,) = records(capsys)
+    assert (records_read["event"], records_read["lost"], records_read["held"]) == ("hand", 0, 0)
+    assert len(records_read["movement"]["reversals"]) == 9
+    assert records_read["movement"]["cutoff"] == 8.0
 
 
 @pytest.mark.parametrize(
@@ -89,8 +89,8 @@ def test_of_a_take(capsys: Capture):
         (["still.take", "--cutoff", "1kg"], "--cutoff: "),
     ],
 )
-def test_of_a_take_refuses(capsys: Capture, words: list[str], said: str):
+def test_of_a_take_refuses(capsys: Capture, words: list[str], message: str):
     Path("bad.take").write_bytes(b"RIFF")
     Path("still.take").write_bytes(header() + rows(row(1, Axis(0.0)), row(2, Axis(0.0))) + end())
     assert app.run(["stats", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err

@@ -43,8 +43,8 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
         timeout=PATIENCE,
         preexec_fn=close,
     )
-    told = done.stderr.decode()
-    assert not [word for word in SAID if word in told], told
+    output = done.stderr.decode()
+    assert not [word for word in SAID if word in output], output
     return done
 
 
@@ -68,9 +68,9 @@ def test_no_file_gets_the_number_of_a_closed_stream(here: Path) -> None:
 def test_what_ascii_cannot_say_is_escaped(here: Path, environment: dict[str, str]) -> None:
     assert b"f\\xeal\\xe9e" in ergon(here, "info score.yaml", **environment).stdout
     assert ergon(here, "plan score.yaml", **environment).returncode == 0
-    told = [json.loads(line) for line in ergon(here, "info score.yaml --json", **environment).stdout
-            .splitlines()]  # fmt: skip
-    assert any("fêlée" in str(one) for one in told)
+    printed = ergon(here, "info score.yaml --json", **environment).stdout
+    output = [json.loads(line) for line in printed.splitlines()]
+    assert any("fêlée" in str(one) for one in output)
     (here / "bad.yaml").write_text(SCORE.replace("knock, every", "knöck, every"))
     bad = ergon(here, "check bad.yaml --json", **environment)
     assert bad.returncode == 1

@@ -38,17 +38,17 @@ def named(tmp_path: Path, capsys: Capture, **fields: str) -> list[str]:
     """The contacts of W334."""
     (tmp_path / "s.yaml").write_text(SCORE.format(**fields))
     assert app.run(["check", "--simulate", str(tmp_path / "s.yaml")]) == 0
-    told = [line for line in capsys.readouterr().err.splitlines() if "W334" in line]
-    return [line.partition("contact '")[2] for line in told]
+    output = [line for line in capsys.readouterr().err.splitlines() if "W334" in line]
+    return [line.partition("contact '")[2] for line in output]
 
 
 @pytest.mark.parametrize("part", [FOUR, "{at: 0, play: roll}"], ids=["gestures", "strokes of one"])
 def test_strokes_that_go_as_far_and_reach_nothing_are_told(
     tmp_path: Path, capsys: Capture, part: str
 ) -> None:
-    own, thrown = named(tmp_path, capsys, part=part, **SLOW)
-    assert own.startswith("bell.b' closes at 1|1.")
-    assert own.endswith(" only, though 3 later strokes of k go as far")
+    single, thrown = named(tmp_path, capsys, part=part, **SLOW)
+    assert single.startswith("bell.b' closes at 1|1.")
+    assert single.endswith(" only, though 3 later strokes of k go as far")
     assert thrown.startswith("bell.felt' closes at 1|1.")
 
 
@@ -73,8 +73,8 @@ def test_a_contact_that_is_closed_at_the_beginning_alone_is_told(
 ) -> None:
     part = "{at: 0, play: knock, every: 1/4, times: 2}"
     begun = SLOW | {"start": ", X0: -2mm, V0: 0.5m/s", "gap": "1.5mm", "part": part}
-    own, *_ = named(tmp_path, capsys, **begun)
-    assert own.startswith("bell.b' closes at 1|1 only, though 1 later stroke of k goes")
+    single, *_ = named(tmp_path, capsys, **begun)
+    assert single.startswith("bell.b' closes at 1|1 only, though 1 later stroke of k goes")
 
 
 def test_what_something_else_closes_is_not(tmp_path: Path, capsys: Capture) -> None:
@@ -96,9 +96,9 @@ def struck(second: str) -> dict[str, str]:
 def test_strikes_that_are_as_strong_and_close_nothing_are_told(
     tmp_path: Path, capsys: Capture
 ) -> None:
-    (felt,) = named(tmp_path, capsys, **struck("5mNs"))
-    assert felt.startswith("bell.felt' closes at 1|1.")
-    assert felt.endswith(" only, though 1 later strike on bell.ball is as strong")
+    (forces,) = named(tmp_path, capsys, **struck("5mNs"))
+    assert forces.startswith("bell.felt' closes at 1|1.")
+    assert forces.endswith(" only, though 1 later strike on bell.ball is as strong")
 
 
 @pytest.mark.parametrize("second", ["4.9mNs", "-5mNs"], ids=["softer", "the other way"])

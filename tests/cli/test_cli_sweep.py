@@ -44,12 +44,12 @@ instruments:
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bell.yaml").write_text(BELL)
     Path("bells.yaml").write_text(SMALL)
     rows = "".join(f"{i / 100},{i % 7 / 1000}\n" for i in range(30))
     Path("sway.csv").write_text(f"t [s],x [m]\n{rows}")
-    return own_folder
+    return work_folder
 
 
 def rows(folder: str = "bell.sweep") -> list[dict[str, str]]:
@@ -64,8 +64,8 @@ def sweep(*words: str) -> int:
 def test_sounds_are_those_of_render(capsys: pytest.CaptureFixture[str]):
     assert sweep("--vary", "hum.m.K=4kN/m..9kN/m:2", "--vary", "seed=7..8") == 0
     assert capsys.readouterr().out.count("\n") == 5
-    found = rows()
-    assert [(row["hum.m.K"], row["seed"]) for row in found] == [
+    records_read = rows()
+    assert [(row["hum.m.K"], row["seed"]) for row in records_read] == [
         ("4kN/m", "7"),
         ("4kN/m", "8"),
         ("9kN/m", "7"),
@@ -73,14 +73,14 @@ def test_sounds_are_those_of_render(capsys: pytest.CaptureFixture[str]):
     ]
     Path("own.yaml").write_text("seed: 8\n" + BELL.replace("5kN/m", "9kN/m"))
     done = ergon.render_to_file("own.yaml", "own.wav")
-    assert found[3]["file"] == "hum.m.K=9kN_m,seed=8.wav"
-    made = Path("bell.sweep", found[3]["file"]).read_bytes()
+    assert records_read[3]["file"] == "hum.m.K=9kN_m,seed=8.wav"
+    built = Path("bell.sweep", records_read[3]["file"]).read_bytes()
     # What differs is the hash of the score, which says the seed elsewhere.
-    assert made[-1000:] == Path("own.wav").read_bytes()[-1000:]
-    assert float(found[3]["loudness_lufs"]) == pytest.approx(done.mix.loudness)
-    assert float(found[3]["peak_db"]) == pytest.approx(-1.0, abs=1e-3)
+    assert built[-1000:] == Path("own.wav").read_bytes()[-1000:]
+    assert float(records_read[3]["loudness_lufs"]) == pytest.approx(done.mix.loudness)
+    assert float(records_read[3]["peak_db"]) == pytest.approx(-1.0, abs=1e-3)
     # f = √(K/M)/2π
-    for row, f in ((found[0], 225.08), (found[3], 337.6)):
+    for row, f in ((records_read[0], 225.08), (records_read[3], 337.6)):
         assert float(row["partial_hz"]) == pytest.approx(f, rel=5e-3)
     root = ElementTree.parse("bell.sweep/sweep.svg").getroot()
     assert sum(one.tag.endswith("circle") for one in root.iter()) >= 4 * 4
@@ -123,16 +123,16 @@ def test_a_second_run_computes_what_is_missing(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_score_may_be_named_by_any_path():
-    given = ["sweep", "./bell.yaml", "-q", "--vary", "hum.m.M=1g,2g", "--no-sound"]
-    assert app.run(given) == 0
+    arguments = ["sweep", "./bell.yaml", "-q", "--vary", "hum.m.M=1g,2g", "--no-sound"]
+    assert app.run(arguments) == 0
     assert len(rows()) == 2
 
 
 def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
     assert sweep("--method", "ca", "--vary", "hum.m.K=5kN/m,1e9N/m,6kN/m", "--no-sound") == 1
-    told = capsys.readouterr()
-    assert "1 variant of 3 failed; the first: " in told.err
-    assert f"{Path.cwd()}/bell.yaml:10:7: error[E309] hum.m: its frequency is" in told.err
+    output = capsys.readouterr()
+    assert "1 variant of 3 failed; the first: " in output.err
+    assert f"{Path.cwd()}/bell.yaml:10:7: error[E309] hum.m: its frequency is" in output.err
     assert [row["status"] for row in rows()] == ["ok", "refused", "ok"]
     assert sorted(os.listdir("bell.sweep")) == ["sweep.csv", "sweep.svg"]
 
@@ -150,11 +150,11 @@ def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
     ],
 )
 def test_mistakes_render_nothing(
-    words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], code: int, output: str, capsys: pytest.CaptureFixture[str]
 ):
     before = sorted(os.listdir())
     assert sweep(*words) == code
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
     assert sorted(os.listdir()) == before
 
 
@@ -168,10 +168,10 @@ def test_what_is_stopped_keeps_what_is_whole(number: signal.Signals):
     try:
         until(lambda: len(list(Path().glob("bell.sweep/*.wav"))) > 3, "sounds")
         process.send_signal(number)
-        _, told = process.communicate(timeout=PATIENCE)
+        _, output = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
-    assert b"Traceback" not in told
+    assert b"Traceback" not in output
     assert process.returncode == 128 + number
     done = rows()
     assert 2 < len(done) < 60  # the fourth sound may not have its row yet

@@ -34,9 +34,9 @@ def data(first: int = 1000, n: int = 2000) -> bytes:
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    (own_folder / "hand.take").write_bytes(data())
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "hand.take").write_bytes(data())
+    return work_folder
 
 
 @pytest.mark.parametrize("command", [["info"], ["take", "info"]])
@@ -110,14 +110,14 @@ def test_trim_keeps_rows_events_and_their_places(capsys: Capture) -> None:
     assert app.run(["take", "trim", "hand.take", "0.25s", "1.5s", "-o", "part.take"]) == 0
     out, err = capsys.readouterr()
     assert (out, err) == ("", "wrote part.take: remi, ada, 1.250 s, 1,250 ticks\n")
-    found, whole = _core.read_recording("part.take"), _core.read_recording("hand.take")
-    assert found.ticks().tolist() == list(range(1250, 2500))
+    result, complete = _core.read_recording("part.take"), _core.read_recording("hand.take")
+    assert result.ticks().tolist() == list(range(1250, 2500))
     for column in ("positions", "forces", "sent", "flags", "clocks"):
-        cut = getattr(whole, column)()[250:1500]
-        assert getattr(found, column)().tobytes() == cut.tobytes()
-    assert found.events == whole.events[1:6]
-    assert found.about == ABOUT
-    assert found.finished
+        cut = getattr(complete, column)()[250:1500]
+        assert getattr(result, column)().tobytes() == cut.tobytes()
+    assert result.events == complete.events[1:6]
+    assert result.about == ABOUT
+    assert result.finished
     # As `trim:` of a score cuts it.
     assert (
         read(Path("part.take"), "remi").x.tolist()
@@ -148,11 +148,11 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
         (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
     ],
 )
-def test_trim_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:
+def test_trim_refuses(folder: Path, capsys: Capture, words: list[str], message: str) -> None:
     (folder / "other.take").write_bytes(data())
     before = sorted(folder.iterdir())
     assert app.run(["take", "trim", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert sorted(folder.iterdir()) == before
     assert (folder / "other.take").read_bytes() == (folder / "hand.take").read_bytes() == data()
 
@@ -185,12 +185,12 @@ def test_csv_on_stdout(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
 
 def test_npz(capsys: Capture) -> None:
     assert app.run(["take", "export", "hand.take", "-o", "x.npz"]) == 0
-    whole = _core.read_recording("hand.take")
+    complete = _core.read_recording("hand.take")
     with np.load("x.npz") as arrays:
-        assert arrays["ada [m]"].tobytes() == whole.positions()[:, 1].tobytes()
+        assert arrays["ada [m]"].tobytes() == complete.positions()[:, 1].tobytes()
         assert arrays["remi sent [N]"].dtype == np.float32
-        assert arrays["tick [1]"].tolist() == whole.ticks().tolist()
-    assert read(Path("x.npz"), "ada").x.tolist() == whole.positions()[:, 1].tolist()
+        assert arrays["tick [1]"].tolist() == complete.ticks().tolist()
+    assert read(Path("x.npz"), "ada").x.tolist() == complete.positions()[:, 1].tolist()
     first = Path("x.npz").read_bytes()
     assert app.run(["take", "export", "hand.take", "-o", "x.npz", "-f"]) == 0
     assert Path("x.npz").read_bytes() == first
@@ -201,8 +201,8 @@ def test_wav_is_the_movement_at_the_audio_rate(capsys: Capture) -> None:
     samples, rate = soundfile.read("x.wav", dtype="float64")
     assert rate == 44000
     assert samples.shape == (1999 * 44 + 1, 2)
-    whole = _core.read_recording("hand.take").positions()
-    assert np.abs(samples[::44] - whole).max() < 3e-10  # single precision of 4 mm
+    complete = _core.read_recording("hand.take").positions()
+    assert np.abs(samples[::44] - complete).max() < 3e-10  # single precision of 4 mm
     # Between the ticks too: the hand was a sine.
     middle = slice(44 * 500, 44 * 1500)
     wanted = 4e-3 * np.sin((1000 + np.arange(len(samples)) / 44) / 200)
@@ -236,11 +236,11 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
     lines = [f"{a},{b}\n" for a, b in zip(t, x, strict=True)]
     (folder / "x.csv").write_text("t [s],x [mm]\n" + "".join(lines))
     assert app.run(["take", "import", "x.csv", "-o", "y.take"]) == 0
-    found = _core.read_recording("y.take")
-    assert (found.rate, found.frames, found.names) == (44100.0, 44, ["x"])
+    result = _core.read_recording("y.take")
+    assert (result.rate, result.frames, result.names) == (44100.0, 44, ["x"])
     take = _core.Take(t, x / 1e3)
-    want = [take.at(k * 44 / 44100)[0] for k in range(len(found.ticks()))]
-    assert found.positions()[:, 0].tolist() == want
+    want = [take.at(k * 44 / 44100)[0] for k in range(len(result.ticks()))]
+    assert result.positions()[:, 0].tolist() == want
     assert len(want) == int(0.2 * 44100 / 44) + 1
 
 
@@ -252,9 +252,9 @@ def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> No
     command = ["take", "import", "walk.c3d", "-o", "y.take", "--channel", "RWRI.z"]
     assert app.run([*command, "--channel", "LWRI.x", "--audio", "44kHz", "--tick", "44"]) == 0
     assert "'RWRI' is not seen in 2 frames" in capsys.readouterr().err
-    found = _core.read_recording("y.take")
-    assert found.names == ["RWRI.z", "LWRI.x"]
-    every = found.positions()[::10, 1]
+    result = _core.read_recording("y.take")
+    assert result.names == ["RWRI.z", "LWRI.x"]
+    every = result.positions()[::10, 1]
     assert np.allclose(every, (places[:, 1, 0] - places[0, 1, 0]) / 1e3, atol=1e-12)
     rows = np.zeros((30, 12))
     rows[:, 0] = np.arange(30) ** 2
@@ -265,9 +265,9 @@ def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> No
     assert app.run([*command, "--unit", "1cm"]) == 0
     capsys.readouterr()
     assert app.run(["info", "walk.c3d"]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[0] == "walk.c3d: 40 samples, 0.39 s, 100 Hz on average"
-    assert told[1].startswith("  RWRI.x [m]: -0.04")
+    output = capsys.readouterr().out.splitlines()
+    assert output[0] == "walk.c3d: 40 samples, 0.39 s, 100 Hz on average"
+    assert output[1].startswith("  RWRI.x [m]: -0.04")
     score = "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {a: {key: k}}\n"
     score += "takes: {hop: {file: dance.bvh, channel: hand.x, unit: 0.01mm}}\n"
     (folder / "s.yaml").write_text(score + "parts: {a: [{at: 1|1, play: hop}]}\n")
@@ -293,24 +293,24 @@ def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> No
         (["x.csv", "--channel", "a"], "name the file to write"),
     ],
 )
-def test_import_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:
+def test_import_refuses(folder: Path, capsys: Capture, words: list[str], message: str) -> None:
     (folder / "x.csv").write_text("t [s],a [mm],b [mm]\n0,0,0\n1,1,1\n2,0,0\n")
     (folder / "long.csv").write_text("t [s],a [mm]\n0,0\n1e9,1\n")
     (folder / "x.gms").write_bytes(b"FORM")
     assert app.run(["take", "import", *words]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (folder / "y.take").exists()
 
 
 def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Capture) -> None:
-    kept = header(HANDS, about='{"by": "made by ergon"}') + end()
-    (folder / "y.take").write_bytes(kept)
+    saved = header(HANDS, about='{"by": "made by ergon"}') + end()
+    (folder / "y.take").write_bytes(saved)
     for dry in ([], ["-n"]):
         assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", *dry]) == 2
         assert "exists; -f overwrites it" in capsys.readouterr().err
-    assert (folder / "y.take").read_bytes() == kept
+    assert (folder / "y.take").read_bytes() == saved
     assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", "-f"]) == 0
-    assert (folder / "y.take").read_bytes() != kept
+    assert (folder / "y.take").read_bytes() != saved
 
 
 def test_the_group_names_what_is_near(capsys: Capture) -> None:

@@ -12,9 +12,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     Path("bars.yaml").write_text(SCORE)
-    return own_folder
+    return work_folder
 
 
 def test_what_is_to_be_written_is_printed(capsys: Capture):

@@ -20,7 +20,7 @@ from patience import PATIENCE
 
 from ergon.cli import app
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 
 
 @contextmanager
@@ -87,9 +87,9 @@ def test_a_score_is_rendered_and_served_with_its_sound_and_leaves_nothing() -> N
         status, motion = get(url.replace("?sound", "motion"))
         assert status == 200
         assert motion.startswith(b"ERGM")
-        status, heard = get(url.replace("?sound", "sound.wav"))
+        status, listened = get(url.replace("?sound", "sound.wav"))
         assert status == 200
-        assert heard.startswith(b"RIFF")
+        assert listened.startswith(b"RIFF")
         assert list(Path("tmp").iterdir())
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 130
@@ -130,6 +130,6 @@ def test_what_is_no_motion_is_refused_with_a_sentence(capsys: pytest.CaptureFixt
         assert words in capsys.readouterr().err
     assert app.run(["view", "s.yaml"]) == 1
     assert "s.yaml:1:" in capsys.readouterr().err
-    for at in ("elsewhere.invalid:80", "127.0.0.1", "127.0.0.1:70000"):
-        assert app.run(["view", "a.motion", "--at", at]) == 2
+    for position in ("elsewhere.invalid:80", "127.0.0.1", "127.0.0.1:70000"):
+        assert app.run(["view", "a.motion", "--at", position]) == 2
         assert "write HOST:PORT" in capsys.readouterr().err

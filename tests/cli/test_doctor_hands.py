@@ -101,10 +101,10 @@ def finding(url: str, gaps: list[float], wait: float) -> dict[str, object]:
             while lead.now() < stamp + wait:
                 time.sleep(1e-4)
             assert lead.place(stamp, 0.0)
-        found = describe_arrivals(Board(url, ((0, "ada"),)), lead)
+        result = describe_arrivals(Board(url, ((0, "ada"),)), lead)
     finally:
         lead.close()
-    return {"todo": found.todo, "said": found.said, **found.numbers}
+    return {"todo": result.todo, "said": result.said, **result.numbers}
 
 
 def test_positions_that_wait_on_their_way():

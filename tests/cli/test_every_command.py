@@ -35,12 +35,12 @@ def outcomes(seed: int, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
     is_unstable = False
     for name, arguments in ({"check": ["check", "s.yaml"]} | COMMANDS).items():
         code = app.run(arguments)
-        said = capsys.readouterr().err
-        assert "internal error" not in said, f"seed {seed}, {name}: {said}"
-        assert "Traceback" not in said, f"seed {seed}, {name}: {said}"
-        is_unstable = is_unstable or UNSTABLE in said
+        output = capsys.readouterr().err
+        assert "internal error" not in output, f"seed {seed}, {name}: {output}"
+        assert "Traceback" not in output, f"seed {seed}, {name}: {output}"
+        is_unstable = is_unstable or UNSTABLE in output
         if is_unstable and name in AT_ANY_RATE:
-            assert code == 0, f"seed {seed}, {name}: {said}"
+            assert code == 0, f"seed {seed}, {name}: {output}"
         else:
             codes[name] = code
     return codes
@@ -56,7 +56,7 @@ def every_command_agrees(seeds: range, capsys: pytest.CaptureFixture[str]) -> No
     assert accepted > 0.9 * len(seeds)
 
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 
 
 def test_every_command_accepts_what_check_accepts(capsys: pytest.CaptureFixture[str]):
@@ -143,16 +143,16 @@ def test_compile_accepts_what_check_accepts(
     held: str, code: int, capsys: pytest.CaptureFixture[str]
 ):
     Path("s.yaml").write_text(STIFF.format(held=held))
-    said = {}
+    text = {}
     for name in ("check", "info", "compile", "render"):
         arguments = COMMANDS.get(name, [name, "s.yaml"])
         assert app.run(arguments) == code, name
-        said[name] = capsys.readouterr().err
+        text[name] = capsys.readouterr().err
     if code:
-        assert "E309" in said["check"]
-        assert said["compile"].splitlines()[0] == said["check"].splitlines()[0]
+        assert "E309" in text["check"]
+        assert text["compile"].splitlines()[0] == text["check"].splitlines()[0]
     else:
-        assert "simulation at 2.25792e+07 Hz" in said["compile"]
+        assert "simulation at 2.25792e+07 Hz" in text["compile"]
 
 
 LIGHT_KEY = (

@@ -62,11 +62,11 @@ def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tm
         ("a.xml", "<a/>", "a.xml"),
     ],
 )
-def test_info_of_damaged_files(name: str, text: str, said: str, tmp_path: Path):
+def test_info_of_damaged_files(name: str, text: str, message: str, tmp_path: Path):
     (tmp_path / name).write_text(text)
     done = forked(["info", name], tmp_path)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert message in done.stderr
     assert "internal error" not in done.stderr
 
 

@@ -106,9 +106,9 @@ def commands(group: LazyGroup, before: str = "") -> dict[str, click.Command]:
 
 
 def test_every_command_has_an_example_in_its_help(capsys: pytest.CaptureFixture[str]):
-    found = commands(app.group)
-    assert set(found) == set(examples.EXAMPLES)
-    for name in found:
+    result = commands(app.group)
+    assert set(result) == set(examples.EXAMPLES)
+    for name in result:
         assert app.run([*name.split(), "--help"]) == 0
         out = capsys.readouterr().out
         for line, what in examples.EXAMPLES[name]:

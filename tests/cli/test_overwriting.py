@@ -44,17 +44,17 @@ def test_what_was_edited_needs_f_and_what_was_not_does_not(folder: Path, writer:
     assert run(writer, folder) == (0, "")
     assert contents(folder).keys() - before.keys() == {*writer.files}
     assert run(writer, folder) == (0, "")
-    made = contents(folder)
+    built = contents(folder)
     for name in writer.files:
-        edited = bytearray(made[name])
+        edited = bytearray(built[name])
         edited[len(edited) // 2] ^= 1
         (folder / name).write_bytes(edited)
-        code, told = run(writer, folder)
+        code, output = run(writer, folder)
         assert code == 2, name
-        assert "-f overwrites it" in told
-        assert name in told
-        assert contents(folder) == made | {name: bytes(edited)}
-        (folder / name).write_bytes(made[name])
+        assert "-f overwrites it" in output
+        assert name in output
+        assert contents(folder) == built | {name: bytes(edited)}
+        (folder / name).write_bytes(built[name])
     (folder / writer.files[-1]).write_bytes(edited)
     assert run(writer, folder, "-f") == (0, "")
     assert contents(folder)[writer.files[-1]] != edited
@@ -76,10 +76,10 @@ def with_force(command: click.Command, name: str) -> Iterator[str]:
     """The names of commands that have an option -f."""
     if isinstance(command, LazyGroup):
         context = click.Context(command)
-        for own in command.list_commands(context):
-            inner = command.get_command(context, own)
+        for item in command.list_commands(context):
+            inner = command.get_command(context, item)
             assert inner is not None
-            yield from with_force(inner, f"{name} {own}".strip())
+            yield from with_force(inner, f"{name} {item}".strip())
     elif any("--force" in parameter.opts for parameter in command.params):
         yield name
 
@@ -91,8 +91,8 @@ def test_what_hands_did_is_never_overwritten_unasked(folder: Path, line: str) ->
     (folder / "in.csv").write_text("t [s],x [m]\n0,0\n0.1,0.001\n0.2,0\n")
     writer = Writer(line, ("n.take",))
     assert run(writer, folder) == (0, "")
-    code, told = run(writer, folder)
-    assert (code, "n.take exists; -f overwrites it" in told) == (2, True)
+    code, output = run(writer, folder)
+    assert (code, "n.take exists; -f overwrites it" in output) == (2, True)
     assert run(writer, folder, "-f")[0] == 0
 
 
@@ -102,6 +102,6 @@ def test_a_score_that_is_changed_in_its_place_stays_the_composers(folder: Path, 
     score.write_text(score.read_text().replace("{channels: 2,", "{  channels: 2,"))
     assert run(Writer(line, ("s.yaml",)), folder) == (0, "")
     laid_out = score.read_text()
-    code, told = run(Writer("import in.mdl -o s.yaml", ("s.yaml",)), folder)
-    assert (code, "-f overwrites it" in told) == (2, True)
+    code, output = run(Writer("import in.mdl -o s.yaml", ("s.yaml",)), folder)
+    assert (code, "-f overwrites it" in output) == (2, True)
     assert score.read_text() == laid_out

@@ -11,7 +11,7 @@ from tests.live.test_led_hands import SCORE
 Capture = pytest.CaptureFixture[str]
 
 
-def test_play_with_a_hand_on_an_emulated_key(own_folder: Path, capsys: Capture):
+def test_play_with_a_hand_on_an_emulated_key(work_folder: Path, capsys: Capture):
     """A hand that rests plays nothing, where the written part of the stand-in would knock."""
     Path("s.yaml").write_text(SCORE)
     play = ["play", "s.yaml", "--gain", "0dB", "--plain"]
@@ -22,7 +22,7 @@ def test_play_with_a_hand_on_an_emulated_key(own_folder: Path, capsys: Capture):
     assert abs(sound(Path("hand.wav"))).max() < 1e-6
 
 
-def test_play_with_a_hand_of_nobody(own_folder: Path, capsys: Capture):
+def test_play_with_a_hand_of_nobody(work_folder: Path, capsys: Capture):
     Path("s.yaml").write_text(SCORE)
     assert app.run(["play", "s.yaml", "--live", "ad=emul:", "--audio", "null"]) == 2
     assert "the score has no player 'ad'; did you mean 'ada'?" in capsys.readouterr().err

@@ -30,10 +30,10 @@ def played(folder: Path, *words: str) -> np.ndarray:
 
 
 def test_it_stops_at_a_position_and_is_the_same_up_to_there(tmp_path: Path):
-    whole = played(tmp_path)
+    complete = played(tmp_path)
     part = played(tmp_path, "--until", "3|1")
     assert len(part) == 2 * 8000
-    assert np.array_equal(part, whole[: len(part)])
+    assert np.array_equal(part, complete[: len(part)])
     middle = played(tmp_path, "--from", "2|1", "--until", "2|3")
     assert len(middle) == pytest.approx(0.5 * 8000, abs=64)
 

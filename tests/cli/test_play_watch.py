@@ -19,38 +19,38 @@ strikes: {a: {to: [bell.m], at: 1|1, every: 1, times: 40, impulse: 1mNs}}
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Stepped:
+def stepped(tmp_path: Path) -> Stepped:
     return Stepped(SCORE, tmp_path)
 
 
-def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(at: Stepped) -> None:
-    path, said, bars = at.journal.parent / "score.yaml", [], []
+def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(stepped: Stepped) -> None:
+    path, text, bars = stepped.journal.parent / "score.yaml", [], []
 
     def looks() -> Iterator[None]:
         """What an editor and the thread of the session do between two looks."""
-        at.run(4.5)
+        stepped.run(4.5)
         for text in (SCORE.replace("440Hz", "450Hz"), SCORE.replace("440Hz", "45x0Hz")):
             path.write_text(text)
-            reply = at.session.submit("reload")
-            at.session.say(reply.text)
-            at.run(4.0)
-            bars.append(at.session.state().bar)
+            reply = stepped.session.submit("reload")
+            stepped.session.say(reply.text)
+            stepped.run(4.0)
+            bars.append(stepped.session.state().bar)
             yield
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        follow(at.session, said.append, "2|1", looks())
+        follow(stepped.session, text.append, "2|1", looks())
     assert bars == [4, 5]  # from 2|1 on, and on
-    assert "450Hz" in at.session.schedule.head.texts.text
-    assert said[0] == "a saved version plays on from the next bar; Ctrl-C ends"
-    assert any("45x0Hz" in message or "unit" in message for message in said[1:])
-    assert at.session._is_closed.is_set()
+    assert "450Hz" in stepped.session.schedule.head.texts.text
+    assert text[0] == "a saved version plays on from the next bar; Ctrl-C ends"
+    assert any("45x0Hz" in message or "unit" in message for message in text[1:])
+    assert stepped.session._is_closed.is_set()
 
 
-def test_a_position_that_is_none_is_refused_and_the_session_is_closed(at: Stepped) -> None:
+def test_a_position_that_is_none_is_refused_and_the_session_is_closed(stepped: Stepped) -> None:
     with pytest.raises(Refused, match="--from"):
-        follow(at.session, lambda text: None, "nowhere", iter(()))
-    assert at.session._is_closed.is_set()
+        follow(stepped.session, lambda text: None, "nowhere", iter(()))
+    assert stepped.session._is_closed.is_set()
 
 
 @pytest.mark.parametrize(

@@ -100,11 +100,11 @@ def test_modules_import_without_side_effects(tmp_path: Path):
     os.close(write)
     with os.fdopen(read) as report:
         assert done.returncode == 0, done.stderr
-        found = json.load(report)
+        result = json.load(report)
     assert {"ergon.cli.app", "ergon.scores.reading.load", "ergon.instruments.module_kinds"} <= set(
-        found["names"]
+        result["names"]
     )
-    assert found["done"] == []
-    assert (found["threads"], found["tasks"]) == (1, 1)
+    assert result["done"] == []
+    assert (result["threads"], result["tasks"]) == (1, 1)
     assert (done.stdout, done.stderr) == ("", "")
     assert list(tmp_path.iterdir()) == []

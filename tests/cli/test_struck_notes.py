@@ -62,11 +62,11 @@ def test_the_notes_are_in_the_exported_midi(score: Path):
     assert done.returncode == 0, done.stderr
     file = mido.MidiFile(out / "tempo.mid")
     assert [track.name for track in file.tracks] == ["Notes", "cell", "drum"]
-    at, heard, ends = 0.0, [], 0
+    position, listened, ends = 0.0, [], 0
     for message in file:  # its times are in seconds
-        at += message.time
+        position += message.time
         if message.type == "note_on" and message.velocity:
-            heard.append((at, message.channel, message.note, message.velocity))
+            listened.append((position, message.channel, message.note, message.velocity))
         ends += message.type == "note_off"
     expected = []
     for turn in range(4):
@@ -75,10 +75,12 @@ def test_the_notes_are_in_the_exported_midi(score: Path):
     for number in range(6):
         level = round(127 * (2 + 3 * number / 5) / 7)
         expected.append((seconds(1.5 * number), 9, 36, level))
-    assert ends == len(heard) == len(expected)
-    for own, exact in zip(sorted(heard, key=by_place), sorted(expected, key=by_place), strict=True):
-        assert own[0] == pytest.approx(exact[0], abs=1e-3)  # a tick is 1/960 of a quarter
-        assert own[1:] == exact[1:]
+    assert ends == len(listened) == len(expected)
+    for item, exact in zip(
+        sorted(listened, key=by_place), sorted(expected, key=by_place), strict=True
+    ):
+        assert item[0] == pytest.approx(exact[0], abs=1e-3)  # a tick is 1/960 of a quarter
+        assert item[1:] == exact[1:]
 
 
 def by_place(note: tuple[float, int, int, int]) -> tuple[int, float, int]:

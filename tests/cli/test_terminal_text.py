@@ -71,11 +71,11 @@ def said(capsys, *arguments: str) -> str:
 )
 def test_no_message_steers_a_terminal(evil, capsys, arguments):
     for form in ([], ["--json"]):
-        told = said(capsys, *arguments, *form)
-        assert told or form  # a score without mistakes is no record
-        assert not STEERING & set(told)
-        if form and all(line.startswith("{") for line in told.splitlines()):
-            for line in told.splitlines():
+        output = said(capsys, *arguments, *form)
+        assert output or form  # a score without mistakes is no record
+        assert not STEERING & set(output)
+        if form and all(line.startswith("{") for line in output.splitlines()):
+            for line in output.splitlines():
                 json.loads(line)
 
 
@@ -93,10 +93,10 @@ def test_what_is_clean_says_the_rest(text):
     shown.encode()
     assert clean("é漢🎻 ä\t\u200d\r\n") == "é漢🎻 ä\t\u200d\r\n"
     assert printable(text).isprintable()
-    told = json_text({"a": text})
-    assert json.loads(told) == {"a": text}
-    assert not STEERING & set(told)
-    told.encode()
+    output = json_text({"a": text})
+    assert json.loads(output) == {"a": text}
+    assert not STEERING & set(output)
+    output.encode()
 
 
 def test_a_bar_shows_a_name_as_it_is(monkeypatch):

@@ -54,15 +54,15 @@ def test_cells_at_a_tenth_of_the_rate(f: float, t60: float, kappa: float, zeta: 
 
 def test_another_rate_is_the_same_algorithmic_cell():
     """`units: ca`: the poles of the network at its own rate, as decay and pitch, at any other."""
-    found = []
+    result = []
     for rate in (22050.0, 44100.0, 96000.0):
         a, b = poles(ringing(rate, ca_rate=44100.0, M=3.0, K=0.02, Z=1e-3))
         r = math.sqrt(b)
-        found.append((math.acos(a / (2.0 * r)) * rate, math.log(r) * rate))
-    own = np.roots([1.0, 0.02 / 3.0 + 1e-3 / 3.0 - 2.0, 1.0 - 1e-3 / 3.0])[0]
-    for angle, decay in found:
-        assert angle == pytest.approx(abs(np.angle(own)) * 44100.0, rel=1e-9)
-        assert decay == pytest.approx(math.log(abs(own)) * 44100.0, rel=1e-7)
+        result.append((math.acos(a / (2.0 * r)) * rate, math.log(r) * rate))
+    single = np.roots([1.0, 0.02 / 3.0 + 1e-3 / 3.0 - 2.0, 1.0 - 1e-3 / 3.0])[0]
+    for angle, decay in result:
+        assert angle == pytest.approx(abs(np.angle(single)) * 44100.0, rel=1e-9)
+        assert decay == pytest.approx(math.log(abs(single)) * 44100.0, rel=1e-7)
 
 
 @pytest.mark.parametrize(("f", "cents"), [(440.0, 0.28), (1000.0, 1.47), (5000.0, 38.4)])
@@ -73,10 +73,10 @@ def test_a_spring_between_two_points_is_sharp_by_the_schemes_warping(f: float, c
     network.ref("k", mat, wall, K=1e-3 * (2.0 * math.pi * f) ** 2)
     network.listen("x", positions=[(mat, 1, 1.0)])
     a, _ = poles(play(_core.Simulation(network, _core.Timeline(network, RATE)), 4000)[:, 0])
-    heard = 1200.0 * math.log2(math.acos(a / 2.0) * RATE / (2.0 * math.pi * f))
-    assert heard == pytest.approx(cents, abs=5e-3 * (1.0 + cents))
+    listened = 1200.0 * math.log2(math.acos(a / 2.0) * RATE / (2.0 * math.pi * f))
+    assert listened == pytest.approx(cents, abs=5e-3 * (1.0 + cents))
     if f < 2000.0:  # to the order of the formula
-        assert heard == pytest.approx(72.13 * (2.0 * math.pi * f / RATE) ** 2, rel=3e-3)
+        assert listened == pytest.approx(72.13 * (2.0 * math.pi * f / RATE) ** 2, rel=3e-3)
 
 
 def test_a_strike_between_samples_is_split_as_published():
@@ -136,8 +136,8 @@ def test_a_plain_contact_gains_or_loses_no_more_than_it_says(samples: float):
     for phase in np.linspace(0.0, 1.0, 50):
         network = _core.Network()
         network.part("p")
-        one, two = network.mas("a", M=a, X0=-(2.0 + phase) / RATE, V0=1.0), network.mas("b", M=b)
-        network.but("c", one, two, K=kappa * a * b / (a + b) * RATE**2)
+        first, two = network.mas("a", M=a, X0=-(2.0 + phase) / RATE, V0=1.0), network.mas("b", M=b)
+        network.but("c", first, two, K=kappa * a * b / (a + b) * RATE**2)
         sim = _core.Simulation(network, _core.Timeline(network, RATE))
         sim.process(np.zeros((int(1.5 * samples) + 12, 0)))
         va, vb = sim.velocities()
@@ -167,9 +167,9 @@ def test_the_first_step_is_worth_what_design_says():
 def test_damping_on_links_costs_one_order():
     """M' = M - Z/2: against the matrix exponential, 6 dB a halving where it is 12 without Z."""
     scene = test_oracle.network(z=0.05, t60=1.0)
-    found = [error(scene, rate) for rate in (RATE, 2 * RATE, 4 * RATE)]
-    assert 5.5 < found[0] - found[1] < 7.0
-    assert 5.5 < found[1] - found[2] < 7.0
+    result = [error(scene, rate) for rate in (RATE, 2 * RATE, 4 * RATE)]
+    assert 5.5 < result[0] - result[1] < 7.0
+    assert 5.5 < result[1] - result[2] < 7.0
 
 
 # --- bodies ---
@@ -209,9 +209,9 @@ def test_the_certificate_is_sharp(masses: int, method: str, factor: float):
         # the one that moves most in that mode
         assert raised.value.module == "p.m0"
     else:
-        found = network.certify(RATE)
-        assert (found.method, found.guarantee) == (method, "proved")
-        assert found.lambda_max == pytest.approx(4.0 * factor, rel=1e-6)
+        result = network.certify(RATE)
+        assert (result.method, result.guarantee) == (method, "proved")
+        assert result.lambda_max == pytest.approx(4.0 * factor, rel=1e-6)
 
 
 def test_small_sums_need_no_eigenvalue():
@@ -263,9 +263,9 @@ def test_no_step_of_a_linear_network_makes_or_loses_energy():
     for i in range(40):
         scene.strike(mats[(7 * i) % 30], (10 + 40 * i + 0.3) / RATE, impulse=1e-3 * (-1) ** i)
     sim = simulation(scene, RATE, ledger=True)
-    one, before, largest, worst = np.zeros((1, 1)), None, 0.0, 0.0
+    first, before, largest, worst = np.zeros((1, 1)), None, 0.0, 0.0
     for _ in range(2000):
-        sim.process(one)
+        sim.process(first)
         e = sim.energy()
         now = np.array([e.stored, e.lost, e.injected])
         if before is not None:

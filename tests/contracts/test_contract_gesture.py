@@ -29,8 +29,8 @@ def test_throws_swing_as_far_as_they_were_measured_to(t, x, ergons, low, high, s
     done = play(sim, round(t[-1] * rate) + 1)[:, 0]
     report = sim.reports()[0]
     assert report.n_ergons == ergons
-    at = np.rint(np.array(t) * rate).astype(int)
-    assert np.abs(done[at] - 1e-3 * np.array(x)).max() < 1e-9
+    position = np.rint(np.array(t) * rate).astype(int)
+    assert np.abs(done[position] - 1e-3 * np.array(x)).max() < 1e-9
     assert [1e3 * done.min(), 1e3 * done.max()] == pytest.approx([low, high], rel=0.01, abs=0.05)
     assert report.strongest == pytest.approx(strongest, rel=0.01)
 
@@ -52,13 +52,13 @@ def test_a_line_in_grains_strikes_hardest_where_it_turns():
 @pytest.mark.parametrize("grain", [2.5e-3, 5e-3, 10e-3])
 def test_between_grains_a_key_strays_no_further_than_its_bound(grain: float):
     """(1/ω²)(1/cos(ωh/2) - 1)·max|f*|/m: what a harmonic bow over h does under the path's force."""
-    found = []
+    result = []
     for h in (None, grain):
         network, timeline, key = lone(48_000.0, **KEYS["light"])
         timeline.gesture(key, [0.0, 0.2, 0.5], [0.0, 6e-3, 0.0], SMOOTH[:3], grain=h)
         sim = _core.Simulation(network, timeline)
-        found.append((play(sim, 24_000)[:, 0], sim.reports()[0].force_max))
-    (path_of_key, force), (done, _) = found
+        result.append((play(sim, 24_000)[:, 0], sim.reports()[0].force_max))
+    (path_of_key, force), (done, _) = result
     omega = 2.0 * math.pi * 8.0
     bound = (1.0 / math.cos(omega * grain / 2.0) - 1.0) / omega**2 * force / 0.08
     worst = np.abs(done - path_of_key).max()
@@ -84,14 +84,14 @@ def test_a_particle_gives_its_impulse_to_a_mass_that_moves(rate: float, speed: f
 @pytest.mark.parametrize("rate", [44100.0, 4410.0])
 def test_a_stream_of_particles_moves_a_key_as_events_do(rate: float):
     """A dense gesture: tens of thousands of contacts, each within 1e-5 of its event."""
-    found = []
+    result = []
     for ergons in ("event", "particle"):
         network, timeline, key = lone(rate, **KEYS["light"])
         points = [0.1, 0.2, 0.4], [0.0, 6e-3, 0.0]
         timeline.gesture(key, *points, SMOOTH[:3], ergons=ergons)
         sim = _core.Simulation(network, timeline, record=True)
-        found.append((play(sim, round(0.5 * rate))[:, 0], sim.ergons()))
-    (event, _), (particle, record) = found
+        result.append((play(sim, round(0.5 * rate))[:, 0], sim.ergons()))
+    (event, _), (particle, record) = result
     assert np.abs(particle - event).max() < 1e-5 * np.abs(event).max()
     assert np.abs(record["speed"]) == pytest.approx(1000.0)
     assert (record["mass"] > 0.0).all()  # the mass carries the impulse
@@ -121,8 +121,8 @@ def test_a_tracked_gesture_joins_from_where_the_key_itself_is():
     away = done[first - 1]
     assert away > 2.6e-3
     assert abs(done[last]) < 1e-12
-    bend = np.abs(np.diff(done[first - 20 : last + 1], 2)).max() * RATE**2
-    assert bend == pytest.approx(10.0 / math.sqrt(3.0) * away / 0.02**2, rel=0.03)
+    curvature = np.abs(np.diff(done[first - 20 : last + 1], 2)).max() * RATE**2
+    assert curvature == pytest.approx(10.0 / math.sqrt(3.0) * away / 0.02**2, rel=0.03)
     assert report.worst < 1e-9
 
 
@@ -186,8 +186,8 @@ def test_a_key_that_is_a_network_is_on_its_path_as_well(kind: str, curve: str):
     done, _ = moved(network, timeline, 0.3)
     if curve == "throw":
         first = 0 if kind != "weight" else 1  # a throw begins from where the key hangs
-        at = np.floor(np.array(t) * RATE + 0.5).astype(int)[first:]
-        assert np.abs(done[at] - x[first:]).max() < 1e-9
+        position = np.floor(np.array(t) * RATE + 0.5).astype(int)[first:]
+        assert np.abs(done[position] - x[first:]).max() < 1e-9
     else:
         asked = path(t, x, [curve] * 4, grid(len(done)))
         assert np.nanmax(np.abs(done - asked)) < 1e-9

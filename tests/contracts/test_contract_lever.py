@@ -29,23 +29,23 @@ SAME = {"1": "100", "10": "1"}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> None:
+def folder(work_folder: Path) -> None:
     for reach, stiffness in SAME.items():
         for touch in ("open", "tracked"):
             text = SCORE % (reach, stiffness, touch)
             if reach == "1":
                 text = text.replace("m: {CEL: {M: 400g", "m: {CEL: {M: 40kg")
-            (own_folder / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
+            (work_folder / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
 
 
 def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> None:
-    found = []
+    result = []
     for reach in SAME:
         assert app.run(["check", "--simulate", "--json", f"open{reach}.yaml"]) == 0
-        found.append(next(r for r in records(capsys) if r["event"] == "followed"))
+        result.append(next(r for r in records(capsys) if r["event"] == "followed"))
     for field in ("rms_m", "worst_m", "strongest_m_s"):
-        assert found[1][field] == pytest.approx(found[0][field], rel=1e-6)
-    assert 1e-4 < found[0]["worst_m"] < 4e-3
+        assert result[1][field] == pytest.approx(result[0][field], rel=1e-6)
+    assert 1e-4 < result[0]["worst_m"] < 4e-3
 
 
 def test_a_picture_is_in_millimetres_of_the_key(capsys: Capture) -> None:
@@ -59,36 +59,36 @@ def test_a_picture_is_in_millimetres_of_the_key(capsys: Capture) -> None:
 
 @pytest.mark.parametrize("touch", ["open", "tracked"])
 def test_ergons_have_the_mass_speed_and_impulse_that_strike_the_key(touch: str) -> None:
-    found = []
+    result = []
     for reach in SAME:
         target = Path(f"{touch}{reach}.csv")
         assert app.run(["compile", "-q", f"{touch}{reach}.yaml", "-o", str(target)]) == 0
         lines = [line for line in target.read_text("utf-8").splitlines() if line[0] != "#"]
-        found.append([[float(row[i]) for i in (0, 3, 4, 5)] for row in csv.reader(lines[1:])])
-    one, ten = found
-    assert len(one) == len(ten) > 20_000
-    assert max(row[2] for row in one) > 1e-2
-    for a, b in zip(one[::97], ten[::97], strict=True):
+        result.append([[float(row[i]) for i in (0, 3, 4, 5)] for row in csv.reader(lines[1:])])
+    first, ten = result
+    assert len(first) == len(ten) > 20_000
+    assert max(row[2] for row in first) > 1e-2
+    for a, b in zip(first[::97], ten[::97], strict=True):
         assert b == pytest.approx(a, rel=1e-6, abs=1e-8)  # 1e-17 m of rounding, by rate and M/m
 
 
 def test_force_limit_and_strikes_on_either_side_of_the_lever(capsys: Capture) -> None:
     """A limit is the key's own, [N] on it; a strike from the scene is felt `reach` times."""
-    found, struck = [], []
+    result, struck = [], []
     for reach in SAME:
         text = Path(f"open{reach}.yaml").read_text("utf-8")
         text = text.replace("touch: open", "touch: open, force_limit: 0.08N")
         Path("limited.yaml").write_text(text, "utf-8")
         assert app.run(["check", "--simulate", "--json", "limited.yaml"]) == 0
-        found.append(next(r for r in records(capsys) if r["event"] == "followed"))
+        result.append(next(r for r in records(capsys) if r["event"] == "followed"))
         text = re.sub("players:.*parts:[^\n]*\n", "", text, flags=re.DOTALL)
         Path("struck.yaml").write_text(
             text + "strikes: {s: {to: k, at: 0.1, impulse: 4mNs}}\n", "utf-8"
         )
         assert app.run(["compile", "--json", "struck.yaml"]) == 0
         struck.append([r["impulse_n_s"] for r in records(capsys) if "impulse_n_s" in r])
-    assert found[0]["missed"] == found[1]["missed"] > 100
-    assert found[1]["strongest_m_s"] == pytest.approx(found[0]["strongest_m_s"], rel=1e-6)
-    assert found[0]["strongest_m_s"] == pytest.approx(0.08 / 0.4 / 44100.0, rel=1e-9)
+    assert result[0]["missed"] == result[1]["missed"] > 100
+    assert result[1]["strongest_m_s"] == pytest.approx(result[0]["strongest_m_s"], rel=1e-6)
+    assert result[0]["strongest_m_s"] == pytest.approx(0.08 / 0.4 / 44100.0, rel=1e-9)
     assert struck[0] == pytest.approx([4e-3])
     assert struck[1] == pytest.approx([4e-2])

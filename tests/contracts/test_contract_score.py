@@ -51,13 +51,13 @@ def test_a_render_lasts_to_its_last_event_and_its_tail(end, tail, rate, frames):
 
 def test_frame_zero_is_the_written_start_and_a_sample_of_one_is_a_metre():
     played = staged(BELL % ", X0: 1.5mm, V0: 0.2m/s")
-    found = heard(played, 4410)[:, 0]
+    result = heard(played, 4410)[:, 0]
     sigma, omega = 3.0 * math.log(10.0), 2.0 * math.pi * 300.0
     t = np.arange(4410) / RATE
     b = (0.2 + sigma * 1.5e-3) / omega
     wanted = np.exp(-sigma * t) * (1.5e-3 * np.cos(omega * t) + b * np.sin(omega * t))
-    assert found[0] == 1.5e-3
-    assert np.abs(found - wanted).max() < 1e-12
+    assert result[0] == 1.5e-3
+    assert np.abs(result - wanted).max() < 1e-12
 
 
 @pytest.mark.parametrize("rate", [22050, 48000, 96000])
@@ -65,12 +65,12 @@ def test_another_rate_is_the_same_instrument(rate: int):
     """Struck by clock and between samples: at common instants the bell is where it was."""
     text = BELL % "" + "strikes: {s: {to: b, at: 7ms, every: 131ms, times: 3, impulse: 1mNs}}\n"
     seconds = np.arange(1, 10) / 10.0
-    one, two = (
+    first, two = (
         heard(staged(text + f"rates: {{audio: {r}Hz}}\n"), int(r))[np.rint(seconds * r).astype(int)]
         for r in (44100, rate)
     )
-    assert np.abs(one).max() > 1e-5
-    assert np.abs(one - two).max() < 1e-9 * np.abs(one).max()
+    assert np.abs(first).max() > 1e-5
+    assert np.abs(first - two).max() < 1e-9 * np.abs(first).max()
 
 
 def test_an_impulse_moves_a_cell_by_its_mass():
@@ -106,9 +106,9 @@ instruments:
     out: {{SOF: l}}
 """
     a, b = (1.0, -1.0) if "[a, b]" in link else (-1.0, 1.0)
-    (found,) = heard(staged(text), 1)[0]
+    (result,) = heard(staged(text), 1)[0]
     # `force` is what pulls a up; the second point named feels it as written there
-    assert found == pytest.approx(force * (b if "[a, b]" in link else a), rel=1e-12, abs=1e-15)
+    assert result == pytest.approx(force * (b if "[a, b]" in link else a), rel=1e-12, abs=1e-15)
 
 
 @pytest.mark.parametrize("reach", [0.5, 1, 10])
@@ -126,8 +126,8 @@ instruments:
     out = heard(staged(text), 44100)
     s, k = float(reach), 30.0
     stiff = np.array([[(60.0 + s * s * k) / 0.4, -s * k / 0.4], [-s * k / 0.05, k / 0.05]])
-    whole = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiff, np.zeros((2, 2))]])
-    now, step = np.array([0.0, 2e-3, 0.0, 0.0]), expm(whole * 0.05)
+    complete = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiff, np.zeros((2, 2))]])
+    now, step = np.array([0.0, 2e-3, 0.0, 0.0]), expm(complete * 0.05)
     for n in range(0, 44100, 2205):
         assert out[n] == pytest.approx([s * now[0], now[1]], abs=2e-3 * 2e-3 * max(s, 1.0))
         now = step @ now
@@ -180,9 +180,9 @@ def test_each_occurrence_draws_its_own_and_begins_on_its_beat():
     points = [tuple(zip(g.t, g.x, strict=True)) for g in staged(HANDS).gestures]
     assert [p[0][0] for p in points] == pytest.approx([0.0, 1.0, 2.0])
     assert len({p[1][1] for p in points}) == 3
-    for at, one in enumerate(points):
-        for (t, x), (wanted, mm) in zip(one[1:], [(0.125, 3.0), (0.25, 0.0)], strict=True):
-            assert abs(t - at - wanted) <= 9e-3
+    for index, item in enumerate(points):
+        for (t, x), (wanted, mm) in zip(item[1:], [(0.125, 3.0), (0.25, 0.0)], strict=True):
+            assert abs(t - index - wanted) <= 9e-3
             assert abs(x - 1e-3 * mm) <= 0.5e-3
 
 
@@ -236,7 +236,7 @@ def test_what_yaml_would_change_stays_what_was_written():
 
 
 def _snippets() -> list[tuple[str, str]]:
-    found = [
+    result = [
         (block.where, block.text)
         for page in PAGES
         for block in blocks(page)
@@ -244,7 +244,7 @@ def _snippets() -> list[tuple[str, str]]:
     ]
     folders = ("scores/library", "instruments/library", "cli/templates")
     files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.yaml"))]
-    return found + [(path.name, path.read_text(encoding="utf-8")) for path in files]
+    return result + [(path.name, path.read_text(encoding="utf-8")) for path in files]
 
 
 @pytest.mark.parametrize(("where", "text"), _snippets(), ids=lambda word: word[:24])
@@ -262,8 +262,8 @@ def test_a_throw_is_warned_of_near_multiples_of_half_a_period(seconds: float):
     text = PLAYED.replace("K: 60N/m}", "K: 60N/m, Z: 1.2Ns/m}").replace(
         "0@0 1@2", f"0mm@0 throw 0.1mm@{seconds}s"
     )
-    found = [d.code for d in staged(text + _NOTHING).diagnostics]
-    assert found == (["W312"] if abs(math.sin(omega * seconds)) < 0.2 else [])
+    result = [d.code for d in staged(text + _NOTHING).diagnostics]
+    assert result == (["W312"] if abs(math.sin(omega * seconds)) < 0.2 else [])
 
 
 @pytest.mark.parametrize("grain", ["50ms", "120ms", "135ms", "300ms"])

@@ -70,17 +70,17 @@ def test_vim(tmp_path: Path):
     with serving(tmp_path / "there.sock") as session:
         command = ["vim", "-Nu", "NONE", "-i", "NONE", "-n", "-es", "-S", str(plugin)]
         run([*command, "-S", "test.vim"], tmp_path)
-    told = json.loads((tmp_path / "told.json").read_text())
+    output = json.loads((tmp_path / "told.json").read_text())
     block = "ada plays knock\nleo plays lean  # ü"
-    assert told[:4] == [
+    assert output[:4] == [
         "joined s",
         "ok tempo 72",
         f"ok {block[:20]}",
         "not taken: unknown verb\ntry: ada\n⣀⡠\nb",
     ]
-    assert "internal error" in told[4]
-    assert told[5] == "panic: no sound, no force; `release` ends it"
-    assert "ergon repl SCORE --socket begins one" in told[6]
+    assert "internal error" in output[4]
+    assert output[5] == "panic: no sound, no force; `release` ends it"
+    assert "ergon repl SCORE --socket begins one" in output[6]
     assert session.lines == ["tempo 72", block, "adda", "fail"]
     assert session.panicked.is_set()
 
@@ -152,12 +152,12 @@ def test_vs_code(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
     with serving(tmp_path / "there.sock") as session:
-        said = json.loads(run(["node", "test.js", str(EDITORS / "vscode")], tmp_path))
+        output = json.loads(run(["node", "test.js", str(EDITORS / "vscode")], tmp_path))
     block = "ada plays knock\nleo plays lean  # ü"
-    [server] = said["started"]
+    [server] = output["started"]
     assert server["server"] == {"command": "ergon", "args": ["lsp"], "transport": 0}
     assert server["documents"] == {"documentSelector": [{"language": "yaml"}]}
-    assert said["told"] == [
+    assert output["told"] == [
         "joined s",
         "ok tempo 72",
         f"ok {block[:20]}",
@@ -170,7 +170,7 @@ def test_vs_code(tmp_path: Path):
     assert session.panicked.is_set()
     package = json.loads((EDITORS / "vscode" / "package.json").read_text())
     declared = [one["command"] for one in package["contributes"]["commands"]]
-    assert sorted(declared) == sorted(said["commands"])
+    assert sorted(declared) == sorted(output["commands"])
 
 
 LISP = """
@@ -219,8 +219,8 @@ def test_the_emacs_client_is_whole_and_calls_what_it_defines():
     text = (EDITORS / "emacs" / "ergon.el").read_text(encoding="utf-8")
     forms = list(_forms(text))
     assert forms[-1] == "(provide 'ergon)"
-    made = r"\((?:defun|defvar|defcustom|define-minor-mode|defgroup) (ergon[\w-]*)"
-    defined = {match[1] for form in forms for match in re.finditer(made, form)}
+    built = r"\((?:defun|defvar|defcustom|define-minor-mode|defgroup) (ergon[\w-]*)"
+    defined = {match[1] for form in forms for match in re.finditer(built, form)}
     bare = re.sub(r'"(?:[^"\\]|\\.)*"|;[^\n]*', '""', text)
     used = set(re.findall(r"(?<![\w-])ergon-[\w-]+", bare))
     assert used - defined <= {"ergon-mode-map"} - defined
@@ -228,26 +228,26 @@ def test_the_emacs_client_is_whole_and_calls_what_it_defines():
 
 def _forms(text: str):
     """Top-level forms of Lisp; a bracket that is left open or closed twice is a mistake."""
-    depth, start, at = 0, 0, 0
-    while at < len(text):
-        character = text[at]
+    depth, start, position = 0, 0, 0
+    while position < len(text):
+        character = text[position]
         if character == ";":
-            at = text.index("\n", at)
+            position = text.index("\n", position)
         elif character == '"':
-            at += 1
-            while text[at] != '"':
-                at += 2 if text[at] == "\\" else 1
-        elif character == "?" and text[at - 1] in " (":
-            at += 2 if text[at + 1] == "\\" else 1
+            position += 1
+            while text[position] != '"':
+                position += 2 if text[position] == "\\" else 1
+        elif character == "?" and text[position - 1] in " (":
+            position += 2 if text[position + 1] == "\\" else 1
         elif character == "(":
-            start = at if depth == 0 else start
+            start = position if depth == 0 else start
             depth += 1
         elif character == ")":
             depth -= 1
-            assert depth >= 0, text[start:at]
+            assert depth >= 0, text[start:position]
             if depth == 0:
-                yield text[start : at + 1]
-        at += 1
+                yield text[start : position + 1]
+        position += 1
     assert depth == 0, text[start:]
 
 
@@ -262,10 +262,10 @@ def _forms(text: str):
         ("smooth-bell: {like: line}", 1, []),
     ],
 )
-def test_the_notation_is_coloured(line: str, name: int, found: list[str]):
+def test_the_notation_is_coloured(line: str, name: int, result_wanted: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     pattern = re.compile(grammar["patterns"][name]["match"])
-    assert [match.group() for match in pattern.finditer(line)] == found
+    assert [match.group() for match in pattern.finditer(line)] == result_wanted
 
 
 @pytest.mark.parametrize(

@@ -7,22 +7,22 @@ from ergon import _core
 from tests.engine.test_part_modes import Body, random
 
 
-def dense(body: Body, forced: list[int], heard: list[int], f: np.ndarray) -> np.ndarray:
+def dense(body: Body, forced: list[int], listened: list[int], f: np.ndarray) -> np.ndarray:
     """The same by a dense solution at each frequency [(m/s)/N].
 
     Refined by residuals of extended precision: near a resonance numpy's own is off by 1e-9.
     """
     push = np.zeros(len(body.m))
     push[forced] += 1.0
-    found = []
+    result = []
     for omega in 2 * np.pi * np.asarray(f, np.longdouble):
         exact = body.K + 1j * omega * body.Z - omega**2 * np.diag(body.m)
         matrix = exact.astype(complex)
         moved = np.zeros(len(push), np.clongdouble)
         for _ in range(4):
             moved += np.linalg.solve(matrix, (push - exact @ moved).astype(complex))
-        found.append(complex(1j * omega * moved[heard].sum()))
-    return np.array(found)
+        result.append(complex(1j * omega * moved[listened].sum()))
+    return np.array(result)
 
 
 def largest(found: np.ndarray, wanted: np.ndarray) -> float:
@@ -39,14 +39,14 @@ def test_random_networks_against_dense_solutions(seed: int, damping: float):
     forced, first, second = [int(i) for i in rng.choice(100, 3, replace=False)]
     points = [[forced], [first], [first, second]]
     mats = [[body.mats[i] for i in point] for point in points]
-    found = body.network.admittance(["b"], [body.mats[forced]], mats, f)
-    for row, point in zip(found, points, strict=True):
+    result = body.network.admittance(["b"], [body.mats[forced]], mats, f)
+    for row, point in zip(result, points, strict=True):
         assert largest(row, dense(body, [forced], point, f)) < 1e-9
     # Force and velocity may be exchanged (reciprocity).
     back = body.network.admittance(["b"], mats[1], [mats[0]], f)
-    assert largest(back[0], found[1]) < 1e-9
+    assert largest(back[0], result[1]) < 1e-9
     # What a force does at its own point takes energy and gives none.
-    assert found[0].real.min() >= 0.0
+    assert result[0].real.min() >= 0.0
 
 
 def test_a_key_and_a_free_mass_in_closed_form():
@@ -78,25 +78,25 @@ def test_a_string_in_closed_form():
     i, j = 8, 31
     position = np.sin(i * theta) * np.sin((n + 1 - j) * theta)
     position /= k * np.sin(theta) * np.sin((n + 1) * theta)
-    found = body.network.admittance(["b"], [body.mats[i - 1]], [[body.mats[j - 1]]], f)
-    assert largest(found[0], 1j * omega * position) < 1e-9
+    result = body.network.admittance(["b"], [body.mats[i - 1]], [[body.mats[j - 1]]], f)
+    assert largest(result[0], 1j * omega * position) < 1e-9
 
 
 def test_parts_together_and_what_links_them():
     network = _core.Network()
     network.part("one")
-    one = network.cel("", M=0.1, K=50.0, Z=0.2)
+    first = network.cel("", M=0.1, K=50.0, Z=0.2)
     network.part("two")
     two = network.cel("", M=0.3, K=90.0, Z=0.1)
-    network.ref("link", one, two, K=40.0, Z=0.3)
+    network.ref("link", first, two, K=40.0, Z=0.3)
     f = np.array([1.0, 3.0, 10.0])
     K, Z = np.array([[90.0, -40.0], [-40.0, 130.0]]), np.array([[0.5, -0.3], [-0.3, 0.4]])
-    for own, omega in zip(
-        network.admittance(["one", "two"], [one], [[two]], f)[0], 2 * np.pi * f, strict=True
+    for item, omega in zip(
+        network.admittance(["one", "two"], [first], [[two]], f)[0], 2 * np.pi * f, strict=True
     ):
         inverse = np.linalg.inv(K + 1j * omega * Z - omega**2 * np.diag([0.1, 0.3]))
-        assert own == pytest.approx(1j * omega * inverse[1, 0], rel=1e-12)
-    alone = network.admittance(["one"], [one], [[one], [two]], f)
+        assert item == pytest.approx(1j * omega * inverse[1, 0], rel=1e-12)
+    alone = network.admittance(["one"], [first], [[first], [two]], f)
     s = 2j * np.pi * f
     assert largest(alone[0], 1 / (0.1 * s + 0.2 + 50.0 / s)) < 1e-12
     assert np.all(alone[1] == 0.0)  # it is no mass of this part
@@ -118,8 +118,8 @@ def test_a_discrete_network_is_driven_as_its_scheme_is():
     z = np.exp(2j * np.pi * f / rate)
     # M (x[n+1] − 2x[n] + x[n−1]) = −K x[n] − Z (x[n] − x[n−1]) + F[n]
     position = 1 / (2.0 * (z - 2 + 1 / z) + 0.4 + 0.01 * (1 - 1 / z))
-    found = network.admittance(["b"], [m], [[m]], f)
-    assert largest(found[0], 2j * np.pi * f * position) < 1e-12
+    result = network.admittance(["b"], [m], [[m]], f)
+    assert largest(result[0], 2j * np.pi * f * position) < 1e-12
 
 
 def test_elements_are_those_of_the_part_alone():
@@ -132,13 +132,13 @@ def test_elements_are_those_of_the_part_alone():
     network.part("other")
     other = network.mas("x", M=1.0)
     network.ref("s", m, other, K=5.0, Z=0.0)
-    found = network.elements(["b"])
-    assert found.mats == [m, n]
-    assert found.masses.tolist() == [0.01, 0.02]
-    assert found.kinds == ["CEL", "RES", "BUT"]
-    assert (found.a.tolist(), found.b.tolist()) == ([1, 0, 0], [-1, 1, -1])
-    assert found.stiffness.tolist() == [7.0, 100.0, 1e4]
-    assert (found.n_held, found.ca_rate) == (1, None)
+    result = network.elements(["b"])
+    assert result.mats == [m, n]
+    assert result.masses.tolist() == [0.01, 0.02]
+    assert result.kinds == ["CEL", "RES", "BUT"]
+    assert (result.a.tolist(), result.b.tolist()) == ([1, 0, 0], [-1, 1, -1])
+    assert result.stiffness.tolist() == [7.0, 100.0, 1e4]
+    assert (result.n_held, result.ca_rate) == (1, None)
     assert len(network.elements(["b", "other"]).kinds) == 4
 
 

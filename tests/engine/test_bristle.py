@@ -40,48 +40,48 @@ def test_finer_steps_are_more_exact(solved):
 
 
 def test_the_ca_scheme_steps_its_own_formula():
-    own = Bristles(-1, 0, 2e4, 0.2, 0.3, 0.2, 0.3, 0.05)
+    single = Bristles(-1, 0, 2e4, 0.2, 0.3, 0.2, 0.3, 0.05)
     m, k, step = 0.01, 3000.0, 1.0 / RATE
     text = (
         "ergon: 1\nrates: {audio: 44100Hz}\ninstruments:\n  s:\n    modules:\n"
         "      floor: {SOL: {}}\n"
         f"      m: {{MAS: {{M: {m}kg, X0: 1mm}}}}\n"
         f"      k: {{RES: {{between: [floor, m], K: {k}N/m}}}}\n"
-        f"      rub: {own.text('floor, m')}\n    out: {{SOX: m}}\n"
+        f"      rub: {single.text('floor, m')}\n    out: {{SOX: m}}\n"
         "accuracy: {method: ca}\nrender: {tail: 0.05s, bits: float}\n"
     )
     sound = played(text, method="ca")
     x, z = 1e-3, 0.0
     # The first step leads into frame 0 as the continuous motion does, to second order.
     d = 0.5 * step * step * k * x / m
-    static = own.Fs or own.Fc
+    static = single.Fs or single.Fc
     for frame in range(len(sound)):
         assert abs(sound[frame, 0] - x) < 1e-9, frame
-        pull, _ = own.pull(z, d / step)
+        pull, _ = single.pull(z, d / step)
         d += step * step / m * (-k * x - pull)
         x += d
         v = d / step
-        level = own.Fc + (static - own.Fc) * np.exp(-((v / own.vs) ** 2))
-        end = level / own.sigma0 * np.sign(v)
-        z = end + (z - end) * np.exp(-own.sigma0 * abs(v) / level * step) if v else z
+        level = single.Fc + (static - single.Fc) * np.exp(-((v / single.vs) ** 2))
+        end = level / single.sigma0 * np.sign(v)
+        z = end + (z - end) * np.exp(-single.sigma0 * abs(v) / level * step) if v else z
 
 
 @pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
 @pytest.mark.parametrize("name", ["bow", "key", "stick-slip"])
 def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
     stage, plan = planned(SCENES[name].text, **wishes)
-    whole = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
-    sound = np.empty((stage.n_frames, whole.n_out))
-    whole.process(sound)
+    complete = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
+    sound = np.empty((stage.n_frames, complete.n_out))
+    complete.process(sound)
     half = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     head = np.empty((stage.n_frames // 2, half.n_out))
     half.process(head)
-    kept = half.snapshot()
+    saved = half.snapshot()
     for _ in range(2):
         tail = np.empty((stage.n_frames - len(head), half.n_out))
         half.process(tail)
         assert tail.tobytes() == sound[len(head) :].tobytes()
-        half.restore(kept)
+        half.restore(saved)
 
 
 def test_the_ledger_closes_and_passive_bristles_only_lose():
@@ -110,8 +110,8 @@ def test_bristles_of_a_key_are_in_its_free_copy():
         "render: {tail: 0.1s, bits: float}\n"
     )
     sound = played(text, method="ca")
-    at = [0.125 * RATE, 0.25 * RATE]  # where the gesture has its points at 5 mm
-    assert sound[[int(frame + 0.5) for frame in at], 0] == pytest.approx(5e-3, rel=1e-3)
+    position = [0.125 * RATE, 0.25 * RATE]  # where the gesture has its points at 5 mm
+    assert sound[[int(frame + 0.5) for frame in position], 0] == pytest.approx(5e-3, rel=1e-3)
 
 
 def test_a_glide_of_the_level_is_heard_and_nothing_jumps():
@@ -141,11 +141,11 @@ BLOCK = (
         ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, sigma1: 1Ns/m, sigma2: 0.5Ns/m", []),
     ],
 )
-def test_what_is_said_of_its_fields(fields: str, found: list[str]):
+def test_what_is_said_of_its_fields(fields: str, result_wanted: list[str]):
     text = BLOCK.format(fields)
     piece = check(text).piece
-    told = [] if piece is None else [one.code for one in warn_implausible(piece)]
-    assert codes(text) + told == found
+    output = [] if piece is None else [one.code for one in warn_implausible(piece)]
+    assert codes(text) + output == result_wanted
 
 
 def test_defaults_are_dahls_friction():
@@ -174,9 +174,9 @@ def test_bristles_stay_bent_where_another_version_takes_over(wishes: dict):
         plan = _core.Plan(stage.network, stage.timeline, **wishes)
         return _core.Simulation(stage.network, stage.timeline, plan=plan, start=start)
 
-    whole, old, new = version(before, 0), version(before, 0), version(after, n_frames)
-    exact = np.empty((n_frames + 441, whole.n_out))
-    whole.process(exact)
+    complete, old, new = version(before, 0), version(before, 0), version(after, n_frames)
+    exact = np.empty((n_frames + 441, complete.n_out))
+    complete.process(exact)
     old.process(np.empty((n_frames, old.n_out)))
     new.take_over(old)
     rest = np.empty((441, new.n_out))

@@ -15,12 +15,12 @@ def generator(seed: int, kind: str, name: str, member: int, occurrence: int) -> 
     state, stream = (int.from_bytes(half, "little") for half in (digest[:16], digest[16:]))
     increment = (stream << 1 | 1) % 2**128
     bits = np.random.PCG64()
-    whole = bits.state
-    whole["state"] = {
+    complete = bits.state
+    complete["state"] = {
         "state": ((state + increment) * MULTIPLIER + increment) % 2**128,
         "inc": increment,
     }
-    bits.state = whole
+    bits.state = complete
     return bits
 
 

@@ -50,10 +50,10 @@ def test_a_part_that_would_diverge_is_computed_finer():
     sim = simulation(doomed(HARD), RATE)
     out = play(sim, 4000)
     assert np.isfinite(out).all()
-    ((name, frames, most),) = sim.finer()
+    ((name, frames, limit),) = sim.finer()
     assert name == "bad"
     assert 0 < frames <= 3000
-    assert most in (2, 4, 8)
+    assert limit in (2, 4, 8)
     healthy = simulation(doomed(0.0), RATE)
     assert out[:, :5].tobytes() == play(healthy, 4000)[:, :5].tobytes()
     assert healthy.finer() == []
@@ -75,12 +75,12 @@ def test_a_part_that_diverges_stops_the_run_by_its_name():
 
 @pytest.mark.parametrize("block", [1, 64, 4000])
 def test_the_frame_of_the_fault_does_not_depend_on_the_block(block: int):
-    found = []
+    result = []
     for size in (block, 997):
         with pytest.raises(_core.DivergedError) as error:
             play(simulation(doomed(TOO_HARD), RATE), 4000, size)
-        found.append((error.value.frame, error.value.module))
-    assert found[0] == found[1]
+        result.append((error.value.frame, error.value.module))
+    assert result[0] == result[1]
 
 
 def test_a_muted_part_leaves_all_others_as_they_were():

@@ -50,8 +50,8 @@ def test_throws_meet_their_points():
     network, timeline, key = lone(**KEYS["light"])
     timeline.gesture(key, t, x, ["throw"] * 5)
     done, sim = moved(network, timeline, 0.8, record=True)
-    at = np.floor(np.array(t) * RATE + 0.5).astype(int)
-    assert np.abs(done[at] - x).max() < 1e-9
+    position = np.floor(np.array(t) * RATE + 0.5).astype(int)
+    assert np.abs(done[position] - x).max() < 1e-9
     assert len(sim.ergons()["time"]) == 4
 
 
@@ -147,8 +147,8 @@ def test_the_ergons_of_a_tracked_key_are_the_forces_it_took():
     for t, impulse in list(zip(record["time"], record["impulse"], strict=True))[100:20_000:997]:
         n = round(t * RATE)
         x = out[n - 1 : n + 2, 0]
-        own = 0.4 * RATE**2 * (x[2] - (2 - kappa - zeta) * x[1] + (1 - zeta) * x[0])
-        assert impulse * RATE == pytest.approx(own + out[n, 2], abs=1e-6)
+        single = 0.4 * RATE**2 * (x[2] - (2 - kappa - zeta) * x[1] + (1 - zeta) * x[0])
+        assert impulse * RATE == pytest.approx(single + out[n, 2], abs=1e-6)
 
 
 def cell_of(K: float, Z: float, M: float) -> tuple[float, float]:

@@ -13,10 +13,10 @@ from ergon import _core
 
 def frames(sim: Any, n: int) -> np.ndarray:
     """What the key is asked, frame by frame (n,): NaN when no gesture runs."""
-    out, one = np.empty(n), np.empty((1, sim.n_out))
+    out, first = np.empty(n), np.empty((1, sim.n_out))
     for i in range(n):
         out[i] = sim.asked()[0]
-        sim.process(one)
+        sim.process(first)
     return out
 
 
@@ -39,10 +39,10 @@ def test_a_gesture_joins_from_where_the_key_is():
     T = 1.0 / join
     free = done[n - join - 2 : n - join + 1]
     speed = (free[2] - free[0]) / (2.0 * T)
-    bend = (free[2] - 2.0 * free[1] + free[0]) / T**2
+    curvature = (free[2] - 2.0 * free[1] + free[0]) / T**2
     size, size2 = np.abs(first(u)).max(), np.abs(second(u)).max()
     assert first(0.0) == pytest.approx(speed, abs=1e-2 * size)
-    assert second(0.0) == pytest.approx(bend, abs=2e-2 * size2)
+    assert second(0.0) == pytest.approx(curvature, abs=2e-2 * size2)
     assert first(1.0) == pytest.approx(0.0, abs=1e-2 * size)
     assert second(1.0) == pytest.approx(0.0, abs=2e-2 * size2)
 
@@ -81,23 +81,23 @@ def test_a_later_gesture_cuts_an_earlier_one_and_joins_after_its_start():
     assert np.abs(done - first)[:cut].max() < 1e-9
     inside = slice(joined, round(1.3 * RATE))
     assert np.abs(done - second)[inside].max() < 1e-9
-    one, two = sim.reports()
-    assert one.stop == pytest.approx(1.0, abs=2.0 / RATE)
-    assert not one.first_point_missed
+    single, two = sim.reports()
+    assert single.stop == pytest.approx(1.0, abs=2.0 / RATE)
+    assert not single.first_point_missed
     assert two.first_point_missed
     # no jump of velocity anywhere in the join: the third difference stays that of a quintic
     assert np.abs(np.diff(done, 2))[cut - 5 : joined + 5].max() * RATE**2 < 200.0
 
 
 def test_a_layered_gesture_adds():
-    one = ([0.0, 0.2, 0.8], [0.0, 4e-3, 0.0])
+    first = ([0.0, 0.2, 0.8], [0.0, 4e-3, 0.0])
     two = ([0.3, 0.4, 0.6], [0.0, -1e-3, 0.0])
     network, timeline, key = lone(**KEYS["placeholder"])
-    timeline.gesture(key, *one, SMOOTH[:3])
+    timeline.gesture(key, *first, SMOOTH[:3])
     timeline.gesture(key, *two, SMOOTH[:3], layer=True)
     done, _ = moved(network, timeline, 0.8)
     when = grid(len(done))
-    both = path(*one, SMOOTH[:3], when) + np.nan_to_num(path(*two, SMOOTH[:3], when))
+    both = path(*first, SMOOTH[:3], when) + np.nan_to_num(path(*two, SMOOTH[:3], when))
     assert np.abs(done - both)[: round(0.6 * RATE)].max() < 1e-9
 
 
@@ -151,8 +151,8 @@ def test_a_particle_gives_the_impulse_of_the_event(rate: float, step: float):
     assert abs(record["speed"][0]) == pytest.approx(1000.0, rel=2e-3)
     assert record["impulse"][0] == pytest.approx(0.4 * step, rel=1e-5)
     m = record["mass"][0]
-    given = 2.0 * m * 0.4 / (m + 0.4) * record["speed"][0]
-    assert given == pytest.approx(0.4 * step, rel=1e-3)
+    arguments = 2.0 * m * 0.4 / (m + 0.4) * record["speed"][0]
+    assert arguments == pytest.approx(0.4 * step, rel=1e-3)
 
 
 # --- endurance ---

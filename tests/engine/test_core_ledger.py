@@ -202,11 +202,11 @@ def test_the_energy_curve_is_that_of_the_differential_equation():
     for rate in (2 * RATE, 4 * RATE):
         scene = bouncing()
         sim = simulation(scene, rate, ledger=True)
-        when, found = [0.0], []
+        when, result = [0.0], []
         for _ in range(40):
             play(sim, int(rate / 2000))
             when.append((sim.frame - 0.5) / rate)
-            found.append(sim.energy().stored)
+            result.append(sim.energy().stored)
         x, v = ode.solve(scene, np.array(when))
         d = x[:, 1] - x[:, 0]
         law = _core.Law("500*d + 1e9*d**3")
@@ -215,7 +215,7 @@ def test_the_energy_curve_is_that_of_the_differential_equation():
         for i, p in enumerate(scene.mats):
             energy += 0.5 * p.M * v[:, i] ** 2 + 0.5 * p.K * x[:, i] ** 2
         assert energy[-1] < 0.9 * energy[0]
-        errors.append(float(np.abs(np.array(found) - energy[1:]).max() / energy[0]))
+        errors.append(float(np.abs(np.array(result) - energy[1:]).max() / energy[0]))
     assert errors[0] < 5e-3
     assert errors[1] < 0.6 * errors[0]
 

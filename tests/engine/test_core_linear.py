@@ -60,8 +60,8 @@ def test_published_vectors_of_a_cell(f: float, t60: float, kappa: float, zeta: f
 def test_a_cell_by_stiffness_is_the_cell_by_its_pitch():
     sigma, f = 3.0 * math.log(10.0) / 0.7, 330.0
     K = 2e-3 * ((2.0 * math.pi * f) ** 2 + sigma**2)
-    one, two = ringing(f=f, t60=0.7), ringing(K=K, Z=2.0 * 2e-3 * sigma)
-    assert np.abs(one - two).max() < 1e-12 * np.abs(one).max()
+    first, two = ringing(f=f, t60=0.7), ringing(K=K, Z=2.0 * 2e-3 * sigma)
+    assert np.abs(first - two).max() < 1e-12 * np.abs(first).max()
 
 
 def test_an_overdamped_cell_creeps_by_its_own_exponentials():
@@ -87,10 +87,10 @@ def test_networks_in_algorithmic_units_agree_with_the_oracle(seed: int):
 @pytest.mark.parametrize("seed", range(3))
 def test_speeds_and_accelerations_of_random_networks_agree_with_the_oracle(seed: int, ca: bool):
     scene = random_network(seed, ca=ca)
-    (_, one, _), (_, other, _) = scene.outs[0][0], scene.outs[1][0]
+    (_, first, _), (_, other, _) = scene.outs[0][0], scene.outs[1][0]
     for order in (1, 2):
-        scene.listen(f"one{order}", positions=[(one, 1.0)], order=order)
-        scene.listen(f"two{order}", positions=[(one, 0.5), (other, -2.0)], order=order)
+        scene.listen(f"one{order}", positions=[(first, 1.0)], order=order)
+        scene.listen(f"two{order}", positions=[(first, 0.5), (other, -2.0)], order=order)
     # A rate of change magnifies the rounding of positions.
     assert deviation(scene, RATE, 22050) < 1e-10
 
@@ -109,15 +109,15 @@ def test_the_force_on_the_ground_is_that_of_the_written_spring(ca: bool):
 @pytest.mark.parametrize("seed", range(3))
 def test_undamped_networks_converge_with_order_two(seed: int):
     scene = random_network(seed, z=0.0)
-    found = []
+    result = []
     for rate in (4 * RATE, 8 * RATE, 16 * RATE):
         n = int(rate * 0.02)
         truth = linear.exact(scene, rate, n)[:, :5]
         error = render(scene, rate, n)[:, :5] - truth
-        found.append(20.0 * math.log10(np.linalg.norm(error) / np.linalg.norm(truth)))
-    assert found[0] < -40.0
-    assert 11.5 < found[0] - found[1] < 12.6
-    assert 11.5 < found[1] - found[2] < 12.6
+        result.append(20.0 * math.log10(np.linalg.norm(error) / np.linalg.norm(truth)))
+    assert result[0] < -40.0
+    assert 11.5 < result[0] - result[1] < 12.6
+    assert 11.5 < result[1] - result[2] < 12.6
 
 
 @pytest.mark.parametrize("block", [1, 64, 997])
@@ -129,13 +129,13 @@ def test_block_size_changes_no_byte(block: int):
 def test_a_restored_snapshot_changes_no_byte():
     sim = simulation(random_network(4), RATE)
     play(sim, 1234)
-    kept = sim.snapshot()
+    saved = sim.snapshot()
     first = play(sim, 3000)
-    sim.restore(kept)
+    sim.restore(saved)
     assert sim.frame == 1234
     assert play(sim, 3000).tobytes() == first.tobytes()
     other = simulation(random_network(4), RATE)
-    other.restore(kept)
+    other.restore(saved)
     assert play(other, 3000).tobytes() == first.tobytes()
 
 
@@ -151,9 +151,9 @@ def test_a_string_has_the_modes_of_its_matrices(ends: str, stiffness: float):
     assert network.count(first) == 30
     lam = bodies.eigenvalues(bodies.string_edges(30, ends, stiffness), 30)
     wanted = 110.0 * np.sqrt(lam / lam[0])
-    heard = np.array([f for f, _ in network.modes("body", 12) if f > 1.0])[:8]
-    assert heard == pytest.approx(wanted[: len(heard)], rel=1e-9)
-    assert len(heard) == 8
+    listened = np.array([f for f, _ in network.modes("body", 12) if f > 1.0])[:8]
+    assert listened == pytest.approx(wanted[: len(listened)], rel=1e-9)
+    assert len(listened) == 8
 
 
 @pytest.mark.parametrize(("shape", "radius"), [("hex", 3), ("square", 3)])
@@ -164,8 +164,8 @@ def test_a_plate_has_the_modes_of_its_matrices(shape: str, radius: int):
     edges, n = bodies.plate_edges(shape, radius)
     assert network.count(first) == n
     lam = bodies.eigenvalues(edges, n)
-    heard = np.array([f for f, _ in network.modes("body", 8) if f > 1.0])[:5]
-    assert heard == pytest.approx(65.0 * np.sqrt(lam[:5] / lam[0]), rel=1e-8)
+    listened = np.array([f for f, _ in network.modes("body", 8) if f > 1.0])[:5]
+    assert listened == pytest.approx(65.0 * np.sqrt(lam[:5] / lam[0]), rel=1e-8)
 
 
 def test_a_plate_with_a_fixed_rim_is_in_tune():
@@ -207,10 +207,10 @@ def test_a_bank_has_its_pitches_evenly_by_logarithm():
     network.part("sky")
     first = network.bank("b", count=9, M=1e-3, f=(100.0, 1600.0), t60=(0.5, 8.0))
     assert network.count(first) == 9
-    heard = sorted(network.modes("sky", 9))
-    assert [f for f, _ in heard] == pytest.approx(
+    listened = sorted(network.modes("sky", 9))
+    assert [f for f, _ in listened] == pytest.approx(
         [100.0 * 2 ** (i / 2) for i in range(9)], rel=1e-9
     )
-    assert heard[0][1] == pytest.approx(8.0, rel=1e-9)
-    assert heard[-1][1] == pytest.approx(0.5, rel=1e-9)
-    assert all(a > b for (_, a), (_, b) in itertools.pairwise(heard))
+    assert listened[0][1] == pytest.approx(8.0, rel=1e-9)
+    assert listened[-1][1] == pytest.approx(0.5, rel=1e-9)
+    assert all(a > b for (_, a), (_, b) in itertools.pairwise(listened))

@@ -28,14 +28,14 @@ def test_a_restored_snapshot_changes_no_byte_of_a_whole_scene(at: int):
     """In the middle of gestures, contacts and strikes; restored into another simulation, too."""
     sim = simulation(whole(0.5), RATE, ledger=True)
     play(sim, at)
-    kept = sim.snapshot()
+    saved = sim.snapshot()
     rest, energy = play(sim, 8_000), sim.energy()
-    sim.restore(kept)
+    sim.restore(saved)
     assert play(sim, 8_000).tobytes() == rest.tobytes()
     assert sim.energy().stored == energy.stored
     assert sim.energy().flow == energy.flow
     other = simulation(whole(0.5), RATE, ledger=True)
-    other.restore(kept)
+    other.restore(saved)
     assert play(other, 8_000).tobytes() == rest.tobytes()
 
 
@@ -114,8 +114,8 @@ def test_a_coupling_acts_in_its_time_only():
     assert (out[end:, 1] == 0.0).all()
     assert np.abs(out[end:, 0]).max() > 1e-4
     # fading: no sample of the force jumps by more than it would at full strength
-    whole_force = play(_core.Simulation(*coupled(None)), 22_050)[1:, 1]
-    assert np.abs(np.diff(out[:, 1])).max() < 1.5 * np.abs(np.diff(whole_force)).max()
+    full_force = play(_core.Simulation(*coupled(None)), 22_050)[1:, 1]
+    assert np.abs(np.diff(out[:, 1])).max() < 1.5 * np.abs(np.diff(full_force)).max()
 
 
 def test_a_scene_does_not_disturb_the_network_it_came_from():

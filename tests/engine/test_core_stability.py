@@ -80,11 +80,11 @@ def test_the_largest_eigenvalue_is_not_underestimated():
                 K[i, i] += kappa * point.M * RATE**2 - point.K
                 Z[i, i] += zeta * point.M * RATE - point.Z
         keep = np.ix_(free, free)
-        whole = K[keep] / RATE**2 + 2.0 * Z[keep] / RATE
-        true = np.linalg.eigvals(np.linalg.solve(M[keep], whole)).real.max()
+        complete = K[keep] / RATE**2 + 2.0 * Z[keep] / RATE
+        true = np.linalg.eigvals(np.linalg.solve(M[keep], complete)).real.max()
         network, _ = scene.build(_core, RATE)
-        found = network.certify(RATE)
-        assert found.lambda_max > true * (1.0 - 1e-9)
+        result = network.certify(RATE)
+        assert result.lambda_max > true * (1.0 - 1e-9)
         # Gershgorin is at most twice the truth, which is at least the largest diagonal.
-        assert found.lambda_max < (2.0 if found.method == "gershgorin" else 1.05) * true
-        assert found.oversampling == 1
+        assert result.lambda_max < (2.0 if result.method == "gershgorin" else 1.05) * true
+        assert result.oversampling == 1

@@ -22,13 +22,13 @@ def test_a_cell_struck_between_samples_is_exact_ever_after(f: float, t60: float,
     scene.part("p")
     mat = scene.cel("m", M=2e-3, f=f, t60=t60)
     scene.listen("o", positions=[(mat, 1.0)])
-    at = (100 + late) / RATE
-    scene.strike(mat, at, impulse=1e-4)
-    scene.strike(mat, at + 0.0137, impulse=-3e-5)
+    position = (100 + late) / RATE
+    scene.strike(mat, position, impulse=1e-4)
+    scene.strike(mat, position + 0.0137, impulse=-3e-5)
     out = play(simulation(scene, RATE), 4410)[:, 0]
     sigma, omega = 3.0 * math.log(10.0) / t60, 2.0 * math.pi * f
     wanted = np.zeros(4410)
-    for when, p in ((at, 1e-4), (at + 0.0137, -3e-5)):
+    for when, p in ((position, 1e-4), (position + 0.0137, -3e-5)):
         t = np.maximum(np.arange(4410) / RATE - when, 0.0)
         wanted += p / (2e-3 * omega) * np.exp(-sigma * t) * np.sin(omega * t)
     assert np.abs(out - wanted).max() < 1e-9 * np.abs(wanted).max()
@@ -57,7 +57,7 @@ def test_strikes_on_all_kinds_of_mats_agree_with_the_oracle():
 
 
 @pytest.mark.parametrize(
-    "given",
+    "arguments",
     [
         {"at": -1.0, "impulse": 1.0},
         {"at": math.nan, "impulse": 1.0},
@@ -68,13 +68,13 @@ def test_strikes_on_all_kinds_of_mats_agree_with_the_oracle():
     ],
     ids=["early", "when", "infinite", "nothing", "still", "negative"],
 )
-def test_a_strike_that_is_none_is_refused(given: dict[str, float]):
+def test_a_strike_that_is_none_is_refused(arguments: dict[str, float]):
     network = _core.Network()
     network.part("p")
     mat = network.mas("m", M=1e-3)
     timeline = _core.Timeline(network, RATE)
     with pytest.raises(_core.EngineError):
-        timeline.strike(mat, **given)
+        timeline.strike(mat, **arguments)
 
 
 # --- chance ---
@@ -139,19 +139,19 @@ def rain(members: int, *, seed: int = 7, name: str = "rain") -> tuple[int, dict[
     first = network.bank("", count=members, M=1e-3, f=(100.0, 5000.0), t60=(0.5, 4.0))
     network.listen("o", positions=[(first, members, 1.0)])
     timeline = _core.Timeline(network, RATE)
-    told = timeline.rain(
+    output = timeline.rain(
         range(first, first + members), start=1.0, stop=11.0, rate=5.0,
         impulse=(1e-6, 4e-6), seed=seed, name=name,
     )  # fmt: skip
     sim = _core.Simulation(network, timeline, record=True)
     play(sim, int(11.1 * RATE), 4096)
-    return told, sim.ergons()
+    return output, sim.ergons()
 
 
 def test_rain_is_a_poisson_process_for_each_member():
-    told, drops = rain(200)
+    output, drops = rain(200)
     n = len(drops["time"])
-    assert told == n
+    assert output == n
     assert abs(n - 10_000) < 4.0 * math.sqrt(10_000)
     p = drops["impulse"]
     assert ((p >= 1e-6) & (p < 4e-6)).all()
@@ -170,10 +170,10 @@ def test_rain_is_a_poisson_process_for_each_member():
 
 def test_a_member_more_changes_no_other_member():
     few, many = rain(30)[1], rain(31)[1]
-    kept = many["mat"] < few["mat"].max() + 0.5
+    saved = many["mat"] < few["mat"].max() + 0.5
     for column in ("time", "mat", "impulse"):
-        assert (few[column] == many[column][kept]).all()
-    assert (~kept).sum() > 10
+        assert (few[column] == many[column][saved]).all()
+    assert (~saved).sum() > 10
 
 
 def test_another_seed_or_name_is_another_rain():
@@ -189,8 +189,8 @@ def test_the_rain_of_a_member_is_drawn_from_its_own_chance():
     for member in range(3):
         chance = _core.Chance(7, "strikes", "rain", member, 0)
         mine = drops["mat"] == drops["mat"].min() + member
-        t, found = 1.0, []
+        t, result = 1.0, []
         while (t := t + chance.exponential(0.2)) < 11.0:
-            found.append((t, chance.uniform(1e-6, 4e-6)))
-        assert drops["time"][mine] == pytest.approx([t for t, _ in found], abs=1e-12)
-        assert drops["impulse"][mine] == pytest.approx([p for _, p in found], rel=1e-15)
+            result.append((t, chance.uniform(1e-6, 4e-6)))
+        assert drops["time"][mine] == pytest.approx([t for t, _ in result], abs=1e-12)
+        assert drops["impulse"][mine] == pytest.approx([p for _, p in result], rel=1e-15)

@@ -40,18 +40,18 @@ def test_a_take_is_the_natural_quintic_spline(file: Path):
     assert take.duration == pytest.approx(t[-1] - t[0], rel=1e-15)
     size = [np.abs(truth(t, k)).max() for k in range(3)]
     for when in np.linspace(t[0], t[-1], 1777):
-        found = take.at(float(when - t[0]))
+        result = take.at(float(when - t[0]))
         for k in range(3):
-            assert found[k] == pytest.approx(float(truth(when, k)), abs=1e-9 * size[k])
+            assert result[k] == pytest.approx(float(truth(when, k)), abs=1e-9 * size[k])
 
 
 def test_a_trimmed_take_begins_at_its_first_kept_instant():
     t, x = samples(TAKES[0])
     take, truth = _core.Take(t, x, trim=(1.0, 2.5)), spline(t, x)
-    kept = t[(t >= 1.0) & (t <= 2.5)]
+    saved = t[(t >= 1.0) & (t <= 2.5)]
     assert take.duration == pytest.approx(1.5, abs=2.0 * (t[1] - t[0]))
     # Away from the cut the spline of the part is the spline of the whole.
-    for when in kept[12:-12]:
+    for when in saved[12:-12]:
         assert take.at(float(when - 1.0))[0] == pytest.approx(float(truth(when)), abs=1e-7)
 
 
@@ -61,8 +61,8 @@ def test_a_smoothed_take_is_a_butterworth_forward_and_back():
     take = _core.Take(t, x, smooth=12.0)
     wanted = sosfiltfilt(butter(4, 12.0, fs=200.0, output="sos"), x)
     inside = slice(100, -100)  # the ends depend on how the filter is started
-    found = np.array([take.at(float(s))[0] for s in t])
-    assert np.abs(found - wanted)[inside].max() < 1e-3 * 5e-4
+    result = np.array([take.at(float(s))[0] for s in t])
+    assert np.abs(result - wanted)[inside].max() < 1e-3 * 5e-4
 
 
 @pytest.mark.parametrize(

@@ -33,8 +33,8 @@ def test_ends_of_slides_are_located_between_frames():
     plan = planned(scene.text, error_db=-130.0)[1]
     assert [choice.contact_substeps for choice in plan.choices()] == [2]
     assert off_db(played(scene.text, error_db=-130.0)[:N], exact) < -200.0
-    at_frames = [own._replace(contact_substeps=1, oversampling=8) for own in plan.choices()]
-    assert off_db(played(scene.text, error_db=-130.0, pins=at_frames)[:N], exact) > -125.0
+    on_frames = [own._replace(contact_substeps=1, oversampling=8) for own in plan.choices()]
+    assert off_db(played(scene.text, error_db=-130.0, pins=on_frames)[:N], exact) > -125.0
 
 
 def test_half_the_step_is_more_exact(solved):
@@ -114,12 +114,12 @@ def test_a_snapshot_goes_on_to_the_last_bit(name: str, wishes: dict):
     sound = played(SCENES[name].text, **wishes)
     half = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     half.process(np.empty((stage.n_frames // 2, half.n_out)))
-    kept = half.snapshot()
+    saved = half.snapshot()
     for _ in range(2):
         tail = np.empty((stage.n_frames - stage.n_frames // 2, half.n_out))
         half.process(tail)
         assert tail.tobytes() == sound[stage.n_frames // 2 :].tobytes()
-        half.restore(kept)
+        half.restore(saved)
 
 
 GESTURE = (
@@ -143,9 +143,9 @@ GESTURE = (
 def test_friction_of_a_key_is_in_its_free_copy(curve: str, touch: str, more: str):
     text = GESTURE.format(curve=curve, touch=touch, more=more)
     sound = played(text, method="ca")[:, 0]
-    at = [int(0.125 * RATE + 0.5), int(0.25 * RATE + 0.5)]
+    position = [int(0.125 * RATE + 0.5), int(0.25 * RATE + 0.5)]
     # The load, 1 mN/m, is not in it: 5 uN of some 0.3 N.
-    assert sound[at] == pytest.approx(5e-3, abs=1e-6 if "K:" in more else 2e-7)
+    assert sound[position] == pytest.approx(5e-3, abs=1e-6 if "K:" in more else 2e-7)
     if not more:
         held = sound[int(0.15 * RATE) : int(0.24 * RATE)]
         assert np.abs(np.diff(held)).max() < 1e-10
@@ -189,8 +189,8 @@ def test_what_is_said_of_its_fields(fields: str, found: list[str]):
 def test_with_presliding_it_is_a_bristle_without_damping():
     fields = "to: m, F: 0.2N, K: 10kN/m, static: 0.3N, speed: 10mm/s"
     bristle = "between: [g, m], sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, vs: 10mm/s"
-    own, other = BLOCK.format(fields), BLOCK.replace("DRY", "BRISTLE").format(bristle)
-    assert np.array_equal(played(own, method="ca"), played(other, method="ca"))
+    single, other = BLOCK.format(fields), BLOCK.replace("DRY", "BRISTLE").format(bristle)
+    assert np.array_equal(played(single, method="ca"), played(other, method="ca"))
 
 
 def test_ground_and_a_fixed_point_are_the_same():
@@ -211,14 +211,14 @@ def test_two_keys_may_be_coupled_by_it():
 
 def test_the_reference_holds_and_turns():
     """By closed form: each half swing of a block on a spring is 2F/K shorter."""
-    own, k, m = Dry(-1, 0, 0.05), 300.0, 0.01
+    single, k, m = Dry(-1, 0, 0.05), 300.0, 0.01
     exact = SCENES["block"]
-    swing = type(exact)("swing", "", ((m, k, 0.0, 1e-3, 0.0, 0.0),), (own,), (0,))
+    swing = type(exact)("swing", "", ((m, k, 0.0, 1e-3, 0.0, 0.0),), (single,), (0,))
     half = np.pi / np.sqrt(k / m)
     frames = [round(half * RATE), round(2 * half * RATE)]
-    found = swing.exact(frames[-1] + 10)[:, 0]
-    wanted = [-(1e-3 - 2 * own.F / k), 1e-3 - 4 * own.F / k]
-    assert [found[: frames[0] + 9].min(), found[frames[0] :].max()] == pytest.approx(
+    result = swing.exact(frames[-1] + 10)[:, 0]
+    wanted = [-(1e-3 - 2 * single.F / k), 1e-3 - 4 * single.F / k]
+    assert [result[: frames[0] + 9].min(), result[frames[0] :].max()] == pytest.approx(
         wanted, rel=2e-5
     )
 

@@ -44,9 +44,9 @@ def heard(modules: str, out: str, lines: str, accuracy: str = "{error: -60dB}", 
     text = SCORE.format(modules=modules, heard=out, lines=lines, accuracy=accuracy, keys=keys)
     loaded = load("s.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
-    whole = stage(loaded.piece, planned=True)
-    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
-    whole.simulation.process(sound)
+    complete = stage(loaded.piece, planned=True)
+    sound = np.zeros((complete.n_frames, complete.simulation.n_out))
+    complete.simulation.process(sound)
     return sound[:, 0]
 
 
@@ -59,7 +59,7 @@ def reference(
     def slope(t: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[n:], forces(t, y[:n], y[n:])])
 
-    found = solve_ivp(
+    result = solve_ivp(
         slope,
         (0.0, n_frames / RATE),
         np.concatenate([x0, np.zeros(n)]),
@@ -68,7 +68,7 @@ def reference(
         atol=1e-14,
         t_eval=np.arange(n_frames) / RATE,
     )
-    return found.y[:n]
+    return result.y[:n]
 
 
 def mode(f: float, sigma: float, share: float, x0: float, n_frames: int) -> np.ndarray:
@@ -234,11 +234,11 @@ def test_a_hardening_plate_keeps_what_hardens():
 
     def forces(t, x, v):
         square = ((2 * math.pi * f * ratio(t)) ** 2 + sigma**2) / lowest
-        found = -(square * (matrix @ x) + 2 * sigma / lowest * (matrix @ v))
+        result = -(square * (matrix @ x) + 2 * sigma / lowest * (matrix @ v))
         cubes = q * (x[b] - x[a]) ** 3 / mass
-        np.add.at(found, a, cubes)
-        np.add.at(found, b, -cubes)
-        return found
+        np.add.at(result, a, cubes)
+        np.add.at(result, b, -cubes)
+        return result
 
     x0 = np.zeros(across * up)
     x0[5] = 2e-3

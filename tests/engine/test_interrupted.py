@@ -37,12 +37,12 @@ def test_control_c_ends_a_command(what, tmp_path):
     with begun(tmp_path, what) as child:
         try:
             child.send_signal(signal.SIGINT)
-            _, told = child.communicate(timeout=PATIENCE)
+            _, output = child.communicate(timeout=PATIENCE)
         finally:
             child.kill()
     assert child.returncode == 130
-    assert "Traceback" not in told
-    assert "error" not in told
+    assert "Traceback" not in output
+    assert "error" not in output
     assert [path.name for path in tmp_path.iterdir()] == ["score.yaml"]
 
 

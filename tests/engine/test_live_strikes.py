@@ -27,12 +27,12 @@ def _simulation(network, timeline, **options):
 def _played(simulation, n_frames, strikes=()):
     """Frames, with (frame, impulse) of live strikes."""
     out = []
-    at = 0
+    position = 0
     for frame, impulse in (*strikes, (n_frames, None)):
-        block = np.zeros((frame - at, simulation.n_out))
+        block = np.zeros((frame - position, simulation.n_out))
         simulation.process(block)
         out.append(block)
-        at = frame
+        position = frame
         if impulse is not None:
             assert simulation.strike(POINT, impulse)
     return np.concatenate(out)
@@ -45,9 +45,9 @@ def test_a_live_strike_is_a_written_one_to_the_bit_where_both_act_in_one_step():
     written.strike(a, 300 / RATE, impulse=-1e-3)
     live = _core.Timeline(network, RATE)
     live.strike_point(a, POINT)
-    heard = _played(_simulation(network, live), 1000, [(100, 2e-3), (300, -1e-3)])
-    assert np.array_equal(heard, _played(_simulation(network, written), 1000))
-    assert np.abs(heard).max() > 1e-6
+    listened = _played(_simulation(network, live), 1000, [(100, 2e-3), (300, -1e-3)])
+    assert np.array_equal(listened, _played(_simulation(network, written), 1000))
+    assert np.abs(listened).max() > 1e-6
 
 
 @pytest.mark.parametrize("frame", [49_920, 50_001])
@@ -56,9 +56,9 @@ def test_a_bell_that_stood_still_sounds_to_the_bit_as_one_struck_at_once(frame):
     timeline = _core.Timeline(network, RATE)
     timeline.strike_point(a, POINT)
     late, early = (_simulation(network, timeline) for _ in range(2))
-    heard = _played(late, frame + 900, [(frame, 2e-3)])
-    assert np.array_equal(heard[frame:], _played(early, 910, [(10, 2e-3)])[10:])
-    assert np.abs(heard[:frame]).max() == 0.0 < np.abs(heard).max()
+    listened = _played(late, frame + 900, [(frame, 2e-3)])
+    assert np.array_equal(listened[frame:], _played(early, 910, [(10, 2e-3)])[10:])
+    assert np.abs(listened[:frame]).max() == 0.0 < np.abs(listened).max()
     # All but a few frames of what it stood still; none of what it sounds.
     assert frame - 500 < late.steps_at_rest() < frame
     assert early.steps_at_rest() == 0

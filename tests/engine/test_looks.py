@@ -71,8 +71,8 @@ def test_control_c_is_looked_for_in_the_largest_body(command: str, body: str, tm
 
 def _used(child: int) -> float:
     """Processor time of a process [s]."""
-    told = Path(f"/proc/{child}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(told[11]) + int(told[12])) / os.sysconf("SC_CLK_TCK")
+    output = Path(f"/proc/{child}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(output[11]) + int(output[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")

@@ -76,9 +76,9 @@ def test_pcm_is_numpys_rint(bits: int) -> None:
 
 def test_single_is_numpys_cast() -> None:
     frames = noise(100, 2)
-    found = single(frames, 0.3)
-    assert found.dtype == np.float32
-    assert np.array_equal(found, (frames * 0.3).astype(np.float32))
+    result = single(frames, 0.3)
+    assert result.dtype == np.float32
+    assert np.array_equal(result, (frames * 0.3).astype(np.float32))
 
 
 def test_shapes_are_told() -> None:

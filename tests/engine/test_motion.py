@@ -16,7 +16,7 @@ SECONDS = 2.5
 
 
 def scene(
-    n_cells: int = 40, *, heard: bool = True
+    n_cells: int = 40, *, listened: bool = True
 ) -> tuple[_core.Network, _core.Timeline, list[tuple[float, int]]]:
     """Cells, a linear plate, a gong that stiffens and a hammer, and what strikes them (t, MAT).
 
@@ -40,7 +40,7 @@ def scene(
     net.part("hammer", ca_rate=RATE)
     hammer = net.cel("h", M=0.1 * m, K=60.0 * 1.0, Z=0.5 * RATE, X0=-2e-3)
     net.but("beats", hammer, net.centre(gong), K=900.0, Z=0.1 * RATE, gap=1e-3)
-    if heard:
+    if listened:
         net.listen("sky", positions=[(cells[0], n_cells, 1.0)])
         net.listen("plate", positions=[(plate, net.count(plate), 1.0)])
         net.listen("gong", positions=[(gong + 3, 1, 1.0)])
@@ -168,15 +168,15 @@ def test_ergons_make_flights_and_nothing_else_does(filmed: tuple) -> None:
     data, net, _, blows = filmed
     replica = Replica(data)
     mats = _mats(net, replica)
-    points = {mat: at for at, mat in enumerate(mats)}
-    told = [
+    points = {mat: index for index, mat in enumerate(mats)}
+    output = [
         (t + float(e["dt"]), int(e["point"]))
         for t, all in replica.records(ERGONS, ERGON)
         for e in all
     ]
-    assert len(told) == len(blows)
-    for (t, point), (at, mat) in zip(sorted(told), blows, strict=True):
-        assert math.isclose(t, at, abs_tol=1e-6)
+    assert len(output) == len(blows)
+    for (t, point), (index, mat) in zip(sorted(output), blows, strict=True):
+        assert math.isclose(t, index, abs_tol=1e-6)
         assert point == points[mat]
     # It is told at most a second, and at least a moment, before.
     assert all(
@@ -208,12 +208,12 @@ def test_contacts_tell_when_and_how_hard(filmed: tuple) -> None:
 
 
 def test_sound_and_motion_are_the_same_for_any_thread_count() -> None:
-    net, timeline, _ = scene(heard=False)
-    heard = _core.Plan(net, timeline)
-    blind = _core.Simulation(net, timeline, plan=heard)
+    net, timeline, _ = scene(listened=False)
+    listened = _core.Plan(net, timeline)
+    blind = _core.Simulation(net, timeline, plan=listened)
     seen = _core.Plan(net, timeline, seen=["sky", "plate", "gong", "hammer"])
-    assert seen.hash == heard.hash
-    assert not heard.seen()
+    assert seen.hash == listened.hash
+    assert not listened.seen()
     assert seen.seen()
     first, sound = film(net, timeline, seen, seconds=1.2)
     silent = np.zeros_like(sound)
@@ -224,7 +224,7 @@ def test_sound_and_motion_are_the_same_for_any_thread_count() -> None:
         assert same.tobytes() == sound.tobytes()
         assert again == first
     # Without, what nobody hears is told not to be computed.
-    parts = Replica(film(net, timeline, heard, seconds=0.1)[0]).manifest["parts"]
+    parts = Replica(film(net, timeline, listened, seconds=0.1)[0]).manifest["parts"]
     assert {(part["kind"], part["why"]) for part in parts} == {("free", None), ("none", "unheard")}
 
 
@@ -262,33 +262,33 @@ def test_a_cut_or_damaged_file_opens_to_its_last_whole_chunk(tmp_path: Path) -> 
     timeline.strike(mass, 0.012, impulse=1e-4)
     data, _ = film(net, timeline, _core.Plan(net, timeline), seconds=0.05)
     path = tmp_path / "x.motion"
-    whole = _open(path, data)
-    assert whole is not None
-    assert whole.is_whole
-    assert not whole.is_cut
-    known = [tuple(chunk) for chunk in whole.chunks()]
+    complete = _open(path, data)
+    assert complete is not None
+    assert complete.is_whole
+    assert not complete.is_cut
+    known = [tuple(chunk) for chunk in complete.chunks()]
     ends = [*[at for _, _, _, at in Replica(data).chunks][1:], len(data)]
     tables = 4  # manifest, points, names, links
     for cut in range(len(data)):
-        found = _open(path, data[:cut])
+        result = _open(path, data[:cut])
         n_whole = sum(end <= cut for end in ends)
         if n_whole < tables - 1:
-            assert found is None
-        elif found is not None:
-            assert [tuple(chunk) for chunk in found.chunks()] == known[:n_whole]
-            assert not found.is_whole
-            assert found.is_cut == (cut not in (8, *ends))
+            assert result is None
+        elif result is not None:
+            assert [tuple(chunk) for chunk in result.chunks()] == known[:n_whole]
+            assert not result.is_whole
+            assert result.is_cut == (cut not in (8, *ends))
         else:
             assert n_whole < tables
     for byte in range(len(data)):
         for bit in range(8):
             damaged = bytearray(data)
             damaged[byte] ^= 1 << bit
-            found = _open(path, bytes(damaged))
+            result = _open(path, bytes(damaged))
             n_whole = sum(end <= byte for end in ends)
-            if found is not None:
-                assert [tuple(chunk) for chunk in found.chunks()] == known[:n_whole]
-                assert not found.is_whole
+            if result is not None:
+                assert [tuple(chunk) for chunk in result.chunks()] == known[:n_whole]
+                assert not result.is_whole
 
 
 def _open(path: Path, data: bytes) -> _core.Motion | None:

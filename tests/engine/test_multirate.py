@@ -49,17 +49,17 @@ def scene(
     chain: tuple[tuple[float, ...], tuple[float, ...]] = (MASSES, SPRINGS),
 ) -> tuple[_core.Network, _core.Timeline]:
     """A key of masses in a row, and the string that its last one pulls."""
-    own = RATE if ca else None
+    single = RATE if ca else None
     m, r = (RATE**2, RATE) if ca else (1.0, 1.0)
     network = _core.Network()
-    network.part("key", ca_rate=own, macrostep=every)
+    network.part("key", ca_rate=single, macrostep=every)
     mats = [network.cel("m0", M=chain[0][0] * m, K=chain[1][0], Z=z[0] * r)]
     mats += [network.mas(f"m{i}", M=mass * m) for i, mass in enumerate(chain[0][1:], 1)]
     for i in range(len(mats) - 1):
         network.ref(f"r{i}", mats[i], mats[i + 1], K=chain[1][i + 1], Z=z[i + 1] * r)
-    network.part("string", ca_rate=own)
+    network.part("string", ca_rate=single)
     string = network.string("s", masses=masses, M=MASS * m, f=F, t60=t60)
-    network.part("between", ca_rate=own)
+    network.part("between", ca_rate=single)
     network.ref("c", mats[-1], string + 7, K=kc, Z=0.0)
     for name, mat in (("key", mats[KEY]), ("end", mats[-1]), ("string", string + HEARD)):
         network.listen(name, positions=[(mat, 1, 1.0)])
@@ -73,9 +73,9 @@ def scene(
 
 
 def play(
-    made: tuple[_core.Network, _core.Timeline], n: int = N, plan: bool = True, **budget: Any
+    built: tuple[_core.Network, _core.Timeline], n: int = N, plan: bool = True, **budget: Any
 ) -> np.ndarray:
-    network, timeline = made
+    network, timeline = built
     planned = _core.Plan(network, timeline, **budget) if plan else None
     out = np.zeros((n, network.n_out))
     _core.Simulation(network, timeline, plan=planned).process(out)
@@ -107,8 +107,10 @@ def test_it_is_preserved_at_ten_frames_and_at_twenty(
     # One damper more than none: else all of it is one bank of modes.
     how |= {} if damped else {"z": (0.0, 0.0, 1e-6, *[0.0] * (COUNT - 3)), "t60": None}
     plain = play(scene(None, **how), plan=False)
-    at = {R: play(scene(R, **how), error_db=-100.0) for R in (4, 10, 20)}
-    off = {R: [error_db(out[:, [i]], plain[:, [i]]) for i in range(3)] for R, out in at.items()}
+    position = {R: play(scene(R, **how), error_db=-100.0) for R in (4, 10, 20)}
+    off = {
+        R: [error_db(out[:, [i]], plain[:, [i]]) for i in range(3)] for R, out in position.items()
+    }
     assert off[10][2] < -75.0
     assert off[20][2] < -70.0
     assert max(off[4]) < -90.0
@@ -172,7 +174,7 @@ def string_of(t60: float) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("every", "most"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
 )
-def test_it_is_within_that_of_the_continuous_motion(every: int, most: float):
+def test_it_is_within_that_of_the_continuous_motion(every: int, limit: float):
     masses, K, Z = matrices(5e3, *string_of(2.0))
     n = len(masses)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / masses[:, None], -Z / masses[:, None]]])
@@ -182,7 +184,7 @@ def test_it_is_within_that_of_the_continuous_motion(every: int, most: float):
         truth[i] = state[[KEY, END, COUNT + HEARD]]
         state = flow @ state
     out = play(scene(every), error_db=-120.0)
-    assert error_db(out, truth) < most
+    assert error_db(out, truth) < limit
 
 
 # --- whether it grows -----------------------------------------------------------------------------
@@ -202,14 +204,14 @@ def radius(
                 matrix[i - 1, i - 1] += value
                 matrix[i - 1, i] -= value
                 matrix[i, i - 1] -= value
-    h, one = 1.0 / RATE, np.eye(size)
+    h, first = 1.0 / RATE, np.eye(size)
     K, Z = h * h * K / m[:, None], h * Z / m[:, None]
-    E = np.linalg.matrix_power(np.block([[one - K, one - Z], [-K, one - Z]]), every)
+    E = np.linalg.matrix_power(np.block([[first - K, first - Z], [-K, first - Z]]), every)
     a, b = E[:size, :size], E[:size, size:]
     c, d = E[size:, :size], E[size:, size:]
     turned = b @ d @ np.linalg.inv(b)
     keep = turned @ a - b @ c
-    pull = -((a - one) + b @ c + turned @ (one - a)) / every
+    pull = -((a - first) + b @ c + turned @ (first - a)) / every
     k = MASS / STRING * (2.0 * np.sin(np.pi * F / RATE)) ** 2  # CA sounds it at F
     k /= 4.0 * np.sin(np.pi / 2 / (STRING + 1)) ** 2 * h * h
     laplace = 2.0 * np.eye(STRING) - np.eye(STRING, k=1) - np.eye(STRING, k=-1)
@@ -230,8 +232,8 @@ def radius(
     kick = np.eye(n)
     velocities = slice(size, 2 * size)
     kick[velocities, :size], kick[velocities, velocities] = -pull, keep
-    whole = kick @ inner @ np.linalg.matrix_power(fast, every)
-    return float(abs(np.linalg.eigvals(whole)).max())
+    complete = kick @ inner @ np.linalg.matrix_power(fast, every)
+    return float(abs(np.linalg.eigvals(complete)).max())
 
 
 def soft(seed: int, every: int, turn: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -266,15 +268,15 @@ def test_an_undamped_key_stays_bounded_at_every_rate():
 def test_what_would_grow_goes_at_every_frame():
     chain, z, kc = soft(8, 44, 2.6), UNDAMPED, 5e3
     assert radius(44, kc, chain, z) > 1.1
-    made = scene(44, kc=kc, chain=chain, z=z, t60=None, ca=True)
-    plan = _core.Plan(*made)
+    built = scene(44, kc=kc, chain=chain, z=z, t60=None, ca=True)
+    plan = _core.Plan(*built)
     ((part, why),) = plan.stay()
     assert part == "key"
     assert "would grow" in why
     assert [row.what for row in plan.rows()].count("e4") == 0
     assert any(row.stays and "would grow" in row.stays for row in plan.rows())
     plain = play(scene(None, kc=kc, chain=chain, z=z, t60=None, ca=True), plan=False)
-    assert error_db(play(made), plain) < -60.0
+    assert error_db(play(built), plain) < -60.0
 
 
 def test_a_large_island_is_followed_for_a_while():
@@ -408,22 +410,22 @@ def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
     pinned = _core.Plan(network, timeline, cents=3.0, pins=plan.choices())
     assert pinned.hash == plan.hash
     assert slow_row(pinned).macrostep == 10
-    whole = np.zeros((6000, 3))
-    _core.Simulation(network, timeline, plan=plan).process(whole)
-    assert whole[:, 2].any()
+    complete = np.zeros((6000, 3))
+    _core.Simulation(network, timeline, plan=plan).process(complete)
+    assert complete[:, 2].any()
     for threads, block in ((1, 7), (3, 1000), (2, 4999)):
         simulation = _core.Simulation(network, timeline, plan=pinned, threads=threads)
-        out, snapshot = np.zeros_like(whole), None
+        out, snapshot = np.zeros_like(complete), None
         for first in range(0, 6000, block):
             simulation.process(out[first : first + block])
             if snapshot is None and first > 2000:
                 snapshot, then = simulation.snapshot(), min(6000, first + block)
-        assert out.tobytes() == whole.tobytes()
+        assert out.tobytes() == complete.tobytes()
         if snapshot is not None:
             simulation.restore(snapshot)
-            again = np.zeros_like(whole[then:])
+            again = np.zeros_like(complete[then:])
             simulation.process(again)
-            assert again.tobytes() == whole[then:].tobytes()
+            assert again.tobytes() == complete[then:].tobytes()
 
 
 @pytest.mark.slow

@@ -29,14 +29,14 @@ def law(text: str | None, damping: str | None = None, reach: float = 1.0) -> _co
     return _core.Law(text, damping, CONSTANTS, None, reach)
 
 
-def same(made: _core.Law, d: NDArray[np.float64], v: NDArray[np.float64]) -> None:
+def same(built: _core.Law, d: NDArray[np.float64], v: NDArray[np.float64]) -> None:
     """Native code, the core over a run and the core link by link give the same bits."""
-    rows = made.rows()
+    rows = built.rows()
     assert rows is not None
     compiled, run, alone = (np.empty_like(d) for _ in range(3))
-    made.native(native.address(rows)).forces(d, v, compiled)
-    made.forces(d, v, run)
-    alone[:] = [made.force(x, y) for x, y in zip(d.tolist(), v.tolist(), strict=True)]
+    built.native(native.address(rows)).forces(d, v, compiled)
+    built.forces(d, v, run)
+    alone[:] = [built.force(x, y) for x, y in zip(d.tolist(), v.tolist(), strict=True)]
     for other in (run, alone):
         numbers = ~np.isnan(other)
         assert np.array_equal(np.isnan(compiled), ~numbers)
@@ -108,13 +108,13 @@ def test_the_largest_laws_compile():
 
 
 def test_laws_of_one_text_share_their_code():
-    one, other = (_core.Law("k*d + q*d**3", None, {"k": k, "q": 2.0}) for k in (1.0, 7.0))
-    assert one.rows() == other.rows()
-    assert native.address(one.rows() or []) == native.address(other.rows() or [])
+    item, other = (_core.Law("k*d + q*d**3", None, {"k": k, "q": 2.0}) for k in (1.0, 7.0))
+    assert item.rows() == other.rows()
+    assert native.address(item.rows() or []) == native.address(other.rows() or [])
     d = np.linspace(-1.0, 1.0, 9)
-    for made in (one, other):
-        same(made, d, d)
-    assert native.address(law("k*d").rows() or []) != native.address(one.rows() or [])
+    for built in (item, other):
+        same(built, d, d)
+    assert native.address(law("k*d").rows() or []) != native.address(item.rows() or [])
 
 
 def test_points_have_no_rows():

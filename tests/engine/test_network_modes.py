@@ -44,9 +44,9 @@ def told(poles: np.ndarray, count: int) -> np.ndarray:
 def test_modes_are_those_of_the_state(seed: int, n: int, damping: float):
     network, poles = random(seed, n, damping)
     wanted = told(poles, 6)
-    found = np.array([(f, t60) for f, t60 in network.modes("s", 6)])
-    assert found[:, 0] == pytest.approx(wanted[:, 0], rel=1e-7, abs=1e-7)
-    assert found[:, 1] == pytest.approx(wanted[:, 1], rel=1e-6)
+    result = np.array([(f, t60) for f, t60 in network.modes("s", 6)])
+    assert result[:, 0] == pytest.approx(wanted[:, 0], rel=1e-7, abs=1e-7)
+    assert result[:, 1] == pytest.approx(wanted[:, 1], rel=1e-6)
 
 
 def test_a_strong_damper_at_one_point_moves_the_pitch():
@@ -59,8 +59,8 @@ def test_a_strong_damper_at_one_point_moves_the_pitch():
     K = np.array([[3500.0, -1500.0], [-1500.0, 3500.0]]) / 1e-3
     Z = np.diag([0.0, 4.0]) / 1e-3
     poles = np.linalg.eig(np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -Z]]))[0]
-    found = np.array([tuple(mode) for mode in network.modes("s", 2)])
-    assert found == pytest.approx(told(poles, 2), rel=1e-9)
+    result = np.array([tuple(mode) for mode in network.modes("s", 2)])
+    assert result == pytest.approx(told(poles, 2), rel=1e-9)
 
 
 def test_a_mode_beyond_critical_damping_has_the_time_of_its_slower_pole():

@@ -8,10 +8,10 @@ from ergon import _core
 CENTS = 1e-6
 
 
-def cents(found: np.ndarray, wanted: np.ndarray) -> float:
+def cents(result_wanted: np.ndarray, wanted: np.ndarray) -> float:
     """The largest difference of two lists of pitches [cents]."""
-    assert found.shape == wanted.shape
-    return float(np.abs(1200.0 * np.log2(found / wanted)).max())
+    assert result_wanted.shape == wanted.shape
+    return float(np.abs(1200.0 * np.log2(result_wanted / wanted)).max())
 
 
 class Body:
@@ -44,9 +44,9 @@ class Body:
         """All that swing, from low to high."""
         n = len(self.m)
         rows = [np.zeros((n, n)), np.eye(n)], [-self.K / self.m[:, None], -self.Z / self.m[:, None]]
-        found = np.linalg.eigvals(np.block(list(map(list, rows))))
-        found = found[found.imag > 1e-9 * np.abs(found)]
-        return found[np.argsort(np.abs(found))]
+        result = np.linalg.eigvals(np.block(list(map(list, rows))))
+        result = result[result.imag > 1e-9 * np.abs(result)]
+        return result[np.argsort(np.abs(result))]
 
 
 def pitches(modes: _core.PartModes) -> np.ndarray:
@@ -67,10 +67,10 @@ def test_chains_with_ends_fixed_and_free(fixed: int):
     j = np.arange(40)
     angle = {2: (j + 1) / (2 * (n + 1)), 1: (2 * j + 1) / (2 * (2 * n + 1)), 0: j / (2 * n)}[fixed]
     wanted = 2 * np.sqrt(k / m) * np.sin(np.pi * angle) / (2 * np.pi)
-    found = pitches(body.network.part_modes("b", count=40))
+    result = pitches(body.network.part_modes("b", count=40))
     first = 0 if fixed else 1  # a free chain moves as a whole first
-    assert np.all(found[:first] < 1e-3 * wanted[1])
-    assert cents(found[first:], wanted[first:]) < CENTS
+    assert np.all(result[:first] < 1e-3 * wanted[1])
+    assert cents(result[first:], wanted[first:]) < CENTS
 
 
 def test_a_square_membrane_has_pairs_of_one_pitch():
@@ -120,8 +120,8 @@ def random(seed: int, damping: float) -> Body:
 @pytest.mark.parametrize("seed", range(8))
 def test_random_networks_against_dense_eigenvalues(seed: int):
     body = random(seed, 0.0)
-    found = pitches(body.network.part_modes("b", count=100))
-    assert cents(found, body.undamped()) < CENTS
+    result = pitches(body.network.part_modes("b", count=100))
+    assert cents(result, body.undamped()) < CENTS
     middle = float(body.undamped()[50]) * 1.001
     near = body.undamped()
     near = np.sort(near[np.argsort(np.abs(near**2 - middle**2))[:7]])
@@ -133,9 +133,9 @@ def test_random_networks_against_dense_eigenvalues(seed: int):
 def test_damped_random_networks_against_the_dense_quadratic_problem(seed: int, damping: float):
     body = random(seed, damping)
     wanted = body.poles()[:20]
-    found = body.network.part_modes("b", count=20).poles
-    assert cents(found.imag, wanted.imag) < 1e-5
-    assert found.real == pytest.approx(wanted.real, rel=1e-6)
+    result = body.network.part_modes("b", count=20).poles
+    assert cents(result.imag, wanted.imag) < 1e-5
+    assert result.real == pytest.approx(wanted.real, rel=1e-6)
 
 
 @pytest.mark.parametrize("count", [90, pytest.param(500, marks=pytest.mark.slow)])
@@ -149,9 +149,9 @@ def test_damped_modes_two_hundredths_of_a_cent_apart_are_found_once_each(count: 
     for i in range(1, count):
         body.link(0, i, 0.0, 1e-4 * rng.uniform() / count)
     wanted = body.poles()
-    found = body.network.part_modes("b", count=count)
-    assert found.is_certified
-    far = np.abs(found.poles[:, None] - wanted)
+    result = body.network.part_modes("b", count=count)
+    assert result.is_certified
+    far = np.abs(result.poles[:, None] - wanted)
     assert sorted(far.argmin(axis=1)) == list(range(count))
     assert far.min(axis=1).max() < 1e-11 * abs(wanted[0])
 
@@ -168,11 +168,11 @@ def test_a_string_with_a_strong_damper_at_one_point():
     body.network.ref("damper", body.mats[14], body.wall, K=0.0, Z=0.35)
     body.Z[14, 14] += 0.35
     wanted = body.poles()[:20]
-    found = body.network.part_modes("b", count=20)
-    assert cents(found.poles.imag, wanted.imag) < 1e-5
-    assert found.poles.real == pytest.approx(wanted.real, rel=1e-6)
+    result = body.network.part_modes("b", count=20)
+    assert cents(result.poles.imag, wanted.imag) < 1e-5
+    assert result.poles.real == pytest.approx(wanted.real, rel=1e-6)
     # Shapes: (s²M + sZ + K) x = 0, and xᵀ(2sM + Z)x = 2i·Im s.
-    for s, x in zip(found.poles, found.shapes, strict=True):
+    for s, x in zip(result.poles, result.shapes, strict=True):
         left = s * s * body.m * x + s * body.Z @ x + body.K @ x
         assert np.linalg.norm(left) < 1e-5 * np.linalg.norm(body.K @ x)
         assert x @ (2 * s * body.m * x + body.Z @ x) == pytest.approx(2j * s.imag, rel=1e-6)

@@ -23,10 +23,10 @@ def response(
     mixer.route(0, room, to_room=True)
     click = np.zeros((int(seconds * RATE), 1))
     click[0] = 1.0
-    heard = np.zeros((len(click), n_channels))
-    for at in range(0, len(click), block):
-        mixer.process(click[at : at + block], heard[at : at + block])
-    return heard
+    listened = np.zeros((len(click), n_channels))
+    for index in range(0, len(click), block):
+        mixer.process(click[index : index + block], listened[index : index + block])
+    return listened
 
 
 def decay(sound: np.ndarray, f: float) -> float:
@@ -95,9 +95,9 @@ def test_channels_hear_different_echoes():
 
 def test_blocks_change_no_byte():
     t60 = ((200.0, 2.0), (6_000.0, 1.0))
-    whole = response(t60, seconds=0.5, n_channels=2)
+    complete = response(t60, seconds=0.5, n_channels=2)
     for block in (1, 44, 333):
-        assert np.array_equal(response(t60, seconds=0.5, n_channels=2, block=block), whole)
+        assert np.array_equal(response(t60, seconds=0.5, n_channels=2, block=block), complete)
 
 
 def test_what_no_room_does_is_refused():

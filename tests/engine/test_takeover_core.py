@@ -34,8 +34,8 @@ def version(
     timeline = _core.Timeline(net, RATE)
     timeline.open()
     timeline.couple(0, 0.1)
-    for at in struck:
-        timeline.strike(0, at, impulse=1e-4)
+    for position in struck:
+        timeline.strike(0, position, impulse=1e-4)
     plan = _core.Plan(net, timeline, like=like)
     return plan, _core.Simulation(net, timeline, plan=plan, on_fault="mute", start=start)
 
@@ -48,10 +48,10 @@ def heard(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
 
 def test_what_is_equal_goes_on_to_the_last_bit() -> None:
     net = network()
-    plan, whole = version(net, [0.01, 0.2], 0)
+    plan, complete = version(net, [0.01, 0.2], 0)
     _, first = version(net, [0.01], 0, plan)
     _, second = version(net, [0.01, 0.2], 6400, plan)
-    all_of_it = heard(whole, 20_000)
+    all_of_it = heard(complete, 20_000)
     before = heard(first, 6400)
     copy = first.fork()
     second.take_over(first)
@@ -72,9 +72,9 @@ def test_frames_must_agree() -> None:
 def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
     """Done or too late, as it is told: the file holds the samples of the same take-over by hand."""
     net = network()
-    at, n_frames = 5_000 * EVERY, 9_000 * EVERY
+    position, n_frames = 5_000 * EVERY, 9_000 * EVERY
     plan, first = version(net, [0.01], 0)
-    _, second = version(net, [0.01, 7.5, 9.0], at, plan)
+    _, second = version(net, [0.01, 7.5, 9.0], position, plan)
     mixer = _core.Mixer(RATE, 2, 1)
     mixer.route(0, 0)
     mixer.route(1, 0)
@@ -83,19 +83,19 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
         first, mixer, tick_frames=EVERY, audio=f"file:{path}", n_frames=n_frames
     )
     try:
-        ticket = played.change(at, simulation=second, old=first)
+        ticket = played.change(position, simulation=second, old=first)
         with pytest.raises(EngineError, match="not the first of a tick"):
-            played.change(at + 1, gain=0.5)
+            played.change(position + 1, gain=0.5)
         with pytest.raises(EngineError, match="`old` requires `simulation`"):
-            played.change(at, old=first)
+            played.change(position, old=first)
         assert played.wait(PATIENCE)
-        told = played.events()
+        output = played.events()
     finally:
         played.close(10.0)
-    answers = {number: what for _, what, number in told if what in ("changed", "late")}
+    answers = {number: what for _, what, number in output if what in ("changed", "late")}
     assert list(answers) == [ticket]
 
-    frames = heard(first, at)
+    frames = heard(first, position)
     if answers[ticket] == "changed":
         second.take_over(first)
         frames = np.concatenate([frames, heard(second, n_frames)])
@@ -121,8 +121,8 @@ def test_damping_is_a_time() -> None:
 
 def test_parameters_glide() -> None:
     """A spring and a mass that come from other numbers: nothing jumps, and refusals say why."""
-    at, over = 6_400, 64
-    span = (at / RATE, (at + over) / RATE)
+    position, over = 6_400, 64
+    span = (position / RATE, (position + over) / RATE)
 
     def pair(k: float, tie: float) -> _core.Network:
         net = _core.Network()
@@ -138,15 +138,17 @@ def test_parameters_glide() -> None:
         quiet = _core.Timeline(old, RATE)
         quiet.open()
         before = _core.Simulation(old, quiet, plan=_core.Plan(old, quiet))
-        after = _core.Simulation(new, timeline, plan=_core.Plan(new, timeline), start=at)
-        sound = heard(before, at)
+        after = _core.Simulation(new, timeline, plan=_core.Plan(new, timeline), start=position)
+        sound = heard(before, position)
         after.take_over(before)
-        return np.concatenate([sound, heard(after, 2 * at)])
+        return np.concatenate([sound, heard(after, 2 * position)])
 
     def roughness(sound: NDArray[np.float64]) -> float:
         third = np.abs(np.diff(sound, 3, axis=0)).max(axis=1)
-        around = max(third[at - 1_500 : at - 4].max(), third[at + over + 4 :][:1_500].max())
-        return float(third[at - 4 : at + over + 4].max() / around)
+        around = max(
+            third[position - 1_500 : position - 4].max(), third[position + over + 4 :][:1_500].max()
+        )
+        return float(third[position - 4 : position + over + 4].max() / around)
 
     new = pair(4.5e3, 1_350.0)
     jumping, gliding = (_core.Timeline(new, RATE) for _ in range(2))

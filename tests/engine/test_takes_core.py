@@ -23,8 +23,8 @@ def read(path: Path) -> tuple[Floats, Floats]:
 
 def compare(take: Take, spline: object, instants: Floats, offset: float = 0.0) -> None:
     """Position, velocity and acceleration agree to 1e-9 of the largest of each."""
-    found = np.array([take.at(float(t - offset)) for t in instants]).T
-    for order, row in enumerate(found):
+    result = np.array([take.at(float(t - offset)) for t in instants]).T
+    for order, row in enumerate(result):
         wanted = spline(instants, order)  # type: ignore[operator]
         assert np.abs(row - wanted).max() < 1e-9 * np.abs(wanted).max()
 
@@ -80,8 +80,8 @@ def test_smooth_of_even_samples_is_scipys() -> None:
     x = 5e-3 * np.sin(17 * t) + 1e-4 * np.random.default_rng(1).standard_normal(len(t))
     smooth = sosfiltfilt(butter(4, 12.0, fs=rate, output="sos"), x)
     take = Take(t, x, smooth=12.0)
-    found = np.array([take.at(float(u))[0] for u in t])
-    assert np.abs(found - smooth).max() < 1e-13
+    result = np.array([take.at(float(u))[0] for u in t])
+    assert np.abs(result - smooth).max() < 1e-13
 
 
 def test_uneven_spacing_over_six_decades() -> None:
@@ -89,10 +89,10 @@ def test_uneven_spacing_over_six_decades() -> None:
     t = np.cumsum(10.0 ** rng.uniform(-5, 1, 300))
     x = rng.uniform(-5e-3, 5e-3, 300)
     take = Take(t, x)
-    found = np.array([take.at(float(u)) for u in t]).T
+    result = np.array([take.at(float(u)) for u in t]).T
     # x''' has no jump from piece to piece; both sides from Hermite's quintic, in time / h.
     h, d = np.diff(t), np.diff(x)
-    v, a = found[1], found[2]
+    v, a = result[1], result[2]
     v0, v1, a0, a1 = h * v[:-1], h * v[1:], h * h * a[:-1], h * h * a[1:]
     left = (60 * d - 24 * v0 - 36 * v1 - 3 * a0 + 9 * a1) / h**3
     right = (60 * d - 36 * v0 - 24 * v1 - 9 * a0 + 3 * a1) / h**3

@@ -38,17 +38,17 @@ def written(
 def test_what_is_written_is_read(sounded: adm.ChannelLayout, limit: int):
     info = written(sounded, limit=limit)
     assert (info.n_frames, info.container) == (5, "RIFF" if limit == RIFF_LIMIT else "RF64")
-    found = adm.read(info)
-    assert found is not None
-    assert found.order == sounded.order
-    np.testing.assert_allclose(found.speakers, sounded.speakers, atol=1e-5)
+    result = adm.read(info)
+    assert result is not None
+    assert result.order == sounded.order
+    np.testing.assert_allclose(result.speakers, sounded.speakers, atol=1e-5)
 
 
 def test_distances_are_kept():
     sounded = adm.ChannelLayout(((0.0, 0.0, 2.0), (90.0, 10.0, 4.5), (-90.0, 10.0, 4.0)))
-    found = adm.read(written(sounded))
-    assert found is not None
-    np.testing.assert_allclose(found.speakers, sounded.speakers, atol=1e-5)
+    result = adm.read(written(sounded))
+    assert result is not None
+    np.testing.assert_allclose(result.speakers, sounded.speakers, atol=1e-5)
 
 
 def test_any_title_is_text():

@@ -22,15 +22,15 @@ STAMP = Stamp("Three bells", "a" * 64, "b" * 64)
 
 def _samples(n_frames: int, format: WaveFormat) -> np.ndarray:
     low = 32 - int(format.bits)
-    whole = RNG.integers(-(2**31), 2**31, (n_frames, format.n_channels), dtype=np.int64)
-    return (whole >> low << low).astype(np.int32)
+    complete = RNG.integers(-(2**31), 2**31, (n_frames, format.n_channels), dtype=np.int64)
+    return (complete >> low << low).astype(np.int32)
 
 
 def _write(path: Path, format: WaveFormat, samples: np.ndarray) -> str:
     with path.open("w+b") as file:
         writer = sound.writer(str(path), file, format, len(samples), STAMP)
-        for at in range(0, len(samples), 1000):
-            writer.write(samples[at : at + 1000])
+        for index in range(0, len(samples), 1000):
+            writer.write(samples[index : index + 1000])
         writer.close()
         return writer.sha256
 
@@ -130,10 +130,10 @@ def test_damaged_flac_is_refused_or_read(tmp_path: Path):
     format = WaveFormat(44_100, 1, 16)
     path = tmp_path / "x.flac"
     _write(path, format, _samples(300, format))
-    whole = path.read_bytes()
-    changed = [whole[:n] for n in range(0, len(whole), 7)]
-    for at in range(0, len(whole), 7):
-        changed.append(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
+    complete = path.read_bytes()
+    changed = [complete[:n] for n in range(0, len(complete), 7)]
+    for index in range(0, len(complete), 7):
+        changed.append(complete[:index] + bytes([complete[index] ^ 0x55]) + complete[index + 1 :])
     for data in changed:
         path.write_bytes(data)
         try:

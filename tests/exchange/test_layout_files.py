@@ -23,13 +23,13 @@ def fourth(*rows: str, group: str = "") -> bytes:
 @pytest.mark.parametrize("name", FORMS)
 def test_what_is_written_is_read(name: str):
     text = FORMS[name].write(SPEAKERS, range(1, len(SPEAKERS) + 1), 'A "dome" <&>\n: x')
-    found = np.array(FORMS[name].read(text.encode()).speakers)
+    result = np.array(FORMS[name].read(text.encode()).speakers)
     wanted = np.array(SPEAKERS)
     if name == "spatgris":  # the farthest is 1 away
         wanted[:, 2] = 1.0
-    away = (found[:, 0] - wanted[:, 0] + 180.0) % 360.0 - 180.0
+    away = (result[:, 0] - wanted[:, 0] + 180.0) % 360.0 - 180.0
     np.testing.assert_allclose(away, 0.0, atol=1e-6)
-    np.testing.assert_allclose(found[:, 1:], wanted[:, 1:], atol=1e-6)
+    np.testing.assert_allclose(result[:, 1:], wanted[:, 1:], atol=1e-6)
 
 
 def test_iem_has_an_imaginary_loudspeaker_below():

@@ -53,8 +53,8 @@ def test_what_is_broken_counts_as_none(cache: Path, text: str):
     cache.write_text(text)
     assert machine_speed.read_correction() is None
     for correction in ("1e9", "0.0", "NaN", "true", '"2"', "-1.0"):
-        own = json.dumps(machine_speed.processor_name())
-        cache.write_text(f'{{"processor": {own}, "correction": {correction}}}')
+        single = json.dumps(machine_speed.processor_name())
+        cache.write_text(f'{{"processor": {single}, "correction": {correction}}}')
         assert machine_speed.read_correction() is None
 
 
@@ -63,23 +63,23 @@ def test_it_changes_what_is_shown_and_never_what_is_computed(capsys: Capture):
 
     def planned() -> tuple[dict, str]:
         assert app.run(["plan", "a.yaml", "--json"]) == 0
-        found = records(capsys)
-        (plan,) = (line for line in found if line["event"] == "plan")
+        rows = records(capsys)
+        (plan,) = (line for line in rows if line["event"] == "plan")
         assert app.run(["plan", "a.yaml"]) == 0
         shown = capsys.readouterr()
         return plan, shown.out + shown.err
 
-    plain, said = planned()
+    plain, text = planned()
     assert plain["cost_here"] is None
-    assert "on this machine" not in said
-    assert "W402" not in said
+    assert "on this machine" not in text
+    assert "W402" not in text
     assert machine_speed.store_correction(50.0)
-    corrected, said = planned()
+    corrected, text = planned()
     assert corrected["hash"] == plain["hash"]
     assert corrected["cost"] == plain["cost"]
     assert corrected["cost_here"] == pytest.approx(50.0 * plain["cost"])
-    assert "× on this machine by `ergon doctor`" in said
-    assert "W402" in said
+    assert "× on this machine by `ergon doctor`" in text
+    assert "W402" in text
 
 
 def test_what_fits_a_share_of_a_core_is_chosen_by_the_table_alone():
@@ -103,9 +103,9 @@ def test_doctor_keeps_what_it_measures(monkeypatch: pytest.MonkeyPatch, capsys: 
 
 
 def test_a_speed_is_a_ratio_of_times():
-    found = fitness.measure_speed(0.0)  # one block of each
-    assert found.what == "speed"
-    each = found.numbers["each"]
+    result = fitness.measure_speed(0.0)  # one block of each
+    assert result.what == "speed"
+    each = result.numbers["each"]
     assert isinstance(each, list)
     assert len(each) == 3
     assert all(ratio > 0.0 for ratio in each)

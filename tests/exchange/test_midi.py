@@ -27,14 +27,14 @@ def read(data: bytes) -> mido.MidiFile:
 
 
 def seconds_by_tick(file: mido.MidiFile) -> dict[int, float]:
-    tick, now, tempo, found = 0, 0.0, 500_000, {}
+    tick, now, tempo, result = 0, 0.0, 500_000, {}
     for message in file.tracks[0]:
         tick += message.time
         now += message.time / PPQ * tempo * 1e-6
-        found[tick] = now
+        result[tick] = now
         if message.type == "set_tempo":
             tempo = message.tempo
-    return found
+    return result
 
 
 @pytest.mark.parametrize("bpms", [(60, 96), (132.5, 47), (71, 73)])
@@ -64,15 +64,15 @@ def test_meters_and_marks_stand_where_they_should() -> None:
     meters = [Meter(0, 4, 4), Meter(8, 7, 8), Meter(22, 3, 2)]
     marks = [Marker("A", 0), Marker("Überraschung", 8), Marker("C", 25)]
     file = read(tempo_file(lambda beat: beat / 2, 30, meters, marks, "Duet"))
-    tick, found = 0, []
+    tick, result = 0, []
     for message in file.tracks[0]:
         tick += message.time
         if message.type == "time_signature":
-            found.append((tick, message.numerator, message.denominator))
+            result.append((tick, message.numerator, message.denominator))
         elif message.type == "marker":
             # mido decodes text as latin-1
-            found.append((tick, message.text.encode("latin-1").decode()))
-    assert found == [
+            result.append((tick, message.text.encode("latin-1").decode()))
+    assert result == [
         (0, 4, 4),
         (0, "A"),
         (8 * PPQ, 7, 8),
@@ -92,6 +92,6 @@ def test_what_midi_cannot_say_is_refused() -> None:
 
 def test_the_same_map_gives_the_same_bytes() -> None:
     seconds = ramp(60, 96, 4, 8)
-    one, two = (tempo_file(seconds, 40, [], [Marker("A", 3)], "t") for _ in range(2))
-    assert one == two
-    assert b"made by ergon" in one[:1024]
+    item, two = (tempo_file(seconds, 40, [], [Marker("A", 3)], "t") for _ in range(2))
+    assert item == two
+    assert b"made by ergon" in item[:1024]

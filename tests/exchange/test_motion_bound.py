@@ -117,7 +117,7 @@ def check_bound(replica: Replica, read: Floats, truth: Floats) -> None:
     assert (wrong <= SHARE * amplitude + bound["least"]).all()
 
 
-def test_motion_of_pendulum_beside_falling_stone(own_folder: Path) -> None:
+def test_motion_of_pendulum_beside_falling_stone(work_folder: Path) -> None:
     """At 1,000 instants within and between frames, beside the sound, which is the position."""
     Path("stone.yaml").write_text(STONE)
     assert app.run(["render", "-q", "--motion", "stone.yaml", "-o", "stone.wav"]) == 0
@@ -173,14 +173,14 @@ SIZES = {"near-and-far": 56_719, "one-rope": 61_623, "change-ringing": 85_483}
 
 
 @pytest.mark.parametrize("piece", SIZES)
-def test_motion_size_beside_format_1(piece: str, own_folder: Path) -> None:
+def test_motion_size_beside_format_1(piece: str, work_folder: Path) -> None:
     score = str(LIBRARY / f"{piece}.yaml")
     assert app.run(["render", "-q", "--motion", "--to", "8s", "-o", "a.wav", score]) == 0
     assert Path("a.motion").stat().st_size <= 1.3 * SIZES[piece]
 
 
 def test_info_states_the_bound_and_counts_points_in_space_once(
-    own_folder: Path, capsys: pytest.CaptureFixture[str]
+    work_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("stone.yaml").write_text(STONE)
     assert app.run(["render", "-q", "--motion", "--to", "1s", "stone.yaml", "-o", "a.wav"]) == 0
@@ -200,7 +200,7 @@ def test_info_states_the_bound_and_counts_points_in_space_once(
 
 
 def test_motion_of_format_1_is_refused(
-    own_folder: Path, capsys: pytest.CaptureFixture[str]
+    work_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("old.motion").write_bytes(b"ERGM\x01\0\0\0")
     assert app.run(["info", "old.motion"]) == 2

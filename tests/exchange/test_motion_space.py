@@ -18,9 +18,9 @@ LOOK = 2e-3  # [m] that the ball flies off the line between two looks
 
 
 @pytest.fixture(params=[2, 3])
-def axes(request: pytest.FixtureRequest, own_folder: Path) -> int:
+def axes(request: pytest.FixtureRequest, work_folder: Path) -> int:
     axes: int = request.param
-    (own_folder / "throw.yaml").write_text(THROWN[axes])
+    (work_folder / "throw.yaml").write_text(THROWN[axes])
     assert app.run(["render", "-q", "throw.yaml", "-o", "throw.wav", "--motion"]) == 0
     return axes
 
@@ -31,9 +31,9 @@ def export(name: str) -> Path:
 
 
 def test_npz_holds_points_in_space_as_one(axes: int) -> None:
-    with np.load(export("x.npz")) as found:
-        names, paths = found["space_names"].tolist(), found["space_positions"]
-        assert found["displacement"].shape[1] == 2 * axes + 1
+    with np.load(export("x.npz")) as raised:
+        names, paths = raised["space_names"].tolist(), raised["space_positions"]
+        assert raised["displacement"].shape[1] == 2 * axes + 1
     assert names == ["throw.nail", "throw.ball"]
     nail, ball = paths[: len(TIMES), 0], paths[: len(TIMES), 1]
     np.testing.assert_allclose(ball - nail, places_of_ball(TIMES, axes), atol=LOOK)
@@ -57,8 +57,8 @@ def test_a_node_of_gltf_flies_as_the_ball_does(axes: int) -> None:
     assert (nail, "translation") not in scene.channels
     x, y, z = places_of_ball(TIMES, axes).T
     exact = np.stack([x, z, -y], axis=1)  # y is up in glTF
-    found = [scene.at(ball, "translation", t) - scene.at(nail, "translation", t) for t in TIMES]
-    np.testing.assert_allclose(found, exact, atol=LOOK)
+    result = [scene.at(ball, "translation", t) - scene.at(nail, "translation", t) for t in TIMES]
+    np.testing.assert_allclose(result, exact, atol=LOOK)
     for t in np.linspace(0.0, 0.45, 20):
         ends = scene.at(thread, "translation", t) + scene.line(thread) * scene.at(
             thread, "scale", t
@@ -113,20 +113,20 @@ BROKEN_AT = np.arcsin(8e-3 * OMEGA / 0.4) / OMEGA  # [s], of the thread; the rop
 
 
 @pytest.fixture
-def torn(own_folder: Path) -> Replica:
-    (own_folder / "torn.yaml").write_text(TORN)
+def torn(work_folder: Path) -> Replica:
+    (work_folder / "torn.yaml").write_text(TORN)
     assert app.run(["render", "-q", "torn.yaml", "-o", "torn.wav", "--motion"]) == 0
-    return Replica((own_folder / "torn.motion").read_bytes())
+    return Replica((work_folder / "torn.motion").read_bytes())
 
 
 def test_a_link_that_broke_is_told_and_again_with_each_key_state(torn: Replica) -> None:
     links = np.frombuffer(torn.one(LINKS), "<u4", offset=4).reshape(-1, 2)
-    told = torn.records(BROKEN, BREAK)
-    seen_at = told[0][0]
+    rows = torn.records(BROKEN, BREAK)
+    seen_at = rows[0][0]
     assert BROKEN_AT < seen_at < BROKEN_AT + 1 / 60
     states = [seconds for kind, seconds, *_ in torn.chunks if kind == STATE]
-    assert [seconds for seconds, _ in told[1:]] == [t for t in states if t > seen_at]
-    for seconds, broken in told:
+    assert [seconds for seconds, _ in rows[1:]] == [t for t in states if t > seen_at]
+    for seconds, broken in rows:
         assert [[torn.names[p] for p in links[one]] for one in broken["link"]] == [
             ["w.nail.x", "w.ball.x"]
         ]
@@ -143,10 +143,10 @@ def test_a_broken_link_leaves_gltf_and_npz(torn: Replica) -> None:
     assert scene.at(thread, "scale", seen_at + 1e-5).tolist() == [0, 0, 0]
     assert scene.at(thread, "scale", 1.4).tolist() == [0, 0, 0]
     assert scene.at(rope, "scale", 1.4)[1] > 0.09
-    with np.load("torn.npz") as found:
-        names = found["space_names"].tolist()
-        links = [tuple(names[end] for end in ends) for ends in found["space_links"]]
-        broken = dict(zip(links, found["space_broken"].tolist(), strict=True))
+    with np.load("torn.npz") as raised:
+        names = raised["space_names"].tolist()
+        links = [tuple(names[end] for end in ends) for ends in raised["space_links"]]
+        broken = dict(zip(links, raised["space_broken"].tolist(), strict=True))
     assert broken == {
         ("w.nail", "w.ball"): pytest.approx(seen_at, abs=1e-6),
         ("w.nail", "w.other"): np.inf,
@@ -156,15 +156,15 @@ def test_a_broken_link_leaves_gltf_and_npz(torn: Replica) -> None:
 def test_a_file_from_before_broken_links_shows_them_whole(torn: Replica) -> None:
     data = Path("torn.motion").read_bytes()
     starts = [*(chunk[3] for chunk in torn.chunks), len(data)]
-    kept = [
+    saved = [
         data[start:end]
         for (kind, *_), start, end in zip(torn.chunks, starts, starts[1:], strict=False)
         if kind not in (BROKEN, INDEX)
     ]
-    Path("old.motion").write_bytes(data[:8] + b"".join(kept))
+    Path("old.motion").write_bytes(data[:8] + b"".join(saved))
     assert app.run(["motion", "export", "-q", "old.motion", "-o", "old.npz"]) == 0
-    with np.load("old.npz") as found:
-        assert found["space_broken"].tolist() == [np.inf, np.inf]
+    with np.load("old.npz") as raised:
+        assert raised["space_broken"].tolist() == [np.inf, np.inf]
 
 
 @pytest.mark.parametrize(
@@ -180,8 +180,8 @@ def test_damaged_links_are_refused(
     torn: Replica, capsys: pytest.CaptureFixture[str], kind: int, payload: bytes, sentence: str
 ) -> None:
     data = Path("torn.motion").read_bytes()
-    (at, *_) = (at for own, _, _, at in torn.chunks if own == LINKS)
-    Path("bad.motion").write_bytes(data[:at] + chunk(kind, 0.0, payload) + data[at:])
+    (position, *_) = (position for own, _, _, position in torn.chunks if own == LINKS)
+    Path("bad.motion").write_bytes(data[:position] + chunk(kind, 0.0, payload) + data[position:])
     for name in ("bad.npz", "bad.gltf"):
         assert app.run(["motion", "export", "-q", "bad.motion", "-o", name]) == 2
         assert sentence in capsys.readouterr().err

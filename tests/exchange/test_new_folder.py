@@ -15,10 +15,10 @@ from ergon.exchange.safe import FileRefusedError
 
 
 def fill(folder: Path) -> None:
-    with new_folder(folder) as made:
-        (made / "deep").mkdir()
-        (made / "deep" / "a.txt").write_text("a")
-        (made / "b.txt").write_text("b")
+    with new_folder(folder) as built:
+        (built / "deep").mkdir()
+        (built / "deep" / "a.txt").write_text("a")
+        (built / "b.txt").write_text("b")
         assert not (folder / "b.txt").exists()
 
 
@@ -28,9 +28,9 @@ def test_a_folder_is_whole_when_it_has_its_name(tmp_path: Path, before: str) -> 
     if before == "empty":
         folder.mkdir(parents=True, mode=0o750)
     fill(folder)
-    found = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*"))
+    result = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*"))
     inside = ["above/new/b.txt", "above/new/deep", "above/new/deep/a.txt"]
-    assert found == ["above", "above/new", *inside]
+    assert result == ["above", "above/new", *inside]
     assert before == "missing" or folder.stat().st_mode & 0o777 == 0o750
 
 
@@ -39,16 +39,16 @@ def test_an_early_end_leaves_no_part_of_it(tmp_path: Path, before: str) -> None:
     folder = tmp_path / "above" / "new"
     if before == "empty":
         folder.mkdir(parents=True)
-    kept = [*tmp_path.rglob("*")]
+    saved = [*tmp_path.rglob("*")]
 
     def end_early() -> None:
-        with new_folder(folder) as made:
-            (made / "b.txt").write_text("b")
+        with new_folder(folder) as built:
+            (built / "b.txt").write_text("b")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         end_early()
-    assert [*tmp_path.rglob("*")] == kept
+    assert [*tmp_path.rglob("*")] == saved
 
 
 def test_a_folder_with_a_file_is_left_as_it_is(tmp_path: Path) -> None:
@@ -65,9 +65,9 @@ def test_who_fills_the_folder_meanwhile_keeps_it(tmp_path: Path, before: str) ->
         folder.mkdir()
 
     def fill_too() -> None:
-        with new_folder(folder) as made:
-            (made / "a.txt").write_text("ours")
-            (made / "b.txt").write_text("ours")
+        with new_folder(folder) as built:
+            (built / "a.txt").write_text("ours")
+            (built / "b.txt").write_text("ours")
             folder.mkdir(exist_ok=True)
             (folder / "b.txt").write_text("theirs")
 

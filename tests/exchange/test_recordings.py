@@ -39,33 +39,33 @@ def test_every_field_is_read_from_its_bytes(tmp_path: Path) -> None:
         rows(BODY[3]),
         end(5),
     )
-    found = _core.read_recording(path)
-    assert (found.rate, found.frames, found.axes) == (48000.0, 48, list(HANDS))
-    assert found.names == ["rémi", "ada"]
-    assert found.about == '{"day": "2026-11-20"}'
-    assert found.events == [(101, line), (104, "{}")]
-    assert (found.dropped, found.lost_bytes, found.whole, found.finished) == (5, 0, True, True)
-    assert found.damage is None
-    assert found.duration == pytest.approx(5 / 1000)
-    assert found.ticks().tolist() == [100, 101, 103, 104]
+    result = _core.read_recording(path)
+    assert (result.rate, result.frames, result.axes) == (48000.0, 48, list(HANDS))
+    assert result.names == ["rémi", "ada"]
+    assert result.about == '{"day": "2026-11-20"}'
+    assert result.events == [(101, line), (104, "{}")]
+    assert (result.dropped, result.lost_bytes, result.whole, result.finished) == (5, 0, True, True)
+    assert result.damage is None
+    assert result.duration == pytest.approx(5 / 1000)
+    assert result.ticks().tolist() == [100, 101, 103, 104]
     columns = [
-        found.positions(),
-        found.forces(),
-        found.sent(),
-        found.flags(),
-        found.clocks(),
+        result.positions(),
+        result.forces(),
+        result.sent(),
+        result.flags(),
+        result.clocks(),
     ]
     for i, column in enumerate(columns):
         assert column.tolist() == [[axis[i] for axis in axes] for _, axes in EVERY]
     held = [axes[0].position for _, axes in (EVERY[0], EVERY[1], EVERY[1], *EVERY[2:])]
-    assert found.held()[:, 0].tolist() == held
+    assert result.held()[:, 0].tolist() == held
 
 
 def test_what_is_written_lies_as_the_page_says(tmp_path: Path) -> None:
     ticks = np.array([5, 6, 9], dtype=np.uint64)
     x = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
-    made = _core.Recording(44100.0, 44, HANDS, '{"a": 1}', ticks, x)
-    head, body, last = chunks(made.to_bytes())
+    built = _core.Recording(44100.0, 44, HANDS, '{"a": 1}', ticks, x)
+    head, body, last = chunks(built.to_bytes())
     assert head == chunks(header(HANDS, 44100.0, 44, '{"a": 1}'))[0]
     flat = [row(t, *map(Axis, each)) for t, each in zip([5, 6, 9], x.tolist(), strict=True)]
     assert body == (ROWS, b"".join(flat))
@@ -116,12 +116,12 @@ def test_a_hand_on_two_keys_is_told_apart(tmp_path: Path) -> None:
 
 
 def test_a_cut_file_says_what_is_left(tmp_path: Path) -> None:
-    whole = header(HANDS) + rows(*BODY[:3]) + rows(BODY[3]) + end()
-    path = saved(tmp_path, whole[:-30])
+    complete = header(HANDS) + rows(*BODY[:3]) + rows(BODY[3]) + end()
+    path = saved(tmp_path, complete[:-30])
     take = read(path, "ada")
     assert len(take.t) == 3
     assert take.damage == "54 bytes of this recording are damaged; what is left lasts 0.00 s"
-    path.write_bytes(whole[:-17])
+    path.write_bytes(complete[:-17])
     assert "never finished" in str(read(path, "ada").damage)
 
 
@@ -156,9 +156,9 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
 
 def test_a_length_from_a_stranger_takes_no_memory(tmp_path: Path) -> None:
     path = saved(tmp_path, header(), struct.pack("<IBI", 0xFFFFFFFF, ROWS, 0), bytes(100))
-    found = _core.read_recording(path)
-    assert len(found.ticks()) == 0
-    assert found.lost_bytes == 109
+    result = _core.read_recording(path)
+    assert len(result.ticks()) == 0
+    assert result.lost_bytes == 109
 
 
 SCORE = """
@@ -181,7 +181,7 @@ def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> Non
     t = (np.arange(400) * 44 / 44100).tolist()
     lines = [f"{t!r},{x!r}\n" for t, x in zip(t, x.tolist(), strict=True)]
     (tmp_path / "hand.csv").write_text("t [s],x [m]\n" + "".join(lines))
-    heard = []
+    listened = []
     for form in ("take", "csv"):
         (tmp_path / "s.yaml").write_text(SCORE.replace("FORM", form))
         loaded = load(tmp_path / "s.yaml")
@@ -190,9 +190,9 @@ def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> Non
         assert not staged.diagnostics
         out = np.zeros((44100, staged.simulation.n_out))
         staged.simulation.process(out)
-        heard.append(out)
-    assert np.abs(heard[0]).max() > 1e-6
-    assert heard[0].tobytes() == heard[1].tobytes()
+        listened.append(out)
+    assert np.abs(listened[0]).max() > 1e-6
+    assert listened[0].tobytes() == listened[1].tobytes()
 
 
 def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
@@ -242,6 +242,6 @@ def test_a_damaged_recording_is_a_warning_in_a_score(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(SCORE.replace("FORM", "take"))
     loaded = load(tmp_path / "s.yaml")
     assert loaded.piece is not None
-    (found,) = (d for d in stage(loaded.piece).diagnostics if d.code == "W314")
-    assert (found.place.line, found.severity) == (7, "warning")
-    assert "hand.take: 334 bytes of this recording are damaged" in found.message
+    (result,) = (d for d in stage(loaded.piece).diagnostics if d.code == "W314")
+    assert (result.place.line, result.severity) == (7, "warning")
+    assert "hand.take: 334 bytes of this recording are damaged" in result.message

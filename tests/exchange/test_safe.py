@@ -266,11 +266,11 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> 
         process.stdin.close()
         assert process.wait(timeout=PATIENCE) == -signal.SIGKILL
     assert part.read_bytes() == b"half"
-    kept = (tmp_path / part.name.replace("x.wav", "rescued.wav"), tmp_path / f"{part.name}.wav")
-    for copy in kept:
+    saved = (tmp_path / part.name.replace("x.wav", "rescued.wav"), tmp_path / f"{part.name}.wav")
+    for copy in saved:
         copy.write_bytes(part.read_bytes())
     subprocess.run([sys.executable, "-c", WRITE, str(tmp_path / "new.txt")], check=True)
-    assert {*tmp_path.iterdir()} == {*kept, tmp_path / "new.txt"}
+    assert {*tmp_path.iterdir()} == {*saved, tmp_path / "new.txt"}
 
 
 def test_no_file_of_others_is_swept_whatever_its_name(tmp_path: Path) -> None:

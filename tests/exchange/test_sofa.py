@@ -29,10 +29,14 @@ def made(path: Path, change: Callable[[h5py.File], None] = lambda _: None) -> Pa
 
 
 def test_responses_are_read(tmp_path: Path):
-    found = sofa.read(made(tmp_path / "a.sofa"))
-    assert (found.angles.shape, found.responses.shape, found.rate) == ((12, 2), (12, 2, 64), 48e3)
-    np.testing.assert_array_equal(found.angles[1], (30.0, 10.0))
-    np.testing.assert_allclose(found.responses[0, 0, 0], np.random.default_rng(1).normal())
+    result = sofa.read(made(tmp_path / "a.sofa"))
+    assert (result.angles.shape, result.responses.shape, result.rate) == (
+        (12, 2),
+        (12, 2, 64),
+        48e3,
+    )
+    np.testing.assert_array_equal(result.angles[1], (30.0, 10.0))
+    np.testing.assert_allclose(result.responses[0, 0, 0], np.random.default_rng(1).normal())
 
 
 def delayed(data: object) -> Callable[[h5py.File], None]:
@@ -146,8 +150,8 @@ def test_other_files_are_refused(tmp_path: Path):
     path.write_bytes(b"not HDF5 at all")
     with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
-    whole = made(tmp_path / "b.sofa").read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
+    complete = made(tmp_path / "b.sofa").read_bytes()
+    path.write_bytes(complete[: len(complete) // 2])
     with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
     with pytest.raises(OSError, match="directory"):

@@ -22,8 +22,8 @@ def samples(format: WaveFormat, n_frames: int) -> np.ndarray:
     draw = np.random.default_rng(7).uniform(-1, 1, (n_frames, format.n_channels))
     if format.bits == "float":
         return draw.astype(np.float32)
-    whole = np.rint(draw * (2 ** (format.bits - 1) - 1)).astype(np.int32)
-    return whole << (32 - format.bits)
+    complete = np.rint(draw * (2 ** (format.bits - 1) - 1)).astype(np.int32)
+    return complete << (32 - format.bits)
 
 
 def written(format: WaveFormat, data: np.ndarray, **more: int) -> bytes:
@@ -36,12 +36,14 @@ def written(format: WaveFormat, data: np.ndarray, **more: int) -> bytes:
 
 
 def chunks(data: bytes) -> list[tuple[bytes, int, bytes]]:
-    at, found = 12, []
-    while at < len(data):
-        size = struct.unpack("<I", data[at + 4 : at + 8])[0]
-        found.append((data[at : at + 4], size, data[at + 8 : at + 8 + size]))
-        at += 8 + size + (size & 1)
-    return found
+    position, result = 12, []
+    while position < len(data):
+        size = struct.unpack("<I", data[position + 4 : position + 8])[0]
+        result.append(
+            (data[position : position + 4], size, data[position + 8 : position + 8 + size])
+        )
+        position += 8 + size + (size & 1)
+    return result
 
 
 @pytest.mark.parametrize("bits", [16, 24, "float"])

@@ -56,9 +56,9 @@ def _variant(seed: int) -> tuple[bytes, bytes, str]:
     if tag == 3:
         data = samples.astype(f"<f{width}").tobytes()
     else:
-        whole = (samples * 2.0 ** (8 * width - 1)).astype("<i8") >> (8 * width - bits)
-        whole <<= 8 * width - bits
-        raw = (whole + 128 if width == 1 else whole).reshape(-1, 1).view("u1")
+        complete = (samples * 2.0 ** (8 * width - 1)).astype("<i8") >> (8 * width - bits)
+        complete <<= 8 * width - bits
+        raw = (complete + 128 if width == 1 else complete).reshape(-1, 1).view("u1")
         data = raw[:, :width].tobytes()
     container = chance.choice(["RIFF", "RIFF", "RF64", "BW64"])
     is_long = container != "RIFF"

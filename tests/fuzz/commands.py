@@ -53,24 +53,24 @@ def read(text: str, folder: Path) -> Iterator[str]:
         accepted = staged is not None
         if staged is not None and staged.n_frames * (1 + staged.network.n_mat) > MAX_WORK:
             return
-        code, said = _run("check", "s.yaml")
-        yield said
+        code, output = _run("check", "s.yaml")
+        yield output
         assert (code == 0) == accepted, f"check ends with {code}"
         commands = [(name, "s.yaml", *options) for name, *options in COMMANDS]
         if loaded.piece is not None:
             names = (*loaded.piece.gestures, *loaded.piece.takes)[:2]
             commands += [("plot", "s.yaml", name) for name in names]
         for command in commands:
-            code, said = _run(*command)
-            yield said
+            code, output = _run(*command)
+            yield output
             if accepted and command[0] != "plot":
-                assert code in (0, DIVERGED), f"{command[0]} ends with {code}: {said[-300:]}"
+                assert code in (0, DIVERGED), f"{command[0]} ends with {code}: {output[-300:]}"
             elif not accepted and command[0] != "plot":
                 assert code not in (0, DIVERGED), f"{command[0]} accepts it"
 
 
 def _run(*arguments: str) -> tuple[int, str]:
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         code = app.run(list(arguments))
-    return code, said.getvalue()
+    return code, output.getvalue()

@@ -49,11 +49,11 @@ def partial_take(suffix: str) -> Any:
 
         path = folder / f"hand{suffix}"
         path.write_bytes(data)
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            found = internal(path, lambda path: told(Console(json=True), path))
-        assert not found, found
-        return [said.getvalue()]
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            result = internal(path, lambda path: told(Console(json=True), path))
+        assert not result, result
+        return [output.getvalue()]
 
     return read
 
@@ -142,9 +142,9 @@ def _trials(chance: random.Random) -> list[_core.TrialRecord]:
 
 
 def _read_trials(records: list[_core.TrialRecord], _: Path) -> None:
-    made = stage(_bell(), planned=True, store=_Records(records)).plan
-    assert made is not None
-    made.rows()
+    built = stage(_bell(), planned=True, store=_Records(records)).plan
+    assert built is not None
+    built.rows()
 
 
 DEVICES = """\

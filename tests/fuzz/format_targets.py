@@ -56,7 +56,7 @@ def _elsewhere(file: h5py.File) -> None:
 
 @cache
 def _heads() -> tuple[bytes, ...]:
-    made: list[bytes] = []
+    built: list[bytes] = []
     ways: tuple[Callable[[h5py.File], None], ...] = (
         _head,
         lambda file: _head(file, compression="gzip", shuffle=True, fletcher32=True),
@@ -65,20 +65,20 @@ def _heads() -> tuple[bytes, ...]:
         _elsewhere,
     )
     for version in ("earliest", "latest"):
-        for way in ways:
-            whole = io.BytesIO()
-            with h5py.File(whole, "w", libver=version) as file:
-                way(file)
-            made.append(whole.getvalue())
-    return tuple(made)
+        for method in ways:
+            complete = io.BytesIO()
+            with h5py.File(complete, "w", libver=version) as file:
+                method(file)
+            built.append(complete.getvalue())
+    return tuple(built)
 
 
 def _sofa(chance: random.Random) -> bytes:
-    whole = chance.choice(_heads())
+    complete = chance.choice(_heads())
     # Headers and the tables of chunks lie anywhere, so half of the damage does too.
     if chance.random() < 0.5:
-        return next(corrupted(whole, 1, chance.randrange(1 << 30), *_heads()))
-    data = bytearray(whole)
+        return next(corrupted(complete, 1, chance.randrange(1 << 30), *_heads()))
+    data = bytearray(complete)
     for _ in range(chance.choice((1, 1, 2, 5, 20))):
         data[chance.randrange(len(data))] = chance.choice((0, 1, 255, chance.randrange(256)))
     return bytes(data)
@@ -127,14 +127,14 @@ LAYOUT_WORDS = (
 
 
 def _layout(form: Form) -> Target:
-    whole = form.write(SPEAKERS, range(1, len(SPEAKERS) + 1), "a room")
+    complete = form.write(SPEAKERS, range(1, len(SPEAKERS) + 1), "a room")
 
     def case(chance: random.Random) -> bytes:
         if chance.random() < 0.02:
             return chance.choice((b"[", b'{"a":', b"- ", b"<a>", b"9")) * chance.randrange(9999)
         if chance.random() < 0.5:
-            return damaged(whole, chance, LAYOUT_WORDS).encode(errors="surrogatepass")
-        return next(corrupted(whole.encode(), 1, chance.randrange(1 << 30)))
+            return damaged(complete, chance, LAYOUT_WORDS).encode(errors="surrogatepass")
+        return next(corrupted(complete.encode(), 1, chance.randrange(1 << 30)))
 
     def read(data: bytes, _: Path) -> Iterator[str]:
         yield as_yaml(form.read(data).speakers, "a room", 3.0)
@@ -146,7 +146,7 @@ def _layout(form: Form) -> Target:
 def _strokes() -> tuple[bytes, ...]:
     t = np.arange(2400) / 8000
     sound = 0.5 * np.exp(-20 * t)[:, None] * np.sin(2 * np.pi * 440 * t)[:, None]
-    made = []
+    built = []
     for form, subtype in (
         ("WAV", "PCM_16"),
         ("FLAC", "PCM_24"),
@@ -155,16 +155,16 @@ def _strokes() -> tuple[bytes, ...]:
     ):
         file = io.BytesIO()
         soundfile.write(file, sound, 8000, format=form, subtype=subtype)
-        made.append(file.getvalue())
-    return tuple(made)
+        built.append(file.getvalue())
+    return tuple(built)
 
 
 def _stroke(chance: random.Random) -> tuple[str, bytes]:
     number = chance.randrange(len(_strokes()))
-    whole = _strokes()[number]
-    own = (".wav", ".flac", ".aiff", ".w64")[number]
-    suffix = own if chance.random() < 0.7 else chance.choice((".wav", ".flac", ".txt"))
-    return suffix, next(corrupted(whole, 1, chance.randrange(1 << 30), *_strokes()))
+    complete = _strokes()[number]
+    single = (".wav", ".flac", ".aiff", ".w64")[number]
+    suffix = single if chance.random() < 0.7 else chance.choice((".wav", ".flac", ".txt"))
+    return suffix, next(corrupted(complete, 1, chance.randrange(1 << 30), *_strokes()))
 
 
 def _read_stroke(case: tuple[str, bytes], folder: Path) -> None:
@@ -223,10 +223,10 @@ MEASURED_WORDS = ("M:", "g", "N/m", "# ±", "-", ".", "1e999g", "0Hz", "inf", "m
 
 def _read_measured(texts: tuple[str, str], _: Path) -> None:
     """As `ergon metrology compare` does."""
-    one, other = map(calibration_file.read, texts)
-    comparison.differences(one, other)
-    comparison.chi_squared(one, other)
-    comparison.replay_difference(one.row, other.row)
+    first, other = map(calibration_file.read, texts)
+    comparison.differences(first, other)
+    comparison.chi_squared(first, other)
+    comparison.replay_difference(first.row, other.row)
 
 
 def _measured(chance: random.Random) -> tuple[str, str]:

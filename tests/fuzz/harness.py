@@ -50,10 +50,10 @@ class Outcome:
 
     def __str__(self) -> str:
         rate = self.cases / max(self.seconds, 1e-9)
-        slow, at = self.slowest
-        said = f"{self.cases:,} cases, {rate:,.0f} a second, {self.refused:,} refused, "
-        said += f"slowest {slow:.2f} s (case {at}), {sum(self.faults.values())} faults"
-        return said + "".join(
+        slow, position = self.slowest
+        text = f"{self.cases:,} cases, {rate:,.0f} a second, {self.refused:,} refused, "
+        text += f"slowest {slow:.2f} s (case {position}), {sum(self.faults.values())} faults"
+        return text + "".join(
             f"\n  {count} times, first in case {self.first[what]}: {what}"
             for what, count in self.faults.most_common()
         )
@@ -90,11 +90,11 @@ def fault(target: Target, case: Any, folder: Path, outcome: Outcome) -> str | No
     """What one case does wrong, if anything."""
     try:
         with _limited(target.limit):
-            said = list(target.read(case, folder) or ())
+            message = list(target.read(case, folder) or ())
     except target.refusals as error:
         outcome.refused += 1
-        said = [str(error)]
-        if not said[0].strip() and not target.is_silent:
+        message = [str(error)]
+        if not message[0].strip() and not target.is_silent:
             return f"{type(error).__name__} says nothing"
     except KeyboardInterrupt:
         raise
@@ -102,9 +102,9 @@ def fault(target: Target, case: Any, folder: Path, outcome: Outcome) -> str | No
         return f"more than {target.limit:g} s of CPU time, {_place(error)}"
     except BaseException as error:  # a panic of the core is no Exception
         return f"{type(error).__name__}: {re.sub('[0-9]+', '#', str(error))[:100]}, {_place(error)}"
-    for text in said:
-        if found := BROKEN.search(text):
-            return f"says {found.group()!r}: {text[:200]}"
+    for text in message:
+        if result := BROKEN.search(text):
+            return f"says {result.group()!r}: {text[:200]}"
     return None
 
 

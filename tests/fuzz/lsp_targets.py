@@ -34,15 +34,15 @@ def _position(chance: random.Random) -> dict[str, int]:
 
 def _message(chance: random.Random) -> dict[str, Any]:
     method = f"textDocument/{chance.choice(METHODS)}"
-    own = {"start": _position(chance), "end": _position(chance)}
+    single = {"start": _position(chance), "end": _position(chance)}
     more: dict[str, object] = {
         "position": _position(chance),
-        "range": own,
+        "range": single,
         "context": {
-            "diagnostics": [{"range": own, "message": "m", "source": "ergon", "data": "k"}]
+            "diagnostics": [{"range": single, "message": "m", "source": "ergon", "data": "k"}]
         },
         "options": {"tabSize": 2, "insertSpaces": True},
-        "contentChanges": [{"range": own, "text": chance.choice(("", "x", ": {", "\n  "))}],
+        "contentChanges": [{"range": single, "text": chance.choice(("", "x", ": {", "\n  "))}],
     }
     if method.startswith("textDocument/did"):
         return notified(method, **more)
@@ -90,20 +90,20 @@ class _Errors(logging.Handler):
 
 def read(data: bytes, _: Path) -> Iterator[str]:
     """Serve an editor that sends these bytes."""
-    said, errors = io.BytesIO(), _Errors()
+    output, errors = io.BytesIO(), _Errors()
     logs = [logging.getLogger(name) for name in ("pygls", "asyncio")]
-    guard = GuardedInput(io.BytesIO(data), said, _HANDLERS.keys())
+    guard = GuardedInput(io.BytesIO(data), output, _HANDLERS.keys())
     for log in logs:
         log.setLevel(logging.ERROR)
         log.addHandler(errors)
     try:
-        server().start_io(guard, said)  # type: ignore[arg-type]
+        server().start_io(guard, output)  # type: ignore[arg-type]
     finally:
         for log in logs:
             log.removeHandler(errors)
     assert not errors.found, errors.found[0][-1500:]
-    if not said.closed:
-        yield said.getvalue().decode()
+    if not output.closed:
+        yield output.getvalue().decode()
     if guard.failure is not None:
         yield str(guard.failure)
 

@@ -39,8 +39,8 @@ def _read_obj(text: str, _: Path) -> Iterator[str]:
     collector = Collector()
     document = Document("a.obj", text)
     obj_file.Reader(document, "MESH", collector).mesh(Place("b.yaml", 1, 1))
-    for one in collector.finish():
-        yield full(one, {"a.obj": document})
+    for item in collector.finish():
+        yield full(item, {"a.obj": document})
 
 
 TARGETS = (

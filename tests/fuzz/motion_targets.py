@@ -34,22 +34,22 @@ WORDS = ('"kind":', '"free"', '"modal"', '"modes":', '"parts":', "null", "[", "]
 def _whole() -> tuple[bytes, tuple[Chunk, ...]]:
     """The first bytes of a file, and the kind, version, instant and payload of its chunks."""
     data = Piece().bytes()
-    found: list[Chunk] = []
-    at = MAGIC
-    while at < len(data):
-        kind, version, length, seconds = struct.unpack_from("<HHId", data, at)
-        found.append((kind, version, seconds, data[at + 16 : at + 16 + length]))
-        at += 20 + length
-    return data[:MAGIC], tuple(found)
+    result: list[Chunk] = []
+    position = MAGIC
+    while position < len(data):
+        kind, version, length, seconds = struct.unpack_from("<HHId", data, position)
+        result.append((kind, version, seconds, data[position + 16 : position + 16 + length]))
+        position += 20 + length
+    return data[:MAGIC], tuple(result)
 
 
 def _case(chance: random.Random) -> bytes:
     magic, chunks = _whole()
     # A file of the first second, in which each chunk is likely to be met.
-    made = list(chunks[:30])
+    built = list(chunks[:30])
     for _ in range(chance.choice((1, 1, 2, 4))):
-        at = chance.randrange(len(made))
-        kind, version, seconds, payload = made[at]
+        index = chance.randrange(len(built))
+        kind, version, seconds, payload = built[index]
         if kind == MANIFEST and chance.random() < 0.8:
             payload = damaged(payload.decode(), chance, WORDS).encode(errors="replace")
         elif chance.random() < 0.9:
@@ -58,25 +58,25 @@ def _case(chance: random.Random) -> bytes:
             seconds = chance.choice((-1.0, 1e300, float("nan"), float("inf"), 0.0))
         if chance.random() < 0.05:
             kind = chance.randrange(20)
-        made[at] = kind, version, seconds, payload
+        built[index] = kind, version, seconds, payload
     if chance.random() < 0.2:
-        del made[chance.randrange(len(made))]
-    return magic + b"".join(chunk(kind, t, data, version) for kind, version, t, data in made)
+        del built[chance.randrange(len(built))]
+    return magic + b"".join(chunk(kind, t, data, version) for kind, version, t, data in built)
 
 
 def _read(data: bytes, folder: Path) -> Iterator[str]:
     """What `info` and `motion export` make of it."""
     path = folder / "a.motion"
     path.write_bytes(data)
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         told(Console(json=True), path)
-    yield said.getvalue()
-    found: Any = _core.read_motion(path)
-    at = instants(found, None)[:5]
-    write_npz(io.BytesIO(), found, at)
-    yield from csv_rows(found, at)
-    json.loads(gltf(found, at, None))
+    yield output.getvalue()
+    result: Any = _core.read_motion(path)
+    position = instants(result, None)[:5]
+    write_npz(io.BytesIO(), result, position)
+    yield from csv_rows(result, position)
+    json.loads(gltf(result, position, None))
 
 
 TARGETS = (

@@ -57,22 +57,22 @@ POINTS = (
 
 def _gesture(chance: random.Random, depth: int = 2) -> str:
     """A gesture whose times mostly rise, in beats and in seconds."""
-    said = [] if depth < 2 else ["0@0"]
+    messages = [] if depth < 2 else ["0@0"]
     beats = seconds = 0.0
     for _ in range(chance.randrange(1, 6)):
         if depth and chance.random() < 0.2:
-            said.append(f"({_gesture(chance, depth - 1)})*{chance.choice((1, 2, 3, 40))}")
+            messages.append(f"({_gesture(chance, depth - 1)})*{chance.choice((1, 2, 3, 40))}")
             continue
         step = chance.choice((1e-7, 1e-4, 0.01, 0.125, 0.5, 1.0))
         if is_beats := chance.random() < 0.7:
             beats += step
         else:
             seconds += step
-        at = f"{beats:.10g}" if is_beats else f"{seconds:.10g}s"
+        position = f"{beats:.10g}" if is_beats else f"{seconds:.10g}s"
         x = chance.choice(("0", "6", "-3mm", "0.5m", "1e3m", "1e-12m", "900m"))
         word = chance.choice(("", "", "smooth ", "line ", "throw ", "hold "))
-        said.append(f"{word}{x}@{chance.choice(('', '', '+'))}{at}")
-    return " ".join(said)
+        messages.append(f"{word}{x}@{chance.choice(('', '', '+'))}{position}")
+    return " ".join(messages)
 
 
 def _notation(chance: random.Random) -> str:

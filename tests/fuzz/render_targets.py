@@ -38,11 +38,11 @@ def _render(format: WaveFormat, suffix: str = sound_files.WAVE) -> bytes:
 @cache
 def renders(suffix: str) -> list[bytes]:
     bits: tuple[Bits, ...] = (16, 24) if suffix == sound_files.FLAC else (16, 24, "float", "double")
-    made = [_render(WaveFormat(44_100, 2, own), suffix) for own in bits]
+    built = [_render(WaveFormat(44_100, 2, own), suffix) for own in bits]
     if suffix == sound_files.WAVE:
         large, samples = WaveFormat(48_000, 3, 24), bytes(N_FRAMES * 9)
-        made.append(pack(large, N_FRAMES, Stamp("a bell"), riff_limit=0) + samples)
-    return made
+        built.append(pack(large, N_FRAMES, Stamp("a bell"), riff_limit=0) + samples)
+    return built
 
 
 def _case(suffix: str) -> Callable[[random.Random], bytes]:
@@ -91,11 +91,13 @@ def _folder(chance: random.Random) -> dict[str, bytes]:
     manifest, files = frozen_parts()
     if chance.random() < 0.7:
         manifest = damaged(manifest, chance, WORDS)
-    found = {frozen.MANIFEST: manifest.encode(errors="replace")}
-    for name, whole in files.items():
+    result = {frozen.MANIFEST: manifest.encode(errors="replace")}
+    for name, complete in files.items():
         is_hit = chance.random() < 0.3
-        found[name] = next(corrupted(whole, 1, chance.randrange(1 << 30))) if is_hit else whole
-    return found
+        result[name] = (
+            next(corrupted(complete, 1, chance.randrange(1 << 30))) if is_hit else complete
+        )
+    return result
 
 
 def read_folder(case: dict[str, bytes], folder: Path) -> Iterator[str]:

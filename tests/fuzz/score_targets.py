@@ -27,9 +27,9 @@ def checked(path: str, text: str, overlay: Mapping[str, str] | None = None) -> I
     memory = Memory()
     for _ in range(2):  # the second time from what is remembered of the first
         loaded = load(path, text=text, overlay=overlay, memory=memory)
-        for one in loaded.diagnostics:
-            yield full(one, loaded.files)
-        errors = [one for one in loaded.diagnostics if one.severity == "error"]
+        for item in loaded.diagnostics:
+            yield full(item, loaded.files)
+        errors = [item for item in loaded.diagnostics if item.severity == "error"]
         assert (loaded.piece is None) == bool(errors)
     if loaded.piece is None:
         return
@@ -41,7 +41,7 @@ def checked(path: str, text: str, overlay: Mapping[str, str] | None = None) -> I
         except StageError as error:
             yield str(error)
         else:
-            yield from (one.message for one in ready.collector.finish())
+            yield from (item.message for item in ready.collector.finish())
 
 
 LIVE = BELL.replace("hand: virtual", "hand: live, standin: lean, tick: 1kHz")
@@ -79,8 +79,8 @@ def _read_score_bytes(data: bytes, folder: Path) -> Iterator[str]:
     path = folder / "score.yaml"
     path.write_bytes(data)
     loaded = load(path)
-    for one in loaded.diagnostics:
-        yield full(one, loaded.files)
+    for item in loaded.diagnostics:
+        yield full(item, loaded.files)
 
 
 def _read_formatted(text: str, folder: Path) -> Iterator[str]:

@@ -38,8 +38,8 @@ def journal(chance: random.Random) -> bytes:
     box, _ = _sandbox()
     if chance.random() < 0.7:
         return hostile(chance, box)
-    whole = b"".join(_bytes(event) for event in box.events)
-    return next(corrupted(whole, 1, chance.randrange(1 << 30)))
+    complete = b"".join(_bytes(event) for event in box.events)
+    return next(corrupted(complete, 1, chance.randrange(1 << 30)))
 
 
 def _bytes(event: object) -> bytes:
@@ -69,8 +69,8 @@ def typed(chance: random.Random) -> list[str]:
             line = line.replace("1", chance.choice(("0", "1e9", "-1", "1e-9", "99999")))
         lines.append(line)
     # What Python makes of a line is Python's; files are the journals' and takes' own targets.
-    own = ("py", "load", "record", "save", "keep", "reload", "quit")
-    return [line for line in lines if not any(word in line for word in own)]
+    single = ("py", "load", "record", "save", "keep", "reload", "quit")
+    return [line for line in lines if not any(word in line for word in single)]
 
 
 def read_typed(lines: list[str], folder: Path) -> Iterator[str]:

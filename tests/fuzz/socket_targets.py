@@ -79,8 +79,8 @@ def _read_wire(line: bytes, _: Path) -> None:
         except ProtocolError:
             continue
     encode(id=request_id(fields))
-    _, given = parse_request(fields)
-    encode(**{"id": 1, "is": given})
+    _, arguments = parse_request(fields)
+    encode(**{"id": 1, "is": arguments})
 
 
 def _osc(chance: random.Random) -> bytes:
@@ -102,7 +102,7 @@ def _osc(chance: random.Random) -> bytes:
 
 
 def _read_osc(datagram: bytes, _: Path) -> list[str]:
-    said = []
+    messages = []
     asks = (
         gain_handler(lambda ratio: None),
         number_handler(lambda value: None),
@@ -114,8 +114,8 @@ def _read_osc(datagram: bytes, _: Path) -> list[str]:
             try:
                 ask(arguments)
             except OscRequestError as error:
-                said.append(str(error))
-    return said
+                messages.append(str(error))
+    return messages
 
 
 def _midi(chance: random.Random) -> list[bytes]:

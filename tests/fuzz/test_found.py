@@ -67,14 +67,14 @@ def test_the_library_and_check_refuse_a_gesture_alike(text: str):
     assert loaded.piece is not None, loaded.diagnostics
     with pytest.raises(StageError) as staged:
         prepare(loaded.piece)
-    (found, *_) = staged.value.diagnostics
-    line = score.splitlines()[found.place.line - 1]
+    (result, *_) = staged.value.diagnostics
+    line = score.splitlines()[result.place.line - 1]
     first = line.index(text) + refused.value.offset
-    assert found.place.column == first + 1
-    assert found.place.length == refused.value.length
+    assert result.place.column == first + 1
+    assert result.place.length == refused.value.length
     words = refused.value.message.split(":")[0]
-    assert found.code == refused.value.code
-    assert words in found.message
+    assert result.code == refused.value.code
+    assert words in result.message
 
 
 @pytest.mark.slow
@@ -99,9 +99,9 @@ def test_pauses_of_a_real_hand_are_not_computed(
     assert hand.ticks > 200_000
     assert sum(ticks) <= min(1e3 * seconds, hand.ticks + 2)
     monkeypatch.setattr(live, "_pauses", lambda *_: ())
-    (whole,) = prepare(piece, {"ada": None}).live
-    assert np.abs(hand.standin - whole.standin).max() < 1e-11
-    assert np.ptp(whole.standin[-400:]) > 1e-3
+    (complete,) = prepare(piece, {"ada": None}).live
+    assert np.abs(hand.standin - complete.standin).max() < 1e-11
+    assert np.ptp(complete.standin[-400:]) > 1e-3
 
 
 @pytest.mark.parametrize("key", ["Z: 1.2Ns/m", "Z: 1.2Ns/m, X0: 2mm", "Z: 0Ns/m"])
@@ -190,8 +190,8 @@ def test_a_file_of_another_kind_is_shown_to_no_other_decoder(
 ):
     """A damaged FLAC file went to a decoder of MP3, which wrote to the terminal."""
     path = tmp_path / "render.flac"
-    (whole, _) = renders(".flac")
-    path.write_bytes(b"ID3" + whole[3:])
+    (complete, _) = renders(".flac")
+    path.write_bytes(b"ID3" + complete[3:])
     with pytest.raises(NotWaveError, match="is not FLAC"):
         sound.read_info(path)
     assert capfd.readouterr() == ("", "")
@@ -202,10 +202,10 @@ def test_a_sound_file_that_shrinks_while_it_is_read_ends(
 ):
     """A hash of it never ended."""
     path = tmp_path / "render.wav"
-    (whole, *_) = renders(".wav")
-    path.write_bytes(whole)
+    (complete, *_) = renders(".wav")
+    path.write_bytes(complete)
     info = sound.read_info(path)
-    path.write_bytes(whole[:-40])
+    path.write_bytes(complete[:-40])
     monkeypatch.setattr(wave, "read_info", lambda _: info)
     for read in (sound.hash_samples, lambda path: list(sound.read_blocks(path))):
         with pytest.raises(NotWaveError, match="became shorter"):

@@ -44,8 +44,8 @@ def test_renders_and_frozen_parts_that_are_whole_are_read(tmp_path: Path) -> Non
         for data in renders(suffix):
             assert next(reader(suffix)(data, tmp_path)) == "a bell"
     manifest, files = frozen_parts()
-    whole = {MANIFEST: manifest.encode(), **files}
-    assert list(read_folder(whole, tmp_path)) == ["bell gong"]
+    complete = {MANIFEST: manifest.encode(), **files}
+    assert list(read_folder(complete, tmp_path)) == ["bell gong"]
 
 
 def test_models_that_are_whole_are_read(tmp_path: Path) -> None:

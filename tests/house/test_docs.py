@@ -44,10 +44,10 @@ def check(block: Block, path: Path) -> None:
     room = path.with_name("room.yaml")  # a score that lays the layout out
     text = _IN_A_ROOM.format(name=path.name) if is_layout else None
     loaded = load(room if is_layout else path, text=text)
-    found = list(loaded.diagnostics)
+    result = list(loaded.diagnostics)
     if loaded.piece is not None:
-        found += stage(loaded.piece).diagnostics
-    wrong = [f for f in found if f.code[0] != "N"]
+        result += stage(loaded.piece).diagnostics
+    wrong = [f for f in result if f.code[0] != "N"]
     if "mistake" in block.notes:
         assert wrong, f"{block.where}: nothing is wrong here"
     else:
@@ -85,10 +85,10 @@ def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
         if not target.startswith(("http://", "https://")):
             # Generated pages are made by `make docs`.
-            made = target.startswith(
+            built = target.startswith(
                 ("errors/", "reference.md", "docs/reference.md", "docs/errors")
             )
-            assert made or (page.parent / target).exists(), f"{page.name}: {target}"
+            assert built or (page.parent / target).exists(), f"{page.name}: {target}"
 
 
 # Where files lie that the pages for developers name without their beginning.
@@ -108,8 +108,8 @@ _HOMES += [ROOT / "core-rs", ROOT / "core-rs/engine/src/plan"]
 def test_files_that_a_page_names_are_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     for name in sorted(set(re.findall(r"`([a-z_.-]+(?:/[a-z_-]+)+(?:\.\w+)?)/?`", text))):
-        found = [home / f"{name}{end}" for home in _HOMES for end in ("", ".rs", ".py")]
-        assert any(path.exists() for path in found), f"{page.name} names {name}"
+        result = [home / f"{name}{end}" for home in _HOMES for end in ("", ".rs", ".py")]
+        assert any(path.exists() for path in result), f"{page.name} names {name}"
 
 
 def test_every_page_is_reached_from_the_first() -> None:

@@ -26,9 +26,9 @@ def test_a_scale_is_rendered(tmp_path: Path):
 
 
 def test_a_mistake_is_told_with_its_place(tmp_path: Path):
-    said = [json.loads(line) for line in run("diagnostics.py", tmp_path).splitlines()]
-    (found,) = [one for one in said if one.get("code") == "E301"]
-    assert (found["line"], found["suggestion"]) == (5, "knock")
+    output = [json.loads(line) for line in run("diagnostics.py", tmp_path).splitlines()]
+    (result,) = [one for one in output if one.get("code") == "E301"]
+    assert (result["line"], result["suggestion"]) == (5, "knock")
 
 
 def test_a_session_leaves_its_score(tmp_path: Path):

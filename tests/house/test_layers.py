@@ -22,9 +22,9 @@ def graph(crate: str) -> Graph:
 @pytest.mark.parametrize("crate", CRATES)
 def test_a_module_imports_only_lower_layers(crate: str):
     may = layers(crate)
-    found = graph(crate)
-    assert {module[0] for module in found if module} == set(may), "every module is in the table"
-    for module, others in found.items():
+    result = graph(crate)
+    assert {module[0] for module in result if module} == set(may), "every module is in the table"
+    for module, others in result.items():
         for other in others:
             if module and other and other[0] != module[0]:
                 what = f"{'/'.join(module)}.rs imports {'::'.join(other)}"

@@ -36,9 +36,11 @@ def test_missing_programs_and_their_remedy(bare_path: Path) -> None:
 
 def test_install_without_apt(bare_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     programs.main()
-    said = capsys.readouterr().out.splitlines()
-    assert said[0].startswith("tests use programs that are missing here: apt-get install chromium ")
-    assert said[1:] == [
+    output = capsys.readouterr().out.splitlines()
+    assert output[0].startswith(
+        "tests use programs that are missing here: apt-get install chromium "
+    )
+    assert output[1:] == [
         "not installed (there is no apt-get here); the tests that need them are skipped"
     ]
 
@@ -79,7 +81,7 @@ def test_a_skipped_test_as_a_failure() -> None:
     skipped, passed = report("skipped", "no disk"), report("passed", "")
     expected = report("skipped", "not yet")
     expected.wasxfail = "reason: not yet"
-    for one in (skipped, passed, expected):
-        needed.as_failure(one)
-    assert [one.outcome for one in (skipped, passed, expected)] == ["failed", "passed", "skipped"]
+    for item in (skipped, passed, expected):
+        needed.as_failure(item)
+    assert [item.outcome for item in (skipped, passed, expected)] == ["failed", "passed", "skipped"]
     assert "no disk" in str(skipped.longrepr)

@@ -121,13 +121,13 @@ def pair(link: str, **kw: float) -> Scene:
 )
 def test_non_linear_links_converge_to_the_ordinary_differential_equation(link, constants, order):
     scene = pair(link, **constants)
-    found = []
+    result = []
     for rate in (2 * RATE, 4 * RATE, 8 * RATE):
         n = int(rate * 0.01)
         truth = ode.solve(scene, np.arange(n) / rate)[0]
-        found.append(level(simulate(scene, rate, n).out, truth))
-    assert found[0] < -35.0
-    assert found[0] - found[2] > 2.0 * order
+        result.append(level(simulate(scene, rate, n).out, truth))
+    assert result[0] < -35.0
+    assert result[0] - result[2] > 2.0 * order
 
 
 def test_a_strike_between_samples_has_the_published_split():
@@ -164,8 +164,8 @@ def test_bisection_and_closed_form_solve_the_same_contact():
     for _ in range(2000):
         p, w = rng.normal(size=2) * 1e-3
         beta, k = 10 ** rng.uniform(-8, -5), 10 ** rng.uniform(3, 9)
-        one, two = kernel.closed_contact(p, w, beta, k), kernel.exact_contact(p, w, beta, k, 1.0)
-        assert one == pytest.approx(two, abs=1e-14 * max(abs(p), abs(w)) * (1.0 + beta * k))
+        first, two = kernel.closed_contact(p, w, beta, k), kernel.exact_contact(p, w, beta, k, 1.0)
+        assert first == pytest.approx(two, abs=1e-14 * max(abs(p), abs(w)) * (1.0 + beta * k))
 
 
 @pytest.mark.parametrize("steps", [2, 3, 8])

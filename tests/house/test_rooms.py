@@ -124,11 +124,11 @@ def modules() -> dict[tuple[str, ...], Path]:
     """Every file of the package, by the parts of its module's name."""
     rooms = (PACKAGE / room.replace(".", "/") for room in ROOMS)
     paths = (path for room in rooms for path in room.rglob("*.py"))
-    found = {}
+    result = {}
     for path in paths:
         parts = path.relative_to(PACKAGE).with_suffix("").parts
-        found[parts[:-1] if parts[-1] == "__init__" else parts] = path
-    return found
+        result[parts[:-1] if parts[-1] == "__init__" else parts] = path
+    return result
 
 
 def files_imported(

@@ -100,8 +100,8 @@ def test_bars_in_the_code_of_tables(site: Path):
 def test_every_page_is_in_the_site(site: Path):
     for path in DOCS.glob("**/*.md"):
         name = path.relative_to(DOCS).with_suffix("")
-        made = name.parent if name.name == "README" else name
-        assert (site / made / "index.html").is_file(), name
+        built = name.parent if name.name == "README" else name
+        assert (site / built / "index.html").is_file(), name
 
 
 def test_no_page_asks_another_server(site: Path):

@@ -46,18 +46,18 @@ def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
 
 def test_the_wheel_holds_the_licences_of_what_is_linked_in(wheel: Path):
     with zipfile.ZipFile(wheel) as files:
-        found = {Path(name).name: name for name in files.namelist() if "/licenses/" in name}
-        assert set(LICENCES) <= set(found)
+        result = {Path(name).name: name for name in files.namelist() if "/licenses/" in name}
+        assert set(LICENCES) <= set(result)
         for name in LICENCES:
-            assert files.read(found[name]) == (ROOT / name).read_bytes()
+            assert files.read(result[name]) == (ROOT / name).read_bytes()
 
 
 def test_every_crate_that_is_linked_in_is_named():
     """`make docs` makes the file anew."""
     command = ["cargo", "tree", "--locked", "-p", "ergon-bridge", "--prefix", "none"]
     command += ["-e", "normal,no-proc-macro"]
-    told = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True).stdout
-    crates = {line.removesuffix(" (*)") for line in told.splitlines()}
+    output = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    crates = {line.removesuffix(" (*)") for line in output.splitlines()}
     crates = {line.replace(" v", " ", 1) for line in crates if "(" not in line}
     assert len(crates) > 40
     text = (ROOT / "LICENSE-THIRD-PARTY").read_text(encoding="utf-8")
@@ -95,17 +95,19 @@ def test_a_source_distribution_makes_the_same_wheel(wheel: Path, tmp_path: Path)
     (source,) = tmp_path.glob("*.tar.gz")
     build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"]
     build += ["--wheel-dir", str(tmp_path / "made"), str(source)]
-    own = {**os.environ, "CARGO_TARGET_DIR": str(ROOT / "target")}
-    own["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{own['PATH']}"  # pip calls maturin
-    own.pop("PYTHONPATH", None)
-    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, env=own)
+    single = {**os.environ, "CARGO_TARGET_DIR": str(ROOT / "target")}
+    single["PATH"] = (
+        f"{Path(sys.executable).parent}{os.pathsep}{single['PATH']}"  # pip calls maturin
+    )
+    single.pop("PYTHONPATH", None)
+    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, env=single)
     assert done.returncode == 0, done.stderr[-3000:]
-    (made,) = (tmp_path / "made").glob("*.whl")
-    with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(made) as two:
-        assert set(one.namelist()) == set(two.namelist())
-        for name in one.namelist():
+    (built,) = (tmp_path / "made").glob("*.whl")
+    with zipfile.ZipFile(wheel) as first, zipfile.ZipFile(built) as two:
+        assert set(first.namelist()) == set(two.namelist())
+        for name in first.namelist():
             if name.startswith("ergon/") and name.endswith(tuple(SHIPPED)):
-                assert one.read(name) == two.read(name), name
+                assert first.read(name) == two.read(name), name
 
 
 @pytest.mark.slow
@@ -127,10 +129,10 @@ def test_an_installed_wheel_with_a_cluster(
         "ERGON_CACHE": "plans",
     }
     environment |= {"HOME": str(tmp_path), "PYTHONPATH": "", "XDG_CACHE_HOME": str(tmp_path / "c")}
-    own = {**os.environ, **environment}
+    single = {**os.environ, **environment}
 
     def said(line: str) -> str:
-        done = subprocess.run(line, shell=True, env=own, capture_output=True, text=True)
+        done = subprocess.run(line, shell=True, env=single, capture_output=True, text=True)
         assert done.returncode == 0, f"{line}: {done.stderr}"
         return done.stdout + done.stderr
 
@@ -142,8 +144,8 @@ def test_an_installed_wheel_with_a_cluster(
         plan, render = cluster.you
         said(f"ergon render {piece} -o one.wav")
         assert "on 2 workers: " in said(plan.replace("piece.yaml", piece.removesuffix(" --to 4s")))
-        told = said(render.replace("piece.yaml", f"{piece} -o two.wav"))
-        assert told.count("worker ") == 2
+        output = said(render.replace("piece.yaml", f"{piece} -o two.wav"))
+        assert output.count("worker ") == 2
     assert Path("two.wav").read_bytes() == Path("one.wav").read_bytes()
     assert Path("one.wav").stat().st_size > 100_000
     said("pip uninstall --yes --quiet ergon-live")

@@ -34,16 +34,16 @@ def test_workflow_names_what_exists(path: Path):
 
 def test_artefacts_that_are_fetched_are_made():
     jobs = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())["jobs"]
-    made = {
-        "-".join((one["os"], one["target"], one["manylinux"]))
-        for one in jobs["wheels"]["strategy"]["matrix"]["include"]
+    built = {
+        "-".join((item["os"], item["target"], item["manylinux"]))
+        for item in jobs["wheels"]["strategy"]["matrix"]["include"]
     }
     tried = {
-        one["wheel"]
+        item["wheel"]
         for job in ("installed", "installed-musl")
-        for one in jobs[job]["strategy"]["matrix"]["include"]
+        for item in jobs[job]["strategy"]["matrix"]["include"]
     }
-    assert tried == made
+    assert tried == built
 
 
 def test_updates_are_asked_for_where_manifests_lie():
@@ -54,10 +54,10 @@ def test_updates_are_asked_for_where_manifests_lie():
         "github-actions": ".github/workflows/ci.yml",
     }
     updates = yaml.safe_load((ROOT / ".github/dependabot.yml").read_text())["updates"]
-    assert {one["package-ecosystem"] for one in updates} == set(manifests)
-    for one in updates:
-        folder = ROOT / one["directory"].strip("/")
-        assert (folder / manifests[one["package-ecosystem"]]).is_file(), one
+    assert {item["package-ecosystem"] for item in updates} == set(manifests)
+    for item in updates:
+        folder = ROOT / item["directory"].strip("/")
+        assert (folder / manifests[item["package-ecosystem"]]).is_file(), item
 
 
 @pytest.mark.parametrize("page", ["SECURITY.md", "CODE_OF_CONDUCT.md"])

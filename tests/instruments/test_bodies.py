@@ -51,10 +51,10 @@ def test_partials_decay_as_they_are_named(method):
 
 
 def modes(module: str) -> list[tuple[float, float]]:
-    made = check(SCORE % (module, 0, 0, "ca")).piece.instruments["s"].modules[0]
+    built = check(SCORE % (module, 0, 0, "ca")).piece.instruments["s"].modules[0]
     network = _core.Network()
     network.part("s")
-    fields = made.fields
+    fields = built.fields
     network.string(
         "b",
         masses=fields["masses"],
@@ -78,10 +78,10 @@ def test_fitted_decays_stay_modal_and_stepped_ones_are_the_same(t60):
     text = SCORE % (string, 2, 0, "modal")
     plan = stage(load("x.yaml", text=text).piece, planned=True).plan
     assert [row.what for row in plan.rows()] == ["modes"]
-    one = rendered(text, 22050)
+    first = rendered(text, 22050)
     two = rendered(text.replace("method: modal", "method: bm4"), 22050)
     # What is damped within some frames is as exact as the method.
-    assert 20.0 * np.log10(np.abs(one - two).max() / np.abs(one).max()) < -40.0
+    assert 20.0 * np.log10(np.abs(first - two).max() / np.abs(first).max()) < -40.0
 
 
 @pytest.mark.parametrize(
@@ -118,18 +118,18 @@ def test_a_free_disc_sounds_as_a_thin_plate():
     network = _core.Network()
     network.part("s")
     network.plate("p", shape="disc", radius=12, M=0.3, f=200.0, bending=0.33)
-    heard = np.array([f for f, _ in network.modes("s", 12) if f > 20.0])[:5]
-    assert heard / heard[0] == pytest.approx([1.0, 1.0, 1.729, 2.328, 2.328], rel=0.02)
+    listened = np.array([f for f, _ in network.modes("s", 12) if f > 20.0])[:5]
+    assert listened / listened[0] == pytest.approx([1.0, 1.0, 1.729, 2.328, 2.328], rel=0.02)
 
 
 def test_a_held_rectangle_sounds_as_its_closed_form():
     network = _core.Network()
     network.part("s")
     network.plate("p", sides=(39, 24), M=0.3, f=100.0, bending=0.3, rim="fixed")
-    heard = np.array([f for f, _ in network.modes("s", 10)])
+    listened = np.array([f for f, _ in network.modes("s", 10)])
     wanted = sorted((m / 40) ** 2 + (n / 25) ** 2 for m in range(1, 9) for n in range(1, 9))[:10]
-    assert heard[0] == pytest.approx(100.0, rel=1e-6)
-    assert heard / heard[0] == pytest.approx(np.array(wanted) / wanted[0], rel=0.02)
+    assert listened[0] == pytest.approx(100.0, rel=1e-6)
+    assert listened / listened[0] == pytest.approx(np.array(wanted) / wanted[0], rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,9 @@ def sound(modules: str, out: str) -> np.ndarray:
 
 
 def test_a_string_is_its_masses_and_springs():
-    whole = sound("s: {STRING: {masses: 5, M: 10, K: 0.1, Z: 0.002, X0: {at: 1, x: 1mm}}}", "s.3")
+    complete = sound(
+        "s: {STRING: {masses: 5, M: 10, K: 0.1, Z: 0.002, X0: {at: 1, x: 1mm}}}", "s.3"
+    )
     masses = [f"m{i}: {{MAS: {{M: 2{', X0: 1mm' if i == 1 else ''}}}}}" for i in range(5)]
     ends = ["a", *(f"m{i}" for i in range(5)), "b"]
     links = [
@@ -33,17 +35,17 @@ def test_a_string_is_its_masses_and_springs():
     ]
     spelled = sound(", ".join(["a: {SOL: {}}", "b: {SOL: {}}", *masses, *links]), "m3")
     assert np.abs(spelled).max() > 1e-4
-    assert np.abs(whole - spelled).max() < 1e-15
+    assert np.abs(complete - spelled).max() < 1e-15
 
 
 def test_a_plate_has_them_too():
     """The lowest mode of a held rectangle of springs K: sin²(θ/2) = K/M·Σ sin²(π/(2n + 2))."""
     form = "PLATE: {shape: rectangle, sides: [3, 2], rim: fixed, M: 6"
-    heard = sound(f"p: {{{form}, K: 0.01, Z: 0, X0: 1mm}}}}", "p.1")
+    listened = sound(f"p: {{{form}, K: 0.01, Z: 0, X0: 1mm}}}}", "p.1")
     across, up = np.sin(np.pi / 8.0) ** 2, np.sin(np.pi / 6.0) ** 2
     theta = 2.0 * np.arcsin(np.sqrt(0.01 * (across + up)))
     tuned = sound(f"p: {{{form}, f: {float(theta / (2.0 * np.pi) * 44100)!r}Hz, X0: 1mm}}}}", "p.1")
-    assert np.abs(heard - tuned).max() < 1e-12
+    assert np.abs(listened - tuned).max() < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -58,12 +60,12 @@ def test_a_plate_has_them_too():
         ("s: {BANK: {count: 5, M: 1, K: 1}}", None, "unknown field 'K'"),
     ],
 )
-def test_what_is_refused_of_them(modules: str, units: str | None, said: str):
+def test_what_is_refused_of_them(modules: str, units: str | None, wanted: str):
     text = instrument(modules, "s.0") if units is None else instrument(modules, "s.0", units)
     loaded = load("s.yaml", text=text)
     messages = [one.message for one in loaded.diagnostics if one.code.startswith("E")]
-    if said:
-        assert any(said in message for message in messages), messages
+    if wanted:
+        assert any(wanted in message for message in messages), messages
     else:
         with pytest.raises(Exception, match="K is -1: it must not be negative"):
             played(text, method="ca")

@@ -34,9 +34,9 @@ render: {bits: float, tail: 0.2s}
 
 def heard(text: str, **options) -> np.ndarray:
     """Outputs (n_frames, n_out)."""
-    made = stage(check(text).piece, **options)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(text).piece, **options)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -55,9 +55,9 @@ def test_a_distance_is_that_of_the_coordinates(planned: bool):
 
 def test_a_distance_changes_no_other_byte():
     """A link that does nothing joins what is told of; all else is what it is without it."""
-    whole = heard(PAIR)[:, :6]
+    complete = heard(PAIR)[:, :6]
     alone = heard(PAIR[: PAIR.index("  ears:")] + PAIR[PAIR.index("render:") :])
-    assert whole.tobytes() == alone.tobytes()
+    assert complete.tobytes() == alone.tobytes()
 
 
 def test_a_point_that_a_drum_moves_has_a_distance():

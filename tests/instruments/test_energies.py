@@ -48,8 +48,8 @@ render: {tail: 50ms}
 
 def energy(text: str, **options) -> np.ndarray:
     """The first channel in joules: floats without a level are in SI units."""
-    made = ergon.render("x.yaml", ergon.RenderOptions(text=text, bits="float", **options))
-    return np.asarray(made.frames)[:, 0]
+    built = ergon.render("x.yaml", ergon.RenderOptions(text=text, bits="float", **options))
+    return np.asarray(built.frames)[:, 0]
 
 
 def test_energy_of_a_struck_cel_against_its_closed_form():
@@ -80,8 +80,8 @@ def test_energies_of_the_axes_of_a_point_in_space():
 
 def test_level_of_an_energy_is_a_tenth_of_full_scale_at_a_millijoule():
     text = FREE + "mix: {master: {gain: 0dB}, route: [{from: a, to: 1, highpass: 0.001Hz}]}\n"
-    made = ergon.render("x.yaml", ergon.RenderOptions(text=text))
-    assert made.frames[2000, 0] == pytest.approx(0.125, rel=1e-3)
+    built = ergon.render("x.yaml", ergon.RenderOptions(text=text))
+    assert built.frames[2000, 0] == pytest.approx(0.125, rel=1e-3)
 
 
 def test_outputs_that_have_no_energy_are_refused():

@@ -47,8 +47,8 @@ def test_what_follows_moves_masses_as_dop853_does(is_heavy: bool):
         (x, v), (k, z) = (y[:2], y[2:]), numbers(t)
         d, w = x[1] - x[0], v[1] - v[0]
         f = k * d + 4e6 * d**3 + z * w * np.exp(-((w / 2) ** 2))
-        own = mass(t) if is_heavy else 2e-3
-        return np.array([*v, (-500 * x[0] + f) / own, (-900 * x[1] - f) / 3e-3])
+        single = mass(t) if is_heavy else 2e-3
+        return np.array([*v, (-500 * x[0] + f) / single, (-900 * x[1] - f) / 3e-3])
 
     errors = []
     for hertz in (88_200, 176_400):
@@ -57,8 +57,8 @@ def test_what_follows_moves_masses_as_dop853_does(is_heavy: bool):
         y, parts = np.array([1e-3, 0, 0, 0.3]), []
         knots = [0.0, 12e-3, 14e-3, 20e-3, when[-1] + 1e-9]  # where ends are reached [s]
         for start, stop in pairwise(knots):
-            at = [*when[(when >= start) & (when < stop)], stop]
-            done = solve_ivp(rate, (start, stop), y, "DOP853", at, rtol=1e-11, atol=1e-14)
+            position = [*when[(when >= start) & (when < stop)], stop]
+            done = solve_ivp(rate, (start, stop), y, "DOP853", position, rtol=1e-11, atol=1e-14)
             y = done.y[:, -1]
             parts.append(done.y[:2, :-1])
         exact = np.hstack(parts).T
@@ -73,8 +73,8 @@ def test_its_ledger_closes(is_heavy: bool):
     modules = PAIR + LAW.replace("\n", " ")
     if is_heavy:
         modules = modules.replace("a: {MAS: {M: 2g, X0: 1mm}}", HEAVY)
-    made = ready(score(modules, "a: {SOX: a}"))
-    simulation = _core.Simulation(made.network, made.timeline, ledger=True)
+    built = ready(score(modules, "a: {SOX: a}"))
+    simulation = _core.Simulation(built.network, built.timeline, ledger=True)
     simulation.process(np.empty((1764, simulation.n_out)))
     energy = simulation.energy()
     assert abs(energy.injected) > 1e-5 * energy.start
@@ -89,8 +89,8 @@ a: {{MAS: {{M: 1000t, X0: 2mm}}}}
 wall: {{SOL: {{}}}}
 tie: {{LNL: {{between: [wall, a], law: "k*d", follows: {{k: {{of: finger, from: 100N/m, \
 to: 900N/m, offset: -2mm, span: 10mm}}}}}}}}"""
-    made = ready(score(modules, "a: {SOX: a}").replace("1000t", "1000000kg"))
-    simulation = _core.Simulation(made.network, made.timeline, ledger=True)
+    built = ready(score(modules, "a: {SOX: a}").replace("1000t", "1000000kg"))
+    simulation = _core.Simulation(built.network, built.timeline, ledger=True)
     simulation.process(np.empty((1764, simulation.n_out)))
     energy = simulation.energy()
     assert energy.injected == pytest.approx(0.5 * 800 * 4e-6, rel=1e-6)
@@ -111,12 +111,12 @@ def test_its_certificate_holds_at_both_ends(what: str, share: float, refused: bo
 a: {{MAS: {stay}}}
 b: {{MAS: {{M: 2g}}}}
 l: {{LNL: {{between: [a, b], law: "k*d", follows: {{k: {{of: finger, {law}, span: 9mm}}}}}}}}"""
-    made = ready(score(modules, "a: {SOX: a}"))
+    built = ready(score(modules, "a: {SOX: a}"))
     if refused:
         with pytest.raises(_core.EngineError, match=r"4\.200000 and must be below 4"):
-            _core.Simulation(made.network, made.timeline)
+            _core.Simulation(built.network, built.timeline)
     else:
-        simulation = _core.Simulation(made.network, made.timeline)
+        simulation = _core.Simulation(built.network, built.timeline)
         sound = np.empty((44_100, simulation.n_out))
         simulation.process(sound)
         assert np.abs(sound).max() < 1e-4
@@ -137,8 +137,8 @@ def test_modes_of_what_it_touches_are_kept():
         for times in (16, 32)
     )
     exact = (2 * finer - fine)[:, 0]  # of the first order
-    made = ready(text)
-    plan = _core.Plan(made.network, made.timeline, error_db=-60.0)
+    built = ready(text)
+    plan = _core.Plan(built.network, built.timeline, error_db=-60.0)
     rows = plan.rows()
     assert "modes" in [row.what for row in rows]
     sound = played(text, error_db=-60.0)
@@ -162,11 +162,11 @@ def test_it_follows_a_mass_of_a_body():
 def test_the_same_bytes_wherever_it_stands():
     """Blocks, threads and a snapshot change no bit."""
     modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FELT.replace("\n", " ")
-    made = ready(score(modules, "a: {SOX: s.15}"))
-    whole = _core.Simulation(made.network, made.timeline, threads=1)
-    sound = np.empty((1764, whole.n_out))
-    whole.process(sound)
-    parts = _core.Simulation(made.network, made.timeline, threads=2)
+    built = ready(score(modules, "a: {SOX: s.15}"))
+    complete = _core.Simulation(built.network, built.timeline, threads=1)
+    sound = np.empty((1764, complete.n_out))
+    complete.process(sound)
+    parts = _core.Simulation(built.network, built.timeline, threads=2)
     pieces = [np.empty((n, parts.n_out)) for n in (1, 63, 700, 1000)]
     for piece in pieces:
         parts.process(piece)
@@ -190,8 +190,8 @@ WRONG = {
 def test_what_follows_nothing_is_refused_at_its_place(name: str):
     modules, message = WRONG[name]
     text = score(f"{PAIR}{modules}".replace("\n  ", " "), "a: {SOX: a}")
-    told = [(line, told) for _, line, told in found(text) if message in told]
-    assert [line for line, _ in told] == [12], found(text)
+    output = [(line, output) for _, line, output in found(text) if message in output]
+    assert [line for line, _ in output] == [12], found(text)
 
 
 def test_a_key_holds_nothing_that_follows():

@@ -100,10 +100,10 @@ def _with(value: Any, *path: str | int) -> str:
         (_with({}, "accessors", 0, "sparse"), "sparse"),
     ],
 )
-def test_what_is_wrong_is_said(text: str, said: str):
+def test_what_is_wrong_is_said(text: str, message: str):
     with pytest.raises(MeshFileError) as refused:
         gltf_file.read(text)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 SCORE = """\
@@ -131,8 +131,8 @@ def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
     ("file", "code", "said"),
     [("rock.glb", "E106", "not a binary glTF file"), ("rock.gltf", "E106", "it is incomplete")],
 )
-def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, said: str):
+def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, message: str):
     (tmp_path / file).write_text("{}")
     (tmp_path / "s.yaml").write_text(SCORE % file)
     reports = load(str(tmp_path / "s.yaml")).diagnostics
-    assert [(one.code, said in one.message) for one in reports] == [(code, True)]
+    assert [(one.code, message in one.message) for one in reports] == [(code, True)]

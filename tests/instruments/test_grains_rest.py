@@ -31,13 +31,13 @@ RUBBING, STICKING = ", friction: 0.6", ", friction: 0.6, cohesion: 5mN, reach: 0
 def places(text: str, seconds: list[int]) -> np.ndarray:
     """Where the grains are at some instants [m], (n_instants, n_coordinates)."""
     simulation = stage(check(text).piece, planned=True).simulation
-    found = []
+    result = []
     room = np.empty((11_025, simulation.n_out))
     for second in range(max(seconds) + 1):
         simulation.process(room)
         if second in seconds:
-            found.append(room[-1].copy())
-    return np.array(found)
+            result.append(room[-1].copy())
+    return np.array(result)
 
 
 @pytest.mark.parametrize("more", [RUBBING, STICKING])

@@ -32,9 +32,9 @@ def score(link: str = MAGNET, more: str = "") -> str:
 
 def heard(text: str) -> np.ndarray:
     """The output of a score (n_frames,)."""
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound[:, 0]
 
 

@@ -26,8 +26,8 @@ def body(fields: str) -> dict:
 def modes(fields: str, count: int) -> np.ndarray:
     assembly = Assembly()
     assembly.part("s", check(SCORE % fields).piece.instruments["s"].modules)
-    heard = np.array(assembly.network.modes("s", count + 3))
-    return heard[heard[:, 0] > 1.0][:count]
+    listened = np.array(assembly.network.modes("s", count + 3))
+    return listened[listened[:, 0] > 1.0][:count]
 
 
 def refused(fields: str) -> list[tuple[str, str]]:
@@ -35,12 +35,12 @@ def refused(fields: str) -> list[tuple[str, str]]:
 
 
 def test_every_material_has_plausible_values_and_a_source():
-    for name, one in MATERIALS.items():
-        assert 400.0 <= one.density <= 9000.0, name
-        assert 4e8 <= one.young <= 2.2e11, name
-        assert 0.0 < one.poisson <= 0.5, name
-        assert 1e-5 < one.loss < 0.1, name
-        assert len(one.source) > 20, name
+    for name, item in MATERIALS.items():
+        assert 400.0 <= item.density <= 9000.0, name
+        assert 4e8 <= item.young <= 2.2e11, name
+        assert 0.0 < item.poisson <= 0.5, name
+        assert 1e-5 < item.loss < 0.1, name
+        assert len(item.source) > 20, name
 
 
 # f from T and μ, B = π³·E·d⁴/(64·T·L²): Fletcher and Rossing, The Physics of Musical Instruments.
@@ -51,8 +51,8 @@ def test_a_wire_sounds_as_a_stiff_string_of_its_matter():
     b = math.pi**3 * STEEL.young * d**4 / (64 * tension * length**2)
     n = np.arange(1, 21)
     wanted = n * math.sqrt(tension / line) / (2 * length) * np.sqrt(1 + b * n**2)
-    heard = modes(wire, 20)
-    assert np.abs(1200 * np.log2(heard[:, 0] / wanted)).max() < 1.0
+    listened = modes(wire, 20)
+    assert np.abs(1200 * np.log2(listened[:, 0] / wanted)).max() < 1.0
     fields = body(wire)
     assert fields["inharmonicity"] == pytest.approx(b, rel=1e-12)
     # A mode of a held string moves half of the whole mass.
@@ -64,8 +64,8 @@ def test_a_wire_sounds_as_a_stiff_string_of_its_matter():
         q = 1 / (drag / (line * 2 * math.pi * f) + STEEL.loss * bending)
         return math.log(1000) * q / (math.pi * f)
 
-    assert heard[0, 1] == pytest.approx(t60(wanted[0]), rel=1e-6)
-    near = heard[np.argmin(np.abs(heard[:, 0] - 2000.0))]
+    assert listened[0, 1] == pytest.approx(t60(wanted[0]), rel=1e-6)
+    near = listened[np.argmin(np.abs(listened[:, 0] - 2000.0))]
     assert near[1] == pytest.approx(t60(near[0]), rel=0.05)
 
 
@@ -91,9 +91,9 @@ def test_of_length_diameter_tension_and_pitch_any_three_say_the_fourth(ends, mor
 
 def test_what_is_written_itself_goes_before_what_would_follow():
     plain = body(WIRE % "length: 65cm, diameter: 0.4mm, tension: 70N")
-    own = "masses: 70, t60: 3s, inharmonicity: 2e-4"
-    said = body(WIRE % f"length: 65cm, diameter: 0.4mm, tension: 70N, {own}")
-    assert (said["masses"], said["t60"], said["inharmonicity"]) == (70, 3.0, 2e-4)
+    single = "masses: 70, t60: 3s, inharmonicity: 2e-4"
+    text = body(WIRE % f"length: 65cm, diameter: 0.4mm, tension: 70N, {single}")
+    assert (text["masses"], text["t60"], text["inharmonicity"]) == (70, 3.0, 2e-4)
     # A wound string: twice the mass, the pitch half an octave lower, the stiffness of its core.
     wound = f"M: {2 * plain['M']!r}kg, length: 65cm, diameter: 0.4mm, tension: 70N"
     heavy = body(WIRE % f"masses: {plain['masses']}, {wound}")
@@ -143,9 +143,9 @@ def test_a_gong_of_bronze_sounds_as_a_free_disc():
     squares = [_free_disc(2, 0.35), _free_disc(0, 0.35), _free_disc(3, 0.35)]
     squares += [_free_disc(1, 0.35), _free_disc(4, 0.35)]
     wanted = np.array([squares[i] for i in (0, 0, 1, 2, 2, 3, 3, 4, 4)]) * scale
-    heard = modes(gong, 9)
-    assert np.sort(heard[:, 0]) == pytest.approx(np.sort(wanted), rel=0.025)
-    assert heard[0, 1] == pytest.approx(math.log(1000) / (math.pi * fields["f"] * BRONZE.loss))
+    listened = modes(gong, 9)
+    assert np.sort(listened[:, 0]) == pytest.approx(np.sort(wanted), rel=0.025)
+    assert listened[0, 1] == pytest.approx(math.log(1000) / (math.pi * fields["f"] * BRONZE.loss))
 
 
 def test_a_disc_at_rest_round_its_rim_sounds_as_its_closed_form():
@@ -191,11 +191,11 @@ def test_a_free_rectangle_has_the_pitch_of_a_ritz_series(ratio, poisson):
 
 def test_a_free_square_has_the_modes_that_leissa_lists():
     # Vibration of Plates, table 4.72, ν = 0.3.
-    heard = modes("PLATE: {material: steel, sides: [40cm, 40cm], thickness: 3mm, masses: 600}", 5)[
-        :, 0
-    ]
+    listened = modes(
+        "PLATE: {material: steel, sides: [40cm, 40cm], thickness: 3mm, masses: 600}", 5
+    )[:, 0]
     scale = _speed(STEEL, 3e-3) / (2 * math.pi * 0.16)
-    assert heard / scale == pytest.approx([13.49, 19.79, 24.43, 35.02, 35.02], rel=0.02)
+    assert listened / scale == pytest.approx([13.49, 19.79, 24.43, 35.02, 35.02], rel=0.02)
 
 
 def test_a_held_rectangle_and_a_membrane_have_their_closed_forms():

@@ -59,9 +59,9 @@ def scene(wall: str, rate: int = 44_100, *, at: str, speed: str, damping: str = 
 def test_a_flat_surface_is_a_plane(tmp_path: Path, friction: str):
     """A ball that jumps and slides over its edges goes as on a plane, but for rounding."""
     (tmp_path / "floor.obj").write_text(FLOOR)
-    way = {"at": "0, 0, 8cm", "speed": "0.2m/s, 0.1m/s, 0"}
-    plane = heard(tmp_path, scene(f"normal: [0, 0, 1]{friction}", **way))
-    mesh = heard(tmp_path, scene(f"mesh: {{file: floor.obj}}{friction}", **way))
+    method = {"at": "0, 0, 8cm", "speed": "0.2m/s, 0.1m/s, 0"}
+    plane = heard(tmp_path, scene(f"normal: [0, 0, 1]{friction}", **method))
+    mesh = heard(tmp_path, scene(f"mesh: {{file: floor.obj}}{friction}", **method))
     assert (plane[:, 3] > 0).any()
     assert plane[-1, 0] > 0.005
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
@@ -76,9 +76,9 @@ def test_scale_and_up_place_a_surface(tmp_path: Path):
             numbers = [str(y), str(z), str(x)]
         turned += " ".join([kind, *numbers]) + "\n"
     (tmp_path / "floor.obj").write_text(turned)
-    way = {"at": "0, 0, 8cm", "speed": "0, 0, 0"}
-    plane = heard(tmp_path, scene("normal: [0, 0, 1]", **way))
-    mesh = heard(tmp_path, scene("mesh: {file: floor.obj, scale: 1cm, up: y}", **way))
+    method = {"at": "0, 0, 8cm", "speed": "0, 0, 0"}
+    plane = heard(tmp_path, scene("normal: [0, 0, 1]", **method))
+    mesh = heard(tmp_path, scene("mesh: {file: floor.obj, scale: 1cm, up: y}", **method))
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
 
 
@@ -146,13 +146,13 @@ def test_what_is_kept_of_a_binary_file_is_its_mesh(tmp_path: Path):
     file.write_bytes(binary(made()))
     score.write_text(NET % file.name)
     loaded = load(score)
-    kept = loaded.files[str(file)].text
+    saved = loaded.files[str(file)].text
     file.unlink()
-    again = load(score, overlay={str(file): kept})
+    again = load(score, overlay={str(file): saved})
     assert loaded.piece is not None
     assert again.piece is not None
     assert again.piece.digest() == loaded.piece.digest()
-    file.write_text(kept)
+    file.write_text(saved)
     alike = load(score).piece
     assert alike is not None
     assert alike.digest() == loaded.piece.digest()
@@ -210,17 +210,17 @@ LINES = "v 0 0 0\nv 1 0 0\nl 1 2\n"
         ("mesh: {file: floor.obj}", "v 1 1 1\nv 2 2 2\nv 3 3 3\nf 1 2 3\n", "", "area"),
     ],
 )
-def test_mistakes_have_a_sentence(tmp_path: Path, wall: str, text: str, code: str, said: str):
+def test_mistakes_have_a_sentence(tmp_path: Path, wall: str, text: str, code: str, wanted: str):
     (tmp_path / "floor.obj").write_text(text)
     path = tmp_path / "score.yaml"
     path.write_text(scene(wall, at="0, 0, 8cm", speed="0, 0, 0"))
     loaded = load(path)
     if code:
-        told = [(own.code, own.message) for own in loaded.diagnostics]
-        assert any(own == code and said in message for own, message in told), told
+        output = [(own.code, own.message) for own in loaded.diagnostics]
+        assert any(own == code and wanted in message for own, message in output), output
     else:
         assert loaded.piece is not None
-        with pytest.raises(Exception, match=said):
+        with pytest.raises(Exception, match=wanted):
             stage(loaded.piece)
 
 
@@ -229,5 +229,5 @@ def test_a_plane_of_two_axes_has_no_file(tmp_path: Path):
     text = scene("mesh: {file: floor.obj}", at="0, 8cm", speed="0, 0")
     text = text.replace("space: 3", "space: 2").replace("[0, 0, 5cm]", "[0, 0]")
     (tmp_path / "score.yaml").write_text(text)
-    told = [own.message for own in load(tmp_path / "score.yaml").diagnostics]
-    assert any("write space: 3" in message for message in told), told
+    output = [own.message for own in load(tmp_path / "score.yaml").diagnostics]
+    assert any("write space: 3" in message for message in output), output

@@ -26,9 +26,9 @@ def network(text: str, part: str = "b"):
 
 def heard(text: str, n: int = 44100) -> np.ndarray:
     ready = prepare(load("x.yaml", text=text).piece)
-    made = planning.make(ready.network, ready.timeline, Accuracy())
+    built = planning.make(ready.network, ready.timeline, Accuracy())
     out = np.zeros((n, 1))
-    _core.Simulation(ready.network, ready.timeline, plan=made.plan).process(out)
+    _core.Simulation(ready.network, ready.timeline, plan=built.plan).process(out)
     return out[:, 0]
 
 
@@ -49,12 +49,12 @@ def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, at):
     strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs}}\n"
     out = heard(SCORE % (LISTS + PLACES, at) + strike % to)
     t = np.arange(out.size) / 44100
-    made = np.zeros(out.size)
+    built = np.zeros(out.size)
     for f, t60, there, here in zip(F, T60, levels[to], levels[at], strict=True):
         level = 1e-3 * there * here / (0.2 * 2 * np.pi * f)
-        made += level * np.exp(-3 * np.log(10) * t / t60) * np.sin(2 * np.pi * f * t)
-    apart = out[200:] - made[200:]  # the modes that are added are over by then
-    assert np.abs(apart).max() < 1e-9 * np.abs(made).max()
+        built += level * np.exp(-3 * np.log(10) * t / t60) * np.sin(2 * np.pi * f * t)
+    apart = out[200:] - built[200:]  # the modes that are added are over by then
+    assert np.abs(apart).max() < 1e-9 * np.abs(built).max()
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,8 @@ def test_stepped_as_written_it_has_its_modes(places):
 
 def test_places_move_independently_at_the_first_instant_and_one_place_needs_no_more():
     two = network(SCORE % (LISTS + PLACES, "waist")).network
-    one = network(SCORE % (LISTS, "point")).network
-    assert (two.n_mat, one.n_mat, two.count(0), one.count(0)) == (4, 3, 2, 1)
+    first = network(SCORE % (LISTS, "point")).network
+    assert (two.n_mat, first.n_mat, two.count(0), first.count(0)) == (4, 3, 2, 1)
 
 
 @pytest.mark.parametrize(("count", "places"), [(1, 3), (40, 5), (200, 2)])
@@ -85,10 +85,10 @@ def test_any_number_of_modes_and_places(count, places):
     f = np.sort(np.exp(rng.uniform(np.log(50), np.log(15e3), count)))
     t60 = rng.uniform(0.2, 20.0, count)
     levels = rng.uniform(-1, 1, (count, places))
-    made = _core.Network()
-    made.part("b")
-    made.modal("", M=0.1, modes=list(zip(f, t60, strict=True)), levels=levels.tolist())
-    modes = made.part_modes("b", count=made.n_mat)
+    built = _core.Network()
+    built.part("b")
+    built.modal("", M=0.1, modes=list(zip(f, t60, strict=True)), levels=levels.tolist())
+    modes = built.part_modes("b", count=built.n_mat)
     is_ours = np.array(modes.poles).real > -1000.0  # those that are added fall within 1 ms
     poles, shapes = np.array(modes.poles)[is_ours], np.array(modes.shapes).real[is_ours, :places]
     assert 1200 * np.abs(np.log2(np.abs(poles.imag) / (2 * np.pi) / f)).max() < 1e-5
@@ -173,8 +173,8 @@ def test_a_misspelt_place_is_suggested():
 
 def test_it_does_not_glide_and_says_so():
     more = "automation: [{set: b.f, at: 1|1, to: A4, over: 1bar}]\n"
-    found = check(SCORE % (LISTS + PLACES, "rim") + more).diagnostics
-    assert any("MODES" in one.message for one in found)
+    result = check(SCORE % (LISTS + PLACES, "rim") + more).diagnostics
+    assert any("MODES" in one.message for one in result)
 
 
 @pytest.fixture
@@ -208,6 +208,6 @@ def test_a_file_says_the_same_as_lists(filed):
     ],
 )
 def test_mistakes_of_a_file_have_their_place(filed, table, code, part):
-    found = filed(table).diagnostics[0]
-    assert found.code == code
-    assert part in found.message
+    result = filed(table).diagnostics[0]
+    assert result.code == code
+    assert part in result.message

@@ -71,9 +71,9 @@ def test_algorithmic_units():
     instruments:
       i: {units: ca, at: 44100Hz, modules: {m: {CEL: {M: 1, K: 0.01, Z: 1e-4}}}, out: {SOX: m}}
     """
-    made = check(text).piece.instruments["i"]
-    assert made.ca_rate == 44100.0
-    assert made.modules[0].fields["K"] == 0.01
+    built = check(text).piece.instruments["i"]
+    assert built.ca_rate == 44100.0
+    assert built.modules[0].fields["K"] == 0.01
     assert codes(text.replace("K: 0.01", "K: 1N/m")) == ["E203"]
     assert codes(text.replace(", at: 44100Hz", "")) == ["E103"]
 
@@ -113,11 +113,11 @@ def test_a_broken_point_is_reported_in_its_place(points, expected):
 
 
 def test_an_unknown_constant_is_told_from_functions():
-    (found,) = check(law("law: rope, kk: 3")).diagnostics
-    assert found.suggestion == "k"
-    (found,) = check(law("law: rope, stiff: 3")).diagnostics
-    assert found.help is not None
-    assert "max" not in found.help
+    (result,) = check(law("law: rope, kk: 3")).diagnostics
+    assert result.suggestion == "k"
+    (result,) = check(law("law: rope, stiff: 3")).diagnostics
+    assert result.help is not None
+    assert "max" not in result.help
 
 
 COUPLED = """\
@@ -149,5 +149,5 @@ def test_a_row_holds_its_ends(module: str) -> None:
     text = f"ergon: 1\ninstruments: {{a: {{modules: {{m: {{{module}, held: left}}}}}}}}}}\n"
     if module.startswith("CHAIN"):
         text = text.replace("{modules", "{space: 2, modules")
-    found = next(one for one in check(text).diagnostics if one.code == "E101")
-    assert found.suggestion == "ends"
+    result = next(one for one in check(text).diagnostics if one.code == "E101")
+    assert result.suggestion == "ends"

@@ -29,10 +29,10 @@ def near(places: np.ndarray, within: float) -> set[tuple[int, int]]:
 
 def joined(net: nets.Net) -> set[tuple[int, int]]:
     """The pairs that springs join, each once, at rest where they begin."""
-    places, found = np.array(net.places), springs(net)
-    pairs = {(min(a, b), max(a, b)) for a, b, _ in found}
-    assert len(pairs) == len(found)
-    for a, b, rest in found:
+    places, result = np.array(net.places), springs(net)
+    pairs = {(min(a, b), max(a, b)) for a, b, _ in result}
+    assert len(pairs) == len(result)
+    for a, b, rest in result:
         assert math.dist(places[a], places[b]) == pytest.approx(rest, rel=1e-12)
     return pairs
 
@@ -119,9 +119,9 @@ render: {{bits: float, tail: 0.1s}}
 
 
 def heard(text: str) -> np.ndarray:
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -141,8 +141,8 @@ def outputs(n: int, axes: int) -> str:
 def test_what_falls_freely_keeps_its_shape(net):
     """No spring has a force at the beginning, and gravity pulls all points alike."""
     n = {"BLOCK": 12, "BALL": 7, "DISC": 7}[net.partition(":")[0]]
-    own = net % "M: 20g, K: 500N/m, Z: 0.1Ns/m"
-    paths = heard(SCENE.format(axes=3, net=own, out=outputs(n, 3), seed=1)).reshape(-1, n, 3)
+    single = net % "M: 20g, K: 500N/m, Z: 0.1Ns/m"
+    paths = heard(SCENE.format(axes=3, net=single, out=outputs(n, 3), seed=1)).reshape(-1, n, 3)
     moved = paths[-1] - paths[0]
     seconds = (len(paths) - 1) / 44_100
     assert moved[:, 0] == pytest.approx(0.1 * seconds, rel=1e-9)
@@ -190,15 +190,15 @@ def test_grains_lie_at_random_places_that_are_apart():
     for seed in (1, 1, 2):
         text = SCENE.format(axes=3, net=GRAINS % "9mm", out=outputs(40, 3), seed=seed)
         beginnings.append(heard(text)[0].reshape(40, 3))
-    one, same, other = beginnings
-    assert (one == same).all()
-    assert (one != other).any()
-    apart = [np.linalg.norm(a - b) for a, b in combinations(one, 2)]
+    first, same, other = beginnings
+    assert (first == same).all()
+    assert (first != other).any()
+    apart = [np.linalg.norm(a - b) for a, b in combinations(first, 2)]
     assert min(apart) >= 9e-3
-    assert one.min() >= 0.0
-    assert one.max() <= 0.05
+    assert first.min() >= 0.0
+    assert first.max() <= 0.05
     # No lattice: no two have a coordinate in common.
-    assert len(np.unique(one)) == one.size
+    assert len(np.unique(first)) == first.size
 
 
 def test_grains_for_which_there_is_no_room():
@@ -291,10 +291,10 @@ def test_lines_without_vertices_and_edges_are_passed_over(tmp_path, line, encodi
         ("v 0 0 0\nl 1 " + "9" * 5000 + "\n", "E106", 2, "is not a vertex"),
     ],
 )
-def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, said):
+def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, message):
     errors = loaded(tmp_path, obj).diagnostics
     assert [error.code for error in errors] == [code]
-    assert said in errors[0].message
+    assert message in errors[0].message
     assert errors[0].place.line == line
 
 

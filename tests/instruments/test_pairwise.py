@@ -14,9 +14,9 @@ M = 2e-3  # of one grain
 def heard(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
-    made = stage(check(lines + text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(lines + text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -110,13 +110,13 @@ def test_grains_at_rest_stay_at_rest_for_ten_minutes():
     extra = WALLS
     text = box(14, 2, extra, outputs(14, 2), tail="600s")
     text = text.replace("scatter: 40%", "scatter: 40%, drag: 5mNs/m")
-    made = stage(check("accuracy: {method: ca}\n" + text).piece, planned=True)
-    block = np.empty((44_100, made.simulation.n_out))
+    built = stage(check("accuracy: {method: ca}\n" + text).piece, planned=True)
+    block = np.empty((44_100, built.simulation.n_out))
     for second in range(600):
-        made.simulation.process(block)
+        built.simulation.process(block)
         if second == 20:
-            at = block[-1].copy()
-    assert np.abs(block[-1] - at).max() < 1e-12
+            position = block[-1].copy()
+    assert np.abs(block[-1] - position).max() < 1e-12
 
 
 @pytest.mark.slow
@@ -136,13 +136,13 @@ instruments:
     out: {x: {SOX: g.0.x}}
 render: {tail: 10s}
 """
-    made = stage(check(text).piece, ledger=True)
+    built = stage(check(text).piece, ledger=True)
     block = np.empty((44_100, 1))
     for _ in range(10):
-        made.simulation.process(block)
-        x = made.simulation.positions()[3:].reshape(3, 1000)
+        built.simulation.process(block)
+        x = built.simulation.positions()[3:].reshape(3, 1000)
         assert np.sqrt((x**2).sum(0)).max() < 0.104
-    energy = made.simulation.energy()
+    energy = built.simulation.energy()
     assert energy.stored == pytest.approx(energy.start, rel=0.02)
 
 

@@ -21,12 +21,14 @@ def block(modules: str) -> str:
     return modules.replace("}}, ", "}}\n")
 
 
-@pytest.mark.parametrize("of", ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"])
+@pytest.mark.parametrize(
+    "source", ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"]
+)
 @pytest.mark.parametrize("accuracy", ["method: ca", "error: -60dB"])
-def test_at_a_mass_it_is_that_mass(of: str, accuracy: str):
+def test_at_a_mass_it_is_that_mass(source: str, accuracy: str):
     out = "a: {SOX: s.15}, f: {SOF: felt}"
     plain = score(block(f"{STRING}, {HAMMER}, felt: {{{FELT % 's.6'}}}"), out, accuracy)
-    with_proxy = f"{STRING}, {HAMMER}, p: {{PROXY: {{{of}}}}}, felt: {{{FELT % 'p'}}}"
+    with_proxy = f"{STRING}, {HAMMER}, p: {{PROXY: {{{source}}}}}, felt: {{{FELT % 'p'}}}"
     ours = heard(score(block(with_proxy), out, accuracy))
     theirs = heard(plain)
     assert np.abs(theirs).min(axis=0).max() < np.abs(theirs[:, 0]).max()
@@ -62,18 +64,18 @@ def weights(t: float) -> np.ndarray:
     return np.maximum(0.0, 1.0 - np.abs(at - np.arange(3)))
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_links_at_a_proxy_move_masses_as_dop853_does(way: str):
+@pytest.mark.parametrize("method", WAYS)
+def test_links_at_a_proxy_move_masses_as_dop853_does(method: str):
     """A contact and a law with damping; the path of what it follows is a straight line."""
-    written, shares = WAYS[way]
+    written, shares = WAYS[method]
     shares = shares or weights
-    bend = 35e-3 / 2.0  # when the moving one has come to the end [s]
+    curvature = 35e-3 / 2.0  # when the moving one has come to the end [s]
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         x, v, w = y[:4], y[4:], shares(t)
         # A moving proxy has the speed of its masses and that of its place.
         step = 1e-7
-        moved = (shares(t + step) - w) / step @ x[:3] if way == "follows" else 0.0
+        moved = (shares(t + step) - w) / step @ x[:3] if method == "follows" else 0.0
         d, stretched = w @ x[:3] - x[3], w @ v[:3] + moved - v[3]
         f = 300 * d + 4e6 * d**3 + 0.1 * stretched
         f += 3e3 * d + 0.2 * stretched if d < 0 else 0.0
@@ -89,11 +91,15 @@ def test_links_at_a_proxy_move_masses_as_dop853_does(way: str):
         ours = heard(text)
         when = np.arange(len(ours)) / hertz
         y, parts = np.array([1e-3, 0, 0, -0.5e-3, 0, 0.3, 0, 0.5]), []
-        knots = [0.0, 5e-3, bend, when[-1] + 1e-9] if way == "follows" else [0.0, when[-1] + 1e-9]
+        knots = (
+            [0.0, 5e-3, curvature, when[-1] + 1e-9]
+            if method == "follows"
+            else [0.0, when[-1] + 1e-9]
+        )
         for start, stop in pairwise(knots):
             inside = when[(when >= start) & (when < stop)]
-            at = [*inside, stop]
-            done = solve_ivp(rate, (start, stop), y, "DOP853", at, rtol=1e-10, atol=1e-13)
+            position = [*inside, stop]
+            done = solve_ivp(rate, (start, stop), y, "DOP853", position, rtol=1e-10, atol=1e-13)
             y = done.y[:, -1]
             parts.append(done.y[:, :-1])
         exact = np.hstack(parts)[:4].T
@@ -105,16 +111,16 @@ def test_links_at_a_proxy_move_masses_as_dop853_does(way: str):
 
 
 def energy(modules: str, out: str = "a: {SOX: h}") -> tuple[_core.Simulation, _core.Energy]:
-    made = ready(score(modules, out))
-    simulation = _core.Simulation(made.network, made.timeline, ledger=True)
+    built = ready(score(modules, out))
+    simulation = _core.Simulation(built.network, built.timeline, ledger=True)
     simulation.process(np.empty((1764, simulation.n_out)))
     return simulation, simulation.energy()
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_its_ledger_closes(way: str):
+@pytest.mark.parametrize("method", WAYS)
+def test_its_ledger_closes(method: str):
     """Also where something moves it, and so works on what it touches."""
-    written, _ = WAYS[way]
+    written, _ = WAYS[method]
     push = "push: {ENF: {to: p, from: 0.2N}}\n"
     _, ledger = energy(f"p: {{PROXY: {{{written}}}}}\n{push}{ROW}")
     assert ledger.flow > 1e-3
@@ -129,8 +135,8 @@ def test_a_plate_has_it_between_four_masses():
         f"{plate}\nwall: {{SOL: {{}}}}\n{HAMMER}\np: {{PROXY: {{of: s, rim: wall, at: [%s]}}}}"
     )
     modules += f"\nfelt: {{{FELT % 'p'}}}"
-    for at, corner in (("1.25, 2.6", True), ("0.5, 2", False)):
-        sound = heard(score(modules % at, f"p: {{SOX: p}}, {outs}"))
+    for position, corner in (("1.25, 2.6", True), ("0.5, 2", False)):
+        sound = heard(score(modules % position, f"p: {{SOX: p}}, {outs}"))
         grid = np.zeros((len(sound), 5, 6))
         grid[:, 1:4, 1:5] = sound[:, 1:].reshape(-1, 3, 4)
         row = {True: [0, 0.75, 0.25, 0, 0], False: [0.5, 0.5, 0, 0, 0]}[corner]
@@ -151,12 +157,12 @@ b: {{MAS: {{M: 3g}}}}
 h: {{MAS: {{M: 2g, X0: 1um}}}}
 p: {{PROXY: {{of: [a, b], shares: [0.6, 0.4]}}}}
 l: {{RES: {{between: [h, p], K: {stiffness}N/m}}}}"""
-    made = ready(score(modules, "a: {SOX: h}"))
+    built = ready(score(modules, "a: {SOX: h}"))
     if refused:
         with pytest.raises(_core.EngineError, match=r"is 4\.200000 and must be below 4"):
-            _core.Simulation(made.network, made.timeline)
+            _core.Simulation(built.network, built.timeline)
     else:
-        simulation = _core.Simulation(made.network, made.timeline)
+        simulation = _core.Simulation(built.network, built.timeline)
         sound = np.empty((44_100, simulation.n_out))
         simulation.process(sound)
         assert np.abs(sound).max() < 1e-4
@@ -168,8 +174,8 @@ def test_modes_of_what_it_lies_on_are_kept():
     modules += f"felt: {{{FELT % 'p'}}}"
     text = score(modules, "a: {SOX: s.15}, f: {SOF: felt}", "error: -60dB")
     exact = played(text.replace("44100Hz", "705600Hz"), method="ca")[::16]
-    made = ready(text)
-    plan = _core.Plan(made.network, made.timeline, error_db=-60.0)
+    built = ready(text)
+    plan = _core.Plan(built.network, built.timeline, error_db=-60.0)
     rows = plan.rows()
     assert "modes" in [row.what for row in rows]
     sound = played(text, error_db=-60.0)
@@ -213,5 +219,5 @@ def test_what_is_no_proxy_is_refused_at_its_place(name: str):
 
 def test_it_is_not_struck():
     text = score(f"{block(STRING)}\np: {{PROXY: {{of: s, at: 1.5}}}}", "a: {SOX: p}")
-    told = found(text + "strikes: {a: {to: i.p, at: 0s, impulse: 1mNs}}\n")
-    assert [line for code, line, message in told if "strike the masses" in message] == [12]
+    output = found(text + "strikes: {a: {to: i.p, at: 0s, impulse: 1mNs}}\n")
+    assert [line for code, line, message in output if "strike the masses" in message] == [12]

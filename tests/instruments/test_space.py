@@ -17,9 +17,9 @@ G = 9.81
 def heard(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
-    made = stage(check(lines + text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(lines + text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -82,12 +82,12 @@ def tangle(
 )
 def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: int):
     """By the second order of the step; where damping lags half a step behind, by the first."""
-    text, given, links = tangle(seed, axes, damping)
+    text, arguments, links = tangle(seed, axes, damping)
     errors = []
     for rate in (44_100, 88_200):
         ours = heard(text, rate)
         when = np.arange(0, len(ours), rate // 4410) / rate
-        exact = matter.solve(**given, links=links, when=when, gravity=G)
+        exact = matter.solve(**arguments, links=links, when=when, gravity=G)
         apart = ours[:: rate // 4410] - exact[:, 1:].reshape(len(when), -1)
         errors.append(np.abs(apart).max())
     size = np.abs(exact).max()
@@ -164,13 +164,13 @@ render: {{tail: 1s}}
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_fifty_tangles(seed: int):
-    text, given, links = tangle(seed + 100, 2 + seed % 2)
+    text, arguments, links = tangle(seed + 100, 2 + seed % 2)
 
     def error(rate: int) -> float:
         """Largest error, as a share of the largest coordinate."""
         ours, every = heard(text, rate), rate // 4_410
         when = np.arange(0, len(ours), every) / rate
-        exact = matter.solve(**given, links=links, when=when, gravity=G)
+        exact = matter.solve(**arguments, links=links, when=when, gravity=G)
         apart = ours[::every] - exact[:, 1:].reshape(len(when), -1)
         return float(np.abs(apart).max() / np.abs(exact).max())
 
@@ -228,9 +228,9 @@ render: {bits: float, tail: 0.1s}
     stiffness = np.array([[300.0, -300.0], [-300.0, 800.0]])
     roots = np.diag([0.01**-0.5, 0.02**-0.5])
     squares, modes = np.linalg.eigh(roots @ stiffness @ roots)
-    at_first = modes.T @ np.linalg.inv(roots) @ np.array([0.1, 0.0])
+    on_first = modes.T @ np.linalg.inv(roots) @ np.array([0.1, 0.0])
     t = np.arange(len(y))[:, None] / rate
-    exact = (at_first * np.sin(np.sqrt(squares) * t) / np.sqrt(squares)) @ (roots @ modes).T
+    exact = (on_first * np.sin(np.sqrt(squares) * t) / np.sqrt(squares)) @ (roots @ modes).T
     np.testing.assert_allclose(np.stack([y, bell], 1), exact, atol=1e-6 * np.abs(exact).max())
     assert set(x) == {0.03}
 
@@ -247,12 +247,12 @@ instruments:
 strikes: {a: {to: net.5.z, at: 0, impulse: 1mNs}}
 render: {tail: 10ms}
 """
-    made = stage(check(text).piece)
-    network = made.built.network
+    built = stage(check(text).piece)
+    network = built.built.network
     # 3 rows of 3 springs, 4 columns of 2, 12 across the 6 meshes.
     assert (network.n_mat, network.n_lia) == (36, 9 + 8 + 12)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     # 60 g on eight points, of which one was struck.
     speed = np.diff(sound[:, 0])[0] * 44_100
     assert speed == pytest.approx(1e-3 / (0.06 / 8), rel=1e-9)
@@ -404,6 +404,6 @@ instruments:
     out: {y: {SOX: stone.y}}
 render: {bits: float, tail: 0.4s}
 """
-    whole, torn = (heard(text % more)[:, 0] for more in ("", ", breaks: 4mm"))
-    assert whole[-1] > 0.4  # it holds the stone, and throws it back
+    complete, torn = (heard(text % more)[:, 0] for more in ("", ", breaks: 4mm"))
+    assert complete[-1] > 0.4  # it holds the stone, and throws it back
     assert torn[-1] < -0.3  # the stone is through

@@ -16,23 +16,23 @@ RATES = (22_050, 44_100)
 def heard(text: str, rate: int) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
-    made = stage(check(lines + text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(lines + text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
-def converges(text: str, exact: Callable[[np.ndarray], np.ndarray], most: float):
+def converges(text: str, exact: Callable[[np.ndarray], np.ndarray], limit: float):
     """Outputs go where `exact` of the seconds says; the error at half the step is a quarter.
 
-    At the finer rate it is below `most`, as a share of the largest value.
+    At the finer rate it is below `limit`, as a share of the largest value.
     """
     errors = []
     for rate in RATES:
         ours = heard(text, rate)
         right = exact(np.arange(len(ours)) / rate)
         errors.append(float(np.abs(ours - right).max() / np.abs(right).max()))
-    assert errors[1] < most
+    assert errors[1] < limit
     assert 3.6 < errors[0] / errors[1] < 4.4
 
 
@@ -130,8 +130,8 @@ render: {{bits: float, tail: 3s}}
 
 def test_two_balls_meet_as_a_half_swing():
     """While they touch they are one oscillator of K and the reduced mass; then both fly on."""
-    one, other, stiff, gap, speed, begin = 0.03, 0.05, 5e3, 0.02, 0.8, 0.03
-    reduced = one * other / (one + other)
+    item, other, stiff, gap, speed, begin = 0.03, 0.05, 5e3, 0.02, 0.8, 0.03
+    reduced = item * other / (item + other)
     omega = np.sqrt(stiff / reduced)
     text = f"""\
 ergon: 1
@@ -139,27 +139,27 @@ instruments:
   b:
     space: 2
     modules:
-      a: {{MAS: {{M: {one}kg, X0: [0, 0], V0: [{0.6 * speed}, {0.8 * speed}]}}}}
+      a: {{MAS: {{M: {item}kg, X0: [0, 0], V0: [{0.6 * speed}, {0.8 * speed}]}}}}
       b: {{MAS: {{M: {other}kg, X0: [{0.6 * begin}, {0.8 * begin}]}}}}
       hit: {{BUT: {{between: [a, b], K: {stiff}, gap: {gap}}}}}
     out: {{ax: {{SOX: a.x}}, ay: {{SOX: a.y}}, bx: {{SOX: b.x}}, by: {{SOX: b.y}}}}
 render: {{bits: float, tail: 60ms}}
 """
     meet, last = (begin - gap) / speed, np.pi / omega
-    for rate, most in ((44_100, 2e-4), (176_400, 5e-5)):
+    for rate, limit in ((44_100, 2e-4), (176_400, 5e-5)):
         ours = heard(text, rate)
         t = np.arange(len(ours)) / rate
         since = np.clip(t - meet, 0, last)
         deep = speed / omega * np.sin(omega * since)
         after = np.maximum(t - meet - last, 0.0)
         apart = np.where(t < meet, begin - speed * t, gap - deep + speed * after)
-        middle = (one * speed * t + other * begin) / (one + other)
-        a = middle - other / (one + other) * apart
-        b = middle + one / (one + other) * apart
+        middle = (item * speed * t + other * begin) / (item + other)
+        a = middle - other / (item + other) * apart
+        b = middle + item / (item + other) * apart
         exact = np.stack([0.6 * a, 0.8 * a, 0.6 * b, 0.8 * b], 1)
         assert t[-1] > meet + last
         # The step in which they meet may begin anywhere: the error is a part of a step.
-        assert np.abs(ours - exact).max() < most * begin
+        assert np.abs(ours - exact).max() < limit * begin
 
 
 @pytest.mark.parametrize("mode", [(1, 1), (2, 1), (3, 2)])

@@ -37,9 +37,9 @@ def simulation(text: str, **options) -> _core.Simulation:
 
 
 def rendered(text: str, n_frames: int, block: int = 4096) -> np.ndarray:
-    own, out = simulation(text), np.zeros((n_frames, 3))
-    for at in range(0, n_frames, block):
-        own.process(out[at : at + block])
+    single, out = simulation(text), np.zeros((n_frames, 3))
+    for index in range(0, n_frames, block):
+        single.process(out[index : index + block])
     return out
 
 
@@ -49,8 +49,8 @@ def motion(f: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     damped, speed = 2 * np.pi * f, 1e-3 / 2e-3
     s = complex(-sigma, damped)
     # x = Im(e^(s·t)) · v0/damped
-    whole = speed / damped * np.exp(s * t)
-    return (s * whole).imag, (s * s * whole).imag
+    complete = speed / damped * np.exp(s * t)
+    return (s * complete).imag, (s * s * complete).imag
 
 
 @pytest.mark.parametrize("method", ["modal", "ca"])
@@ -70,15 +70,17 @@ def test_a_cell_against_its_closed_form(f, errors, method):
 def test_a_string_however_it_is_computed(method):
     """The rate of change of what SOX hears, by the spectrum, for modes and for a stepped mesh."""
     sound = rendered(STRING % method, 20_000)
-    size, at = 16_384, slice(50, 1900)  # 135 Hz to 5.1 kHz
-    s = 2j * np.pi * np.fft.rfftfreq(size, 1 / RATE)[at]
+    size, position = 16_384, slice(50, 1900)  # 135 Hz to 5.1 kHz
+    s = 2j * np.pi * np.fft.rfftfreq(size, 1 / RATE)[position]
 
     def spectrum(column: int, order: int, late: float) -> np.ndarray:
         """Of an output under the derivative of a window that comes early."""
         turn = 2 * np.pi / size
         phase = turn * (np.arange(size) + late)
         shape = (0.5 - 0.5 * np.cos(phase), np.sin(phase) / 2, np.cos(phase) / 2)[order]
-        return np.fft.rfft((turn * RATE) ** order * shape * sound[2000 : 2000 + size, column])[at]
+        return np.fft.rfft((turn * RATE) ** order * shape * sound[2000 : 2000 + size, column])[
+            position
+        ]
 
     for order, late in ((1, 7.5), (2, 8.0)):
         # w·x' = (w·x)' − w'·x, and so on.
@@ -91,16 +93,16 @@ def test_a_string_however_it_is_computed(method):
 
 def test_bytes_are_the_same_in_blocks_and_from_a_snapshot():
     text = STRING % "ca"
-    whole = rendered(text, 4000)
+    complete = rendered(text, 4000)
     for block in (1, 64, 333):
-        assert np.array_equal(rendered(text, 4000, block), whole)
-    own, out = simulation(text), np.zeros((2000, 3))
-    own.process(out)
-    kept, once, again = own.snapshot(), np.zeros((2000, 3)), np.zeros((2000, 3))
-    own.process(once)
-    own.restore(kept)
-    own.process(again)
-    assert np.array_equal(once, whole[2000:])
+        assert np.array_equal(rendered(text, 4000, block), complete)
+    single, out = simulation(text), np.zeros((2000, 3))
+    single.process(out)
+    saved, once, again = single.snapshot(), np.zeros((2000, 3)), np.zeros((2000, 3))
+    single.process(once)
+    single.restore(saved)
+    single.process(again)
+    assert np.array_equal(once, complete[2000:])
     assert np.array_equal(again, once)
 
 
@@ -118,13 +120,13 @@ def test_another_simulation_goes_on_with_the_same_speeds():
         plan = _core.Plan(network, timeline)
         return _core.Simulation(network, timeline, plan=plan, start=start)
 
-    whole, out = np.zeros((2000, 2)), np.zeros((2000, 2))
-    version(0).process(whole)
+    complete, out = np.zeros((2000, 2)), np.zeros((2000, 2))
+    version(0).process(complete)
     first, second = version(0), version(1000)
     first.process(out[:1000])
     second.take_over(first)
     second.process(out[1000:])
-    assert np.array_equal(out, whole)
+    assert np.array_equal(out, complete)
 
 
 def test_a_mass_that_stands_elsewhere_is_silent():

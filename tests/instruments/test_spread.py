@@ -35,9 +35,9 @@ K = "K: 20kN/m, Z: 5mNs/m"
 def heard(lines: str, force: str, wall: str = SOL, method: str = "ca") -> np.ndarray:
     """Outputs of the scene (n_frames, 2)."""
     text = SCORE.replace("method: ca", f"method: {method}") % (wall, lines, force)
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -96,10 +96,10 @@ def test_the_same_gaps_are_the_same_samples():
 
 def test_its_force_is_the_sum_of_its_points():
     line = over(3, 7, "{depth: 40um}")
-    whole, some = heard(line, "{BUT: c}")[:, 1], heard(line, "c.1..3")[:, 1]
+    complete, some = heard(line, "{BUT: c}")[:, 1], heard(line, "c.1..3")[:, 1]
     points = [heard(line, f"c.{i}")[:, 1] for i in range(5)]
-    assert np.abs(whole - sum(points)).max() < 1e-12 * np.abs(whole).max()
-    assert np.abs(some - sum(points[1:4])).max() < 1e-12 * np.abs(whole).max()
+    assert np.abs(complete - sum(points)).max() < 1e-12 * np.abs(complete).max()
+    assert np.abs(some - sum(points[1:4])).max() < 1e-12 * np.abs(complete).max()
     assert all(np.abs(own).max() > 0.0 for own in points[:2])
 
 
@@ -193,11 +193,11 @@ def warned(line: str, wall: str = SOL) -> list:
 
 
 def test_a_gap_below_zero_is_told_once_with_the_deepest():
-    (told,) = warned(over(3, 7, "[0mm, -1mm, -3mm, 1mm, 0mm]"))
-    assert told.code == "W327"
-    assert "'s.c' is negative" in told.message
-    assert "3 mm" in told.message
-    assert told.place.line == 7
+    (output,) = warned(over(3, 7, "[0mm, -1mm, -3mm, 1mm, 0mm]"))
+    assert output.code == "W327"
+    assert "'s.c' is negative" in output.message
+    assert "3 mm" in output.message
+    assert output.place.line == 7
     assert [one.code for one in warned(over(3, 7, "{depth: -2mm}"))] == ["W327"]
     assert warned(over(3, 7, "{depth: -2mm, least: 2mm}")) == []  # hollow, and never pressed
 
@@ -215,10 +215,10 @@ def test_a_contact_closes_where_one_of_its_points_does():
     piece = check(SCORE % (SOL, over(3, 7, "[9mm, 8mm, 7mm, 6mm, 9mm]"), "c")).piece
     done = simulate(piece, "test")
     assert [one.contact.name for one in done.contacts] == [f"s.c.{i}" for i in range(5)]
-    (told,) = never_closed_warnings(piece, done)
-    assert told.code == "W320"
-    assert "contact 's.c' never closes" in told.message
-    assert "s.body.6" in told.message  # the nearest
+    (output,) = never_closed_warnings(piece, done)
+    assert output.code == "W320"
+    assert "contact 's.c' never closes" in output.message
+    assert "s.body.6" in output.message  # the nearest
 
 
 def test_its_stiffness_glides_as_one():
@@ -230,9 +230,9 @@ def test_its_stiffness_glides_as_one():
     other = check(SCORE % (SOL, hand, "[c0, c1, c2, c3, c4]") + f"automation:\n{lines}").piece
     sounds = []
     for piece in (ours, other):
-        made = stage(piece, planned=True)
-        sounds.append(np.empty((made.n_frames, 2)))
-        made.simulation.process(sounds[-1])
+        built = stage(piece, planned=True)
+        sounds.append(np.empty((built.n_frames, 2)))
+        built.simulation.process(sounds[-1])
     assert same(*sounds)
     assert (sounds[0] != heard(line, "c")).any()
 
@@ -279,9 +279,9 @@ def test_points_that_come_and_go_fade_one_by_one():
     ]
     going = leaving_links(long, short, (), (), 0.0)
     assert [one.glide.module for one in going] == ["c.3", "c.4"]
-    kept = with_leaving(short, going)
+    saved = with_leaving(short, going)
     assert {one.glide.written for one in going} == {("s", "c")}
-    assert build_network(kept, ()).network.n_lia == build_network(long, ()).network.n_lia
+    assert build_network(saved, ()).network.n_lia == build_network(long, ()).network.n_lia
     # A new value of K is one glide of all points.
     stiffer = check((SCORE % (SOL, over(3, 7, "0mm"), "c")).replace("20kN/m", "40kN/m")).piece
     assert [one.module for one in glides(long, stiffer, (), 0.0, 0.1)] == ["c"]

@@ -18,9 +18,9 @@ def staged(text: str, rate: int = RATE):
 
 def heard(text: str, rate: int = RATE) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
-    made = staged(text, rate)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = staged(text, rate)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -74,9 +74,9 @@ def test_what_sticks_parts_where_the_work_is_there():
     # It begins where it rests, PULL/STIFF deep.
     needed = 0.5 * PULL * REACH + 0.5 * PULL**2 / STIFF
     border = float(np.sqrt(2 * needed / reduced))
-    at = TWO.replace("[13mm, 2mm]", f"[{1e3 * (GAP - PULL / STIFF)}mm, 0]")
+    position = TWO.replace("[13mm, 2mm]", f"[{1e3 * (GAP - PULL / STIFF)}mm, 0]")
     for share, parts in ((0.99, False), (1.01, True)):
-        sound = heard(at % (f"{share * border}m/s", "a, b", "0Ns/m", ""))
+        sound = heard(position % (f"{share * border}m/s", "a, b", "0Ns/m", ""))
         assert bool(np.any(sound[:, 2] - sound[:, 0] > GAP + REACH)) is parts
 
 
@@ -100,15 +100,15 @@ render: {bits: float, tail: 0.2s}
 
 @pytest.mark.parametrize(("exponent", "friction"), [(1, 0), (1.5, 0), (1, 0.4)])
 def test_momentum_and_the_ledger_close(exponent: float, friction: float):
-    made = stage(check(HEAP % ("", exponent, friction)).piece, planned=False, ledger=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
-    speed = np.diff(sound[:, 1]) * made.rate / 30
+    built = stage(check(HEAP % ("", exponent, friction)).piece, planned=False, ledger=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
+    speed = np.diff(sound[:, 1]) * built.rate / 30
     np.testing.assert_allclose(speed, 0.1, 1e-8)
     assert np.abs(sound[:, 0]).max() > 0.01
-    energy = made.simulation.energy()
-    whole = energy.start + energy.injected + energy.produced - energy.stored - energy.lost
-    assert abs(whole) < 1e-9 * max(abs(energy.start), abs(energy.lost), abs(energy.stored))
+    energy = built.simulation.energy()
+    complete = energy.start + energy.injected + energy.produced - energy.stored - energy.lost
+    assert abs(complete) < 1e-9 * max(abs(energy.start), abs(energy.lost), abs(energy.stored))
 
 
 def test_what_sticks_hangs():
@@ -166,16 +166,16 @@ def test_a_box_is_its_walls(axes: int):
             normal = [sign if other == axis else 0 for other in range(axes)]
             name = f"w{len(walls)}"
             gap = 4 - 5 * int(width[0])
-            own = WALL.replace("gap: 4mm", f"gap: {gap}mm")
-            walls.append(f"{name}: {own % f'normal: {normal}'}")
+            single = WALL.replace("gap: 4mm", f"gap: {gap}mm")
+            walls.append(f"{name}: {single % f'normal: {normal}'}")
             sides.append(name)
     apart = "\n      ".join(walls)
     names = f"[{', '.join(sides)}]", f"[{', '.join(side + '.3' for side in sides)}]"
-    one = heard(BOX % (axes, *places, box, "walls", "walls.3"))
+    first = heard(BOX % (axes, *places, box, "walls", "walls.3"))
     many = heard(BOX % (axes, *places, apart, *names))
-    assert one.tobytes() == many.tobytes()
-    assert np.abs(one[:, 0]).max() > 0.1
-    assert np.abs(one[:, 1]).max() > 0.0
+    assert first.tobytes() == many.tobytes()
+    assert np.abs(first[:, 0]).max() > 0.1
+    assert np.abs(first[:, 1]).max() > 0.0
 
 
 HEAD = "ergon: 1\ninstruments:\n  b:\n    space: 3\n    modules:\n"

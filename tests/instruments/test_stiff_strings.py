@@ -35,13 +35,13 @@ def peaks(sound: np.ndarray, expected: np.ndarray) -> np.ndarray:
     padded = 4 * len(sound)
     spectrum = np.abs(np.fft.rfft(sound * np.blackman(len(sound)), padded))
     level = np.log(spectrum + 1e-300)
-    heard = []
+    listened = []
     for f in expected * padded / RATE:
         low = round(f) - 40
         top = low + int(np.argmax(level[low : low + 81]))
         left, middle, right = level[top - 1 : top + 2]
-        heard.append(top + 0.5 * (left - right) / (left - 2.0 * middle + right))
-    return np.array(heard) * RATE / padded
+        listened.append(top + 0.5 * (left - right) / (left - 2.0 * middle + right))
+    return np.array(listened) * RATE / padded
 
 
 @pytest.mark.parametrize("method", few(["modal", "bm4", "ca2p"], 3))
@@ -49,14 +49,14 @@ def peaks(sound: np.ndarray, expected: np.ndarray) -> np.ndarray:
 def test_twenty_partials_lie_where_a_stiff_string_has_them(b, method):
     n = np.arange(1, 21)
     wanted = F * n * np.sqrt((1.0 + b * n * n) / (1.0 + b))
-    heard = peaks(rendered(SCORE % (f"inharmonicity: {b}", method), 3 * 44100), wanted)
-    assert np.abs(1200.0 * np.log2(heard / wanted)).max() < 1.0
+    listened = peaks(rendered(SCORE % (f"inharmonicity: {b}", method), 3 * 44100), wanted)
+    assert np.abs(1200.0 * np.log2(listened / wanted)).max() < 1.0
 
 
 def test_a_string_without_inharmonicity_is_harmonic():
     wanted = F * np.arange(1, 21)
-    heard = peaks(rendered(SCORE % ("inharmonicity: 0", "modal"), 3 * 44100), wanted)
-    assert np.abs(1200.0 * np.log2(heard / wanted)).max() < 1.0
+    listened = peaks(rendered(SCORE % ("inharmonicity: 0", "modal"), 3 * 44100), wanted)
+    assert np.abs(1200.0 * np.log2(listened / wanted)).max() < 1.0
 
 
 def test_a_wire_has_its_inharmonicity():

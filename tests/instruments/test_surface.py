@@ -16,9 +16,9 @@ PLATE = "{PLATE: {shape: disc, radius: 3, M: 50g, f: 200Hz, t60: 1s, rim: fixed}
 def heard(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
-    made = stage(check(lines + text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(lines + text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 
@@ -48,9 +48,9 @@ def score(
 def test_a_point_above_a_mass_meets_it_as_on_one_axis(axes: int):
     """The third of five masses, or the middle of a disc, is at the middle of its surface."""
     body, mass = (STRING, 2) if axes == 2 else (PLATE, 0)
-    at = ", ".join("0" * (axes - 1))
-    modules = f"      bead: {{MAS: {{M: 3g, X0: [{at}, 9mm], V0: [{at}, -0.5m/s]}}}}\n"
-    surface = f"      skin: {{SURFACE: {{of: body.b, at: [{at}], across: 1m}}}}\n"
+    position = ", ".join("0" * (axes - 1))
+    modules = f"      bead: {{MAS: {{M: 3g, X0: [{position}, 9mm], V0: [{position}, -0.5m/s]}}}}\n"
+    surface = f"      skin: {{SURFACE: {{of: body.b, at: [{position}], across: 1m}}}}\n"
     meets = "      hit: {BUT: {between: [bead, skin.all], K: 3kN/m, Z: 0.1Ns/m, gap: 8mm}}"
     out = f"m: {{SOX: b.{mass}}}, bead: {{SOX: thrown.bead.{'xyz'[axes - 1]}}}"
     ours = heard(score(axes, modules + surface + meets, body, out))
@@ -114,9 +114,11 @@ def test_a_body_may_stand_before_or_after_its_surface():
       skin: {SURFACE: {of: body.b.all, at: [0, 1mm], across: 8cm}}
       hit: {BUT: {between: [beads.all, skin.all], K: 2kN/m, Z: 0.05Ns/m, gap: 9mm}}"""
     out = "m: {SOV: b.3}, f: {SOF: thrown.hit}"
-    one, other = (heard(score(3, modules, PLATE, out, body_first=first)) for first in (False, True))
-    assert np.abs(one[:, 0]).max() > 1e-3
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+    item, other = (
+        heard(score(3, modules, PLATE, out, body_first=first)) for first in (False, True)
+    )
+    assert np.abs(item[:, 0]).max() > 1e-3
+    np.testing.assert_allclose(item, other, rtol=0, atol=1e-12)
 
 
 def test_energy_and_weight_of_what_rests_on_a_plate():
@@ -127,10 +129,10 @@ def test_energy_and_weight_of_what_rests_on_a_plate():
       hit: {BUT: {between: [bead, skin.all], K: 2kN/m, Z: 0.1Ns/m, gap: 1cm}}"""
     out = "f: {SOF: thrown.hit}, z: {SOX: b.0}"
     text = score(3, modules, PLATE, out, tail="3s")
-    made = stage(check(f"accuracy: {{method: ca}}\n{text}").piece, ledger=True)
-    block = np.empty((made.n_frames, 2))
-    made.simulation.process(block)
-    energy = made.simulation.energy()
+    built = stage(check(f"accuracy: {{method: ca}}\n{text}").piece, ledger=True)
+    block = np.empty((built.n_frames, 2))
+    built.simulation.process(block)
+    energy = built.simulation.energy()
     assert energy.lost > 1e-5
     assert abs(energy.residual) < 1e-9 * energy.flow
     assert block[-1, 1] < -1e-7

@@ -126,9 +126,9 @@ NET = """\
 """
 
 
-def eigenvalues(made: Piece) -> np.ndarray:
+def eigenvalues(built: Piece) -> np.ndarray:
     """Of the equations of motion, from the fields alone."""
-    by_name = {module.name: module for module in made.instruments["b"].modules}
+    by_name = {module.name: module for module in built.instruments["b"].modules}
     moving = [name for name in by_name if by_name[name].kind in ("MAS", "CEL")]
     n = len(moving)
     mass, stiffness, damping = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
@@ -185,18 +185,18 @@ STRUCK = """\
 """
 
 
-def samples(made: Piece, count: int = 4000) -> np.ndarray:
+def samples(built: Piece, count: int = 4000) -> np.ndarray:
     out = np.zeros((count, 1))
-    stage(made).simulation.process(out)
+    stage(built).simulation.process(out)
     return out
 
 
 @pytest.mark.parametrize(("interval", "rate"), [("x2", "88200Hz"), ("-12st", "22050Hz")])
 def test_the_motion_is_the_same_at_another_speed(interval, rate):
-    own = samples(piece(STRUCK.format(interval="x1")))
+    single = samples(piece(STRUCK.format(interval="x1")))
     moved = samples(piece(STRUCK.format(interval=interval), rate))
-    assert np.abs(own).max() > 1e-4
-    assert np.abs(moved - own).max() < 1e-9 * np.abs(own).max()
+    assert np.abs(single).max() > 1e-4
+    assert np.abs(moved - single).max() < 1e-9 * np.abs(single).max()
 
 
 def test_a_friction_law_and_mechanics_stay():
@@ -205,11 +205,11 @@ def test_a_friction_law_and_mechanics_stay():
         " slow: {CEL: {M: 1g, K: 10N/m}}, m: {CEL: {M: 8g, f: A3, t60: 2s}},"
         " rub: {LNL: {between: [hammer, m], damping: bow, F: 0.8N}}}}\n"
     )
-    made = piece(text)
-    assert (fields(made, "b", "hammer")["f"], fields(made, "b", "hammer")["t60"]) == (1.0, 2.0)
-    assert fields(made, "b", "slow")["K"] == 10.0
-    assert fields(made, "b", "m")["f"] == 440.0
-    rub = fields(made, "b", "rub")
+    built = piece(text)
+    assert (fields(built, "b", "hammer")["f"], fields(built, "b", "hammer")["t60"]) == (1.0, 2.0)
+    assert fields(built, "b", "slow")["K"] == 10.0
+    assert fields(built, "b", "m")["f"] == 440.0
+    rub = fields(built, "b", "rub")
     assert rub["damping"] == "F*sqrt(2*a)*(v - u)*exp(0.5 - a*(v - u)**2)"
     assert rub["constants"] == {"F": 0.8, "a": 60.0, "u": 0.0}
 
@@ -253,36 +253,36 @@ def written(instruments: str) -> Piece:
 )
 def test_a_transposed_bell_is_the_bell_written_by_hand(moved):
     by_hand = written(HIGH)
-    made = written(moved)
-    assert [dict(m.fields, between=None) for m in made.instruments["bell"].modules] == [
+    built = written(moved)
+    assert [dict(m.fields, between=None) for m in built.instruments["bell"].modules] == [
         dict(m.fields, between=None) for m in by_hand.instruments["bell"].modules
     ]
-    own = stage(made)
-    out = np.zeros((6000, own.simulation.n_out))
-    own.simulation.process(out)
+    single = stage(built)
+    out = np.zeros((6000, single.simulation.n_out))
+    single.simulation.process(out)
     assert np.abs(out).max() > 0
     assert out[:, -1:].tobytes() == samples(by_hand, 6000).tobytes()
 
 
 def test_a_shipped_bell_and_string_are_retuned_by_their_named_pitch():
-    made = piece(
+    built = piece(
         "  up: {from: bell/bell, f: C5}\n  low: {from: string/string, f: C3}\n"
         "  tam: {from: gong/tamtam, transpose: -14cents}\n  old: {from: gong/plate, f: A1}\n"
     )
-    assert fields(made, "up", "prime")["f"] == q.frequency("C5")
-    assert fields(made, "up", "hum-2")["f"] == q.frequency("C4+5cents")
-    assert fields(made, "low", "body")["f"] == q.frequency("C3")
-    assert fields(made, "low", "hammer")["f"] == 1.0
-    assert fields(made, "tam", "body")["f"] == q.frequency("F2-14cents")
-    assert fields(made, "old")["f"] == 55.0
-    assert fields(made, "old")["t60"] == 30.0  # `f` of a generator is its own field alone
+    assert fields(built, "up", "prime")["f"] == q.frequency("C5")
+    assert fields(built, "up", "hum-2")["f"] == q.frequency("C4+5cents")
+    assert fields(built, "low", "body")["f"] == q.frequency("C3")
+    assert fields(built, "low", "hammer")["f"] == 1.0
+    assert fields(built, "tam", "body")["f"] == q.frequency("F2-14cents")
+    assert fields(built, "old")["f"] == 55.0
+    assert fields(built, "old")["t60"] == 30.0  # `f` of a generator is its own field alone
 
 
 # --- what merges --------------------------------------------------------------------------------
 
 
 def test_fields_merge_module_by_module():
-    made = piece(
+    built = piece(
         "  low: {from: string/string,"
         " modules: {body: {STRING: {f: C3}}, felt: {BUT: {gap: 5mm}}}}\n"
         "  g: {from: gong/plate, PLATE: {f: C3}}\n"
@@ -291,16 +291,16 @@ def test_fields_merge_module_by_module():
         "  d: {like: c, modules: {m: {CEL: {K: 3kN/m}}, n: {CEL: {Z: 2}}, l: {LNL: {k: 3N/m}}}}\n"
         "  e: {like: c, modules: {l: {LNL: {law: a*d, a: 3N/m}}, m: {MAS: {M: 1g}}}}\n"
     )
-    body = fields(made, "low", "body")
+    body = fields(built, "low", "body")
     assert (body["f"], body["masses"], body["inharmonicity"]) == (q.frequency("C3"), 60, 1.5e-4)
-    assert (fields(made, "low", "felt")["gap"], fields(made, "low", "felt")["K"]) == (5e-3, 5e8)
-    assert (fields(made, "g")["f"], fields(made, "g")["radius"]) == (q.frequency("C3"), 8)
-    m = fields(made, "d", "m")
+    assert (fields(built, "low", "felt")["gap"], fields(built, "low", "felt")["K"]) == (5e-3, 5e8)
+    assert (fields(built, "g")["f"], fields(built, "g")["radius"]) == (q.frequency("C3"), 8)
+    m = fields(built, "d", "m")
     assert (m["M"], m["K"], m["Z"], m["f"], m["t60"]) == (2e-3, 3e3, None, None, None)
-    assert (fields(made, "d", "n")["K"], fields(made, "d", "n")["Z"]) == (1e3, 2.0)
-    assert fields(made, "d", "l")["constants"] == {"k": 3.0, "q": 1e3, "z": 0.0}
-    assert fields(made, "e", "l")["constants"] == {"a": 3.0}
-    assert [m.kind for m in made.instruments["e"].modules] == ["MAS", "LNL", "CEL"]
+    assert (fields(built, "d", "n")["K"], fields(built, "d", "n")["Z"]) == (1e3, 2.0)
+    assert fields(built, "d", "l")["constants"] == {"k": 3.0, "q": 1e3, "z": 0.0}
+    assert fields(built, "e", "l")["constants"] == {"a": 3.0}
+    assert [m.kind for m in built.instruments["e"].modules] == ["MAS", "LNL", "CEL"]
 
 
 def test_modules_of_keys_merge_too():
@@ -317,9 +317,9 @@ def test_modules_of_keys_merge_too():
 
 
 def test_what_is_written_beside_a_transposition_sounds_as_written():
-    made = piece("  b: {from: bell/bell, transpose: 7st, modules: {prime: {CEL: {f: A4}}}}\n")
-    assert fields(made, "b", "prime")["f"] == 440.0
-    assert fields(made, "b", "prime")["M"] == 40e-3
+    built = piece("  b: {from: bell/bell, transpose: 7st, modules: {prime: {CEL: {f: A4}}}}\n")
+    assert fields(built, "b", "prime")["f"] == 440.0
+    assert fields(built, "b", "prime")["M"] == 40e-3
 
 
 # --- what is refused ----------------------------------------------------------------------------

@@ -16,8 +16,8 @@ PAGE = Path(__file__).parents[2] / "docs/language.md"
 
 def snippet() -> str:
     blocks = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    (found,) = (block for block in blocks if "bridge: {FRO" in block)
-    return found
+    (result,) = (block for block in blocks if "bridge: {FRO" in block)
+    return result
 
 
 def level(strike: str) -> np.ndarray:
@@ -33,12 +33,12 @@ def level(strike: str) -> np.ndarray:
 
 
 def test_one_string_that_is_struck_falls_in_two_stages():
-    heard = level("course.one.12")
+    listened = level("course.one.12")
     # Half of the motion is alike in both strings, and half is opposite.
-    t = np.arange(len(heard)) * 0.1 + 0.1
-    slow = np.polyfit(t[30:], heard[30:], 1)
+    t = np.arange(len(listened)) * 0.1 + 0.1
+    slow = np.polyfit(t[30:], listened[30:], 1)
     assert -60.0 / slow[0] == pytest.approx(8.0, rel=0.03)
-    over = 10.0 ** (heard[:6] / 20.0) - 10.0 ** (np.polyval(slow, t[:6]) / 20.0)
+    over = 10.0 ** (listened[:6] / 20.0) - 10.0 ** (np.polyval(slow, t[:6]) / 20.0)
     fast = np.polyfit(t[:6], 20.0 * np.log10(over), 1)
     assert -60.0 / fast[0] == pytest.approx(1.0, rel=0.1)
     # Where the slopes meet at the beginning the two are alike.
@@ -47,6 +47,6 @@ def test_one_string_that_is_struck_falls_in_two_stages():
 
 def test_a_list_of_decays_is_told_how_two_stages_are_had():
     text = "ergon: 1\ninstruments: {s: {STRING: {masses: 9, M: 4g, f: A3, t60: [1s, 8s]}}}\n"
-    (found,) = check(text).diagnostics
-    assert found.code == "E106"
-    assert "Two-stage decay" in found.help
+    (result,) = check(text).diagnostics
+    assert result.code == "E106"
+    assert "Two-stage decay" in result.help

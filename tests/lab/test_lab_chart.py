@@ -42,9 +42,9 @@ def test_oversampling_hears_the_same_instants():
         )
 
     scene = Bare(build)
-    whole = runs.start(scene, CA).frames(1500)
+    complete = runs.start(scene, CA).frames(1500)
     for times in (2, 3, 8):
-        assert np.abs(runs.start(scene, Setting("ca", times)).frames(1500) - whole).max() < 1e-15
+        assert np.abs(runs.start(scene, Setting("ca", times)).frames(1500) - complete).max() < 1e-15
 
 
 @pytest.mark.parametrize("times", [2, 3, 8])
@@ -74,13 +74,13 @@ def test_a_run_that_is_rewound_repeats_itself():
 
 
 def test_what_this_engine_cannot_do_is_refused():
-    for setting, said in (
+    for setting, message in (
         (Setting("bm5"), "bm5"),
         (Setting("ca", 1, "f8"), "no precision f8"),
         (Setting(None, budget_db=3.0), "error_db cannot be 3"),
         (Setting("modal", budget_db=-60.0), "only one of method, error_db"),
     ):
-        with pytest.raises(_core.EngineError, match=said):
+        with pytest.raises(_core.EngineError, match=message):
             runs.start(canonical.coupled(0.1), setting)
 
 
@@ -89,15 +89,15 @@ def test_every_method_runs_what_is_linear_and_what_is_not(method: str):
     """And comes nearer to what the CA scheme says a hundred times finer."""
     for scene, db in ((canonical.coupled(0.1), -40.0), (canonical.contact(0.1), -90.0)):
         truth = runs.start(scene, Setting("ca", 128)).frames(2205)
-        found = runs.start(scene, Setting(method, 16)).frames(2205)
-        assert waveform_db(found, truth) < db
+        result = runs.start(scene, Setting(method, 16)).frames(2205)
+        assert waveform_db(result, truth) < db
 
 
 def test_the_planners_choice_is_in_the_chart():
     """By ear two cells and what joins them are two modes; nothing is left to be better at."""
     wanted = [*chart.settings(METHODS, PRECISIONS, 4), *chart.planned(-60.0)]
-    found = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
-    points = {str(p.setting): p for p in found.points}
+    result = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
+    points = {str(p.setting): p for p in result.points}
     assert list(points)[-2:] == ["planner", "planner -60 dB"]
     by_ear, budgeted = points["planner"], points["planner -60 dB"]
     assert by_ear.reason == budgeted.reason == "pair: modes"
@@ -105,10 +105,10 @@ def test_the_planners_choice_is_in_the_chart():
         assert point.waveform_db is not None
         assert point.waveform_db < -200.0
         assert not point.on_front  # a star is the planner's, the front is of what one may ask for
-    assert found.reference is not None
-    assert found.reference.setting.method == "modal"
-    assert found.doubts == ()
-    head, *rows = (fields for fields in chart_table.csv(found, "x", "y").splitlines()
+    assert result.reference is not None
+    assert result.reference.setting.method == "modal"
+    assert result.doubts == ()
+    head, *rows = (fields for fields in chart_table.csv(result, "x", "y").splitlines()
                    if not fields.startswith("#"))  # fmt: skip
     assert head.startswith("method,oversampling,precision,budget_db,status")
     assert rows[-1].startswith("planner,1,f64,-60,ok")
@@ -130,8 +130,10 @@ def smooth_string() -> Bare:
         network.part("p")
         first = network.string("s", masses=40, M=8e-3, f=110.0)
         for i in range(40):
-            at = math.pi * (i + 1) / 41
-            network.start(first + i, 1e-3 * (math.sin(at) + 0.3 * math.sin(2.0 * at)), 0.0)
+            position = math.pi * (i + 1) / 41
+            network.start(
+                first + i, 1e-3 * (math.sin(position) + 0.3 * math.sin(2.0 * position)), 0.0
+            )
         network.listen("s", positions=[(first + 7, 1, 1.0)])
 
     return Bare(build)
@@ -139,16 +141,16 @@ def smooth_string() -> Bare:
 
 def test_ca_is_of_second_order_on_a_linear_string():
     """Without losses: with damping on links the order falls to one."""
-    found = chart.measure(smooth_string(), grid(8), 0.2, "waveform", silent)
-    assert [p.status for p in found.points] == ["ok"] * 4
-    assert chart.slope(found, "ca") == pytest.approx(2.0, abs=0.1)
-    assert found.reference is not None
-    assert found.reference.setting == Setting("ca", 32)
-    assert found.reference.order == pytest.approx(2.0, abs=0.1)
-    errors = [p.waveform_db for p in found.points]
+    result = chart.measure(smooth_string(), grid(8), 0.2, "waveform", silent)
+    assert [p.status for p in result.points] == ["ok"] * 4
+    assert chart.slope(result, "ca") == pytest.approx(2.0, abs=0.1)
+    assert result.reference is not None
+    assert result.reference.setting == Setting("ca", 32)
+    assert result.reference.order == pytest.approx(2.0, abs=0.1)
+    errors = [p.waveform_db for p in result.points]
     assert errors == sorted(errors, reverse=True)
-    assert found.floor is not None
-    assert found.floor < errors[-1] - 20.0
+    assert result.floor is not None
+    assert result.floor < errors[-1] - 20.0
 
 
 def test_the_references_own_error_is_told_rightly():
@@ -156,10 +158,10 @@ def test_the_references_own_error_is_told_rightly():
     for scene, n, slack in ((smooth_string(), 8820, 1.0),
                             (canonical.contact(0.5), 11025, 10.0)):  # fmt: skip
         row = sounds(scene, 16, n)
-        found = refine(row, lambda setting: None)
-        assert found is not None
+        result = refine(row, lambda setting: None)
+        assert result is not None
         truth = runs.start(scene, Setting("ca", 256)).frames(n)
-        assert found.floor_db == pytest.approx(waveform_db(found.sound, truth), abs=slack)
+        assert result.floor_db == pytest.approx(waveform_db(result.sound, truth), abs=slack)
 
 
 def test_luck_in_the_last_doubling_does_not_count():
@@ -167,10 +169,10 @@ def test_luck_in_the_last_doubling_does_not_count():
     noise, x = rng.normal(size=4000), rng.normal(size=4000)
     errors = {1: 1e-1, 2: 5e-2, 4: 2.5e-2, 8: 1.25e-2, 16: 1.2499e-2}  # 16 as wrong as 8
     row = {Setting("ca", s): x + e * noise for s, e in errors.items()}
-    found = refine(row, lambda setting: None)
-    assert found is not None
-    assert found.changes[-1] < -110.0
-    assert found.floor_db > -55.0
+    result = refine(row, lambda setting: None)
+    assert result is not None
+    assert result.changes[-1] < -110.0
+    assert result.floor_db > -55.0
 
 
 def test_a_rung_that_fails_ends_the_ladder_below_it():
@@ -183,10 +185,10 @@ def test_a_rung_that_fails_ends_the_ladder_below_it():
 def test_an_exact_method_needs_no_refining():
     x = np.ones(100)
     row = {Setting("modal", s): x.copy() for s in (1, 2)}
-    found = refine(row, lambda setting: pytest.fail("it was refined"))
-    assert found is not None
-    assert found.order is None
-    assert found.floor_db < -300.0
+    result = refine(row, lambda setting: pytest.fail("it was refined"))
+    assert result is not None
+    assert result.order is None
+    assert result.floor_db < -300.0
 
 
 def test_methods_that_settle_on_different_sounds_are_doubted():
@@ -194,14 +196,14 @@ def test_methods_that_settle_on_different_sounds_are_doubted():
     x, wrong, noise = (rng.normal(size=4000) for _ in range(3))
     row = {Setting("ca", s): x + 1e-3 / s**2 * noise for s in (1, 2, 4, 8)}
     row |= {Setting("bm4", s): x + 1e-4 / s**4 * noise for s in (1, 2, 4, 8)}
-    found = refine(row, lambda setting: None)
-    assert found is not None
-    assert found.setting == Setting("bm4", 8)
-    assert doubts(row, found) == []
+    result = refine(row, lambda setting: None)
+    assert result is not None
+    assert result.setting == Setting("bm4", 8)
+    assert doubts(row, result) == []
     row |= {Setting("modal", s): x + 1e-2 * wrong for s in (1, 2)}  # sure of itself, and wrong
-    found = refine({s: y for s, y in row.items() if s.method != "modal"}, lambda setting: None)
-    assert found is not None
-    (doubt,) = doubts(row, found)
+    result = refine({s: y for s, y in row.items() if s.method != "modal"}, lambda setting: None)
+    assert result is not None
+    (doubt,) = doubts(row, result)
     assert doubt.startswith("modal ×2 and bm4 ×8 differ by -40 dB")
 
 
@@ -221,31 +223,31 @@ def stiff(factor: float) -> Bare:
 
 
 def test_a_refusal_is_a_point_with_its_reason():
-    found = chart.measure(stiff(2.0), grid(8), 0.05, "waveform", silent)
-    first, *others = found.points
+    result = chart.measure(stiff(2.0), grid(8), 0.05, "waveform", silent)
+    first, *others = result.points
     assert (first.status, first.cost, first.waveform_db) == ("refused", None, None)
     assert "p.m" in first.reason or "diverge" in first.reason
     assert [p.status for p in others] == ["ok"] * 3
     dearest = others[0].cost
     assert dearest is not None
-    likely = chart.likely_cost(found, first)
+    likely = chart.likely_cost(result, first)
     assert likely is not None
     assert likely > 0.0
 
 
 def test_a_run_that_diverges_is_a_point_with_its_reason():
-    found = chart.measure(canonical.struck(1e4), grid(8), 0.1, "waveform", silent)
-    assert [p.status for p in found.points] == ["diverged", "ok", "ok", "ok"]
-    assert "the motion of " in found.points[0].reason
-    assert " diverged at " in found.points[0].reason
+    result = chart.measure(canonical.struck(1e4), grid(8), 0.1, "waveform", silent)
+    assert [p.status for p in result.points] == ["diverged", "ok", "ok", "ok"]
+    assert "the motion of " in result.points[0].reason
+    assert " diverged at " in result.points[0].reason
 
 
 def test_where_everything_fails_there_is_no_reference():
-    found = chart.measure(stiff(100.0), grid(2), 0.05, "waveform", silent)
-    assert found.reference is None
-    assert {p.status for p in found.points} == {"refused"}
-    assert chart.likely_cost(found, found.points[0]) is None
-    assert "refused" in chart_table.lines(found)
+    result = chart.measure(stiff(100.0), grid(2), 0.05, "waveform", silent)
+    assert result.reference is None
+    assert {p.status for p in result.points} == {"refused"}
+    assert chart.likely_cost(result, result.points[0]) is None
+    assert "refused" in chart_table.lines(result)
 
 
 def test_silence_cannot_be_compared():
@@ -283,9 +285,9 @@ def test_timing_noise_marks_no_front():
 
 
 def test_methods_that_are_the_same_here_are_one():
-    one, two = np.zeros((4, 1)), np.ones((4, 1))
-    same = {Setting("ca", 1): one, Setting("ca2p", 1): one, Setting("bm4", 1): two,
-            Setting("ca", 2): two, Setting(None): one}  # fmt: skip
+    first, two = np.zeros((4, 1)), np.ones((4, 1))
+    same = {Setting("ca", 1): first, Setting("ca2p", 1): first, Setting("bm4", 1): two,
+            Setting("ca", 2): two, Setting(None): first}  # fmt: skip
     assert chart._alike(same) == (("ca", "ca2p"),)
     points = [
         chart.Point(Setting("ca", 1), cost=2.0, waveform_db=-20.0),
@@ -298,13 +300,13 @@ def test_methods_that_are_the_same_here_are_one():
 def test_energy_is_what_the_scheme_made():
     closed = chart.measure(canonical.coupled(0.1), grid(2), 0.05, "energy", silent)
     assert all(p.energy_db is not None and p.energy_db < -130.0 for p in closed.points)
-    made = chart.measure(canonical.contact(1.0), grid(2), 0.2, "energy", silent)
-    first = made.points[0].energy_db
+    built = chart.measure(canonical.contact(1.0), grid(2), 0.2, "energy", silent)
+    first = built.points[0].energy_db
     assert first is not None
     assert first > -40.0
-    assert made.floor is None
-    assert made.points[0].drift_db_s is not None
-    assert abs(made.points[0].drift_db_s) < 10.0
+    assert built.floor is None
+    assert built.points[0].drift_db_s is not None
+    assert abs(built.points[0].drift_db_s) < 10.0
     drifts = [p.drift_db_s for p in closed.points]
     assert all(drift is not None and abs(drift) < 1e-9 for drift in drifts)
 

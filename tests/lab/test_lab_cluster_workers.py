@@ -23,7 +23,7 @@ render: {tail: 0.2s}
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> own_workers.Client:
+def folder(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> own_workers.Client:
     """Tables alone are compared; pictures take as long as all of them."""
     Path("a.yaml").write_text(SCORE)
     monkeypatch.setattr(pictures, "save", lambda *_, **__: [])
@@ -41,11 +41,11 @@ def test_a_chart(metric: str, folder: own_workers.Client):
     words += ["--methods", "ca,bm4,modal", "--error", "-60dB", "-q"]
     assert app.run([*words, "-o", "one"]) == 0
     assert app.run([*words, "-o", "two", "--on", "local:2"]) == 0
-    one, two = table("one.csv"), table("two.csv")
-    assert len(one) == 8
+    first, two = table("one.csv"), table("two.csv")
+    assert len(first) == 8
     assert {words[2]["method"] for _, words in folder.called} == {"ca", "bm4", "modal", None}
     assert len(folder.called) == 8
-    for here, there in zip(one, two, strict=True):
+    for here, there in zip(first, two, strict=True):
         # Which of two is best for its cost depends on the costs.
         measured = ("cost", "on_front")
         assert {name: x for name, x in here.items() if name not in measured} == {
@@ -67,10 +67,12 @@ def test_costs_are_in_seconds_of_home(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(cluster_workers, "play", slow)
     monkeypatch.setattr(cluster_workers, "yardstick", lambda: 0.5)
     with elsewhere_cluster() as cluster:
-        (found,) = cluster_workers.Workers(cluster, content).played([setting], 10, has_energy=False)  # type: ignore[arg-type]
-    assert found.point.cost == pytest.approx(0.02)
-    assert found.sound is not None
-    assert found.sound.shape == (10, 1)
+        (result,) = cluster_workers.Workers(cluster, content).played(
+            [setting], 10, has_energy=False
+        )  # type: ignore[arg-type]
+    assert result.point.cost == pytest.approx(0.02)
+    assert result.sound is not None
+    assert result.sound.shape == (10, 1)
 
 
 def elsewhere_cluster():  # type: ignore[no-untyped-def]

@@ -29,14 +29,14 @@ def silent(done: int) -> None:
 def survey(
     name: str, rows: slice = slice(None), method: str = "ca"
 ) -> tuple[maps.Map, list[maps.Spot]]:
-    whole = map_catalogue.built_in(method)[name]
-    one = replace(whole, ys=whole.ys[rows])
-    return one, maps.survey(one, silent)
+    complete = map_catalogue.built_in(method)[name]
+    first = replace(complete, ys=complete.ys[rows])
+    return first, maps.survey(first, silent)
 
 
 def test_the_border_of_a_cell_is_jurys():
     """K + 2Z = 4M: predicted by formula and certificate, measured within the same grid cell."""
-    one, spots = survey("cell")
+    first, spots = survey("cell")
     for spot in spots:
         inside = spot.x + 2.0 * spot.y < 4.0
         assert (spot.theory, spot.certified, spot.stable) == (inside, inside, inside), spot
@@ -47,14 +47,14 @@ def test_the_border_of_a_cell_is_jurys():
     assert last.x > 3.8
     assert last.accurate is False
     assert any(spot.accurate for spot in spots)
-    assert one.n_spots == len(spots)
+    assert first.n_spots == len(spots)
 
 
 @pytest.mark.parametrize(("name", "method"), BORDERS)
 def test_borders_of_linear_scenes_are_where_the_formula_has_them(name: str, method: str):
-    one = BORDERS[name, method]
-    ys = one.ys[-1:] if name == "rate" else one.ys[:1]
-    spots = [maps.predicted_and_run(one, x, y)[0] for y in ys for x in one.xs]
+    first = BORDERS[name, method]
+    ys = first.ys[-1:] if name == "rate" else first.ys[:1]
+    spots = [maps.predicted_and_run(first, x, y)[0] for y in ys for x in first.xs]
     for spot in spots:
         assert spot.load is not None
         if abs(spot.load - 1.0) > 1e-3:
@@ -78,11 +78,11 @@ def test_by_modes_what_is_linear_is_right_wherever_it_runs():
 
 def test_by_modes_a_contact_is_stepped_and_has_the_border_of_what_steps_it():
     for name in ("contact", "strike"):
-        one, plain = BUILT_IN[name], map_catalogue.built_in("modal")[name]
-        assert one.load is not None
+        item, plain = BUILT_IN[name], map_catalogue.built_in("modal")[name]
+        assert item.load is not None
         assert plain.load is not None
-        for x in one.xs:
-            assert plain.load(x, 2.0) == one.load(x, 2.0)
+        for x in item.xs:
+            assert plain.load(x, 2.0) == item.load(x, 2.0)
 
 
 def test_a_contact_may_run_away_though_each_of_its_states_is_stable():
@@ -107,9 +107,9 @@ def test_loads_are_eigenvalues():
     for kappa in (0.5, 3.9):
         network = canonical.coupled(kappa).at(canonical.RATE).network
         load = canonical.coupled_load(kappa, 1.0, "ca")
-        found = network.certify(canonical.RATE).lambda_max / 4.0
-        assert load <= found * (1.0 + 1e-12)
-        assert found <= 2.0 * load  # Gershgorin
+        result = network.certify(canonical.RATE).lambda_max / 4.0
+        assert load <= result * (1.0 + 1e-12)
+        assert result <= 2.0 * load  # Gershgorin
     scene = canonical.string(30, 44100.0)
     border = 44100.0 * math.sqrt(canonical.string_load(30, 44100.0, "ca"))
     network = scene.at(44100.0).network
@@ -129,29 +129,29 @@ def test_every_method_has_limits_and_every_map_a_name():
 @pytest.mark.parametrize("method", ["plan", "ca"])
 def test_the_energy_of_a_rattle_is_kept_by_a_plan(method: str):
     """A mass on an undamped spring that meets a stop: by steps of CA a stiff one runs away."""
-    (whole,) = map_catalogue.maps(method, None, 0.5, None, "energy").values()
-    one = replace(whole, xs=whole.xs[4::8], ys=whole.ys[::4], seconds=0.2)
-    spots = maps.survey(one, silent)
+    (complete,) = map_catalogue.maps(method, None, 0.5, None, "energy").values()
+    first = replace(complete, xs=complete.xs[4::8], ys=complete.ys[::4], seconds=0.2)
+    spots = maps.survey(first, silent)
     assert all(spot.energy_db is not None for spot in spots if spot.stable)
-    kept = [spot.stable and spot.accurate for spot in spots]
-    assert all(kept) if method == "plan" else {True, False} == set(kept)
-    assert "energy_db of at most -20 dB" in map_table.csv({"rattle": (one, spots)}, method)
+    saved = [spot.stable and spot.accurate for spot in spots]
+    assert all(saved) if method == "plan" else {True, False} == set(saved)
+    assert "energy_db of at most -20 dB" in map_table.csv({"rattle": (first, spots)}, method)
 
 
 def test_the_energy_of_a_score_is_told_by_its_accounts():
     piece = load("two.yaml", text=TEXT).piece
     assert piece is not None
-    found = map_catalogue.maps("plan", piece, 0.1, None, "energy")["contacts"]
-    spot = maps.compute_spot(found, 1.0, 1.0)
+    result = map_catalogue.maps("plan", piece, 0.1, None, "energy")["contacts"]
+    spot = maps.compute_spot(result, 1.0, 1.0)
     assert (spot.stable, spot.accurate, spot.error_db) == (True, True, None)
 
 
 def test_the_truth_is_a_run_that_half_as_fine_repeats():
-    found = converged(canonical.string(20, 44100.0), 4410)
-    assert found.frames is not None
-    assert found.change_db < -45.0
+    result = converged(canonical.string(20, 44100.0), 4410)
+    assert result.frames is not None
+    assert result.change_db < -45.0
     far = start(canonical.string(20, 44100.0), Setting("ca", 128)).frames(4410)
-    assert np.abs(found.frames - far).max() < 0.01 * np.abs(far).max()
+    assert np.abs(result.frames - far).max() < 0.01 * np.abs(far).max()
 
 
 def test_unchecked_runs_what_is_refused():
@@ -207,15 +207,15 @@ def test_stiffer_means_every_spring():
 
 def test_a_score_fails_where_its_certificate_says():
     """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
-    one = map_catalogue.of_score(piece(), 0.05, "ca")["springs"]
-    spots = {(s.x, s.y): s for s in maps.survey(one, silent)}
+    first = map_catalogue.of_score(piece(), 0.05, "ca")["springs"]
+    spots = {(s.x, s.y): s for s in maps.survey(first, silent)}
     assert spots[16.0, 1.0].stable is True
     assert spots[32.0, 1.0].stable is False
     assert spots[32.0, 2.0].stable is True
     assert spots[128.0, 2.0].stable is False
     assert all(s.certified == s.stable for s in spots.values() if s.x >= 16.0)
     assert spots[0.25, 4.0].accurate is True
-    text = map_table.csv({"springs": (one, list(spots.values()))}, "ca")
+    text = map_table.csv({"springs": (first, list(spots.values()))}, "ca")
     header, *rows = (line for line in text.splitlines() if not line.startswith("#"))
     assert header.startswith("map,x,y,theory,certified,stable,accurate")
-    assert len(rows) == one.n_spots
+    assert len(rows) == first.n_spots

@@ -42,8 +42,8 @@ def test_waveform_error_of_a_detuned_partial():
     cents, f, t60 = 0.1, 437.0, 0.8
     sigma = 3.0 * math.log(10.0) / t60
     expected = 2.0 * math.pi * f * (2.0 ** (cents / 1200.0) - 1.0) * math.sqrt(2.0) / (2.0 * sigma)
-    found = metrics.waveform_db(ring(f * 2.0 ** (cents / 1200.0), t60), ring(f, t60))
-    assert found == pytest.approx(20.0 * math.log10(expected), abs=0.2)
+    result = metrics.waveform_db(ring(f * 2.0 ** (cents / 1200.0), t60), ring(f, t60))
+    assert result == pytest.approx(20.0 * math.log10(expected), abs=0.2)
 
 
 def test_the_early_error_begins_with_the_sound():
@@ -71,9 +71,9 @@ def test_spectra_forgive_phase_and_time_but_not_level():
 
 def test_a_missing_partial_is_heard_by_spectra():
     x = ring(437.0, 2.0) + ring(3000.0, 2.0, 0.5)
-    found = metrics.spectral(ring(437.0, 2.0), x)
-    assert found.difference > 5.0
-    assert 0.3 < found.convergence < 0.6  # half the amplitude: 0.45 of the whole
+    result = metrics.spectral(ring(437.0, 2.0), x)
+    assert result.difference > 5.0
+    assert 0.3 < result.convergence < 0.6  # half the amplitude: 0.45 of the whole
 
 
 def test_silence_and_short_sounds_have_spectra():
@@ -86,10 +86,10 @@ def test_third_octaves_hold_the_power_of_their_sines():
     centres, level = metrics.third_octaves(x, RATE)
     assert centres[0] == pytest.approx(24.8, abs=0.1)
     assert centres[-1] < 0.45 * RATE
-    at = {f: level[np.argmin(np.abs(centres - f))] for f in (100.0, 1000.0, 4000.0)}
-    assert at[1000.0] == pytest.approx(-3.0103, abs=1e-3)
-    assert at[100.0] == pytest.approx(-23.0103, abs=1e-3)
-    assert at[4000.0] < -200.0
+    position = {f: level[np.argmin(np.abs(centres - f))] for f in (100.0, 1000.0, 4000.0)}
+    assert position[1000.0] == pytest.approx(-3.0103, abs=1e-3)
+    assert position[100.0] == pytest.approx(-23.0103, abs=1e-3)
+    assert position[4000.0] < -200.0
 
 
 def test_bands_compare_what_never_has_the_same_phase():
@@ -109,22 +109,22 @@ def test_bands_compare_what_never_has_the_same_phase():
 @pytest.mark.parametrize("cents", [1e-3, 1.0, -20.0])
 def test_cents_and_decay_of_a_detuned_partial(f: float, cents: float):
     x, y = ring(f, 0.8), ring(f * 2.0 ** (cents / 1200.0), 0.8 * 1.07, 0.4)
-    found = partials.compare(y, x, 1.002 * f, RATE)
-    assert found is not None
-    assert found.cents == pytest.approx(cents, abs=1e-4)
-    assert found.t60_ratio == pytest.approx(1.07, rel=1e-5)
-    assert found.f == pytest.approx(f, abs=1e-4)
-    assert found.t60 == pytest.approx(0.8, rel=1e-4)
+    result = partials.compare(y, x, 1.002 * f, RATE)
+    assert result is not None
+    assert result.cents == pytest.approx(cents, abs=1e-4)
+    assert result.t60_ratio == pytest.approx(1.07, rel=1e-5)
+    assert result.f == pytest.approx(f, abs=1e-4)
+    assert result.t60 == pytest.approx(0.8, rel=1e-4)
 
 
 def test_a_neighbour_and_noise_hardly_matter():
     noise = 1e-4 * np.random.default_rng(2).normal(size=len(T))
     x = ring(437.0, 0.8) + ring(655.5, 1.2, 0.5)
     y = ring(437.0 * 2.0 ** (1.0 / 1200.0), 0.84) + ring(656.0, 1.2, 0.5) + noise
-    found = partials.compare(y, x, 437.0, RATE)
-    assert found is not None
-    assert found.cents == pytest.approx(1.0, abs=1e-3)
-    assert found.t60_ratio == pytest.approx(1.05, rel=1e-3)
+    result = partials.compare(y, x, 437.0, RATE)
+    assert result is not None
+    assert result.cents == pytest.approx(1.0, abs=1e-3)
+    assert result.t60_ratio == pytest.approx(1.05, rel=1e-3)
 
 
 def test_a_second_stroke_is_another_ringing():
@@ -133,9 +133,9 @@ def test_a_second_stroke_is_another_ringing():
     later = int(0.7 * RATE)
     x[later:] += ring(437.0, 0.8, 0.6, T[: len(T) - later] + 1e-4)
     y[later:] += ring(437.0 * 2.0 ** (3.0 / 1200.0), 0.8, 0.6, T[: len(T) - later] + 2e-4)
-    found = partials.compare(y, x, 437.0, RATE)
-    assert found is not None
-    assert found.cents == pytest.approx(3.0, abs=0.01)
+    result = partials.compare(y, x, 437.0, RATE)
+    assert result is not None
+    assert result.cents == pytest.approx(3.0, abs=0.01)
 
 
 def test_nothing_to_follow():
@@ -171,9 +171,9 @@ def test_energy_made_by_the_scheme():
 
 def test_energy_that_drifts_up_by_a_decibel_a_second():
     t = [0.1 * i for i in range(20)]
-    found = energy.drift(t, [Books(stored=10.0 ** (s / 10.0) - 0.2, lost=0.2) for s in t])
-    assert found.per_second == pytest.approx(1.0, abs=1e-9)
-    assert found.worst == pytest.approx(1.9, abs=1e-9)
+    result = energy.drift(t, [Books(stored=10.0 ** (s / 10.0) - 0.2, lost=0.2) for s in t])
+    assert result.per_second == pytest.approx(1.0, abs=1e-9)
+    assert result.worst == pytest.approx(1.9, abs=1e-9)
     assert energy.drift([0.0], [Books()]) == energy.Drift(0.0, 0.0)
 
 
@@ -187,6 +187,6 @@ def test_a_cell_by_its_equation(kappa: float, zeta: float):
     x = cell_exactly(kappa / fine**2, zeta / fine, 3000)[:, 0]
     again = cell_exactly(kappa, zeta, 3)[:, 0]
     assert x[::fine] == pytest.approx(again, rel=1e-8)
-    bend = (x[2:] - 2.0 * x[1:-1] + x[:-2]) * fine**2
+    curvature = (x[2:] - 2.0 * x[1:-1] + x[:-2]) * fine**2
     slope = 0.5 * (x[2:] - x[:-2]) * fine
-    assert np.abs(bend + zeta * slope + kappa * x[1:-1]).max() < 1e-5 * np.abs(x).max()
+    assert np.abs(curvature + zeta * slope + kappa * x[1:-1]).max() < 1e-5 * np.abs(x).max()

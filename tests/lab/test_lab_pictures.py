@@ -37,9 +37,9 @@ def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
         save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / name)
         for name in ("one", "two")
     ]
-    for one, two in zip(*files, strict=True):
-        assert one.read_bytes() == two.read_bytes()
-        assert is_ours(one)
+    for item, two in zip(*files, strict=True):
+        assert item.read_bytes() == two.read_bytes()
+        assert is_ours(item)
     text = files[0][0].read_text(encoding="utf-8")
     assert "ca: ×1 refused, ×4 diverged" in text
     assert "the planner's choice" in text
@@ -59,9 +59,9 @@ def test_methods_that_are_the_same_are_one_curve(tmp_path: Path):
 
 
 def test_a_map_of_a_score_marks_where_the_score_stands(tmp_path: Path):
-    one = replace(built_in("ca")["cell"], as_written=(1.0, 1.0))
-    spots = [maps.Spot(x, y, None, True, True) for y in one.ys for x in one.xs]
-    svg, _ = save(lambda: draw_maps.draw({"cell": (one, spots)}, "A map"), tmp_path / "map")
+    first = replace(built_in("ca")["cell"], as_written=(1.0, 1.0))
+    spots = [maps.Spot(x, y, None, True, True) for y in first.ys for x in first.xs]
+    svg, _ = save(lambda: draw_maps.draw({"cell": (first, spots)}, "A map"), tmp_path / "map")
     assert "the score as it is written" in svg.read_text(encoding="utf-8")
 
 
@@ -94,18 +94,18 @@ def test_values_of_a_table():
 
 @pytest.mark.slow
 def test_maps_are_the_same_picture_every_time(tmp_path: Path):
-    one = built_in("ca")["coupling"]
+    single = built_in("ca")["coupling"]
     spots = [maps.Spot(x, y, True, x < 1, None if x > 100 else x < 1, x < 0.1 or None, 0.5)
-             for y in one.ys for x in one.xs]  # fmt: skip
-    panel = one, spots
-    for found in ({"a": panel, "b": panel}, {"a": panel, "b": panel, "c": panel}):
+             for y in single.ys for x in single.xs]  # fmt: skip
+    panel = single, spots
+    for result in ({"a": panel, "b": panel}, {"a": panel, "b": panel, "c": panel}):
         files = [
-            save(lambda f=found: draw_maps.draw(f, "maps"), tmp_path / name, png=False)
+            save(lambda f=result: draw_maps.draw(f, "maps"), tmp_path / name, png=False)
             for name in ("x", "y")
         ]
         for first, second in zip(*files, strict=True):
             assert first.read_bytes() == second.read_bytes()
-    assert "could not be run" in map_table.lines({"coupling": (one, spots)})
+    assert "could not be run" in map_table.lines({"coupling": (single, spots)})
 
 
 def test_no_file_of_another_is_overwritten(tmp_path: Path):

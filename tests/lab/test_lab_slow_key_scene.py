@@ -15,15 +15,15 @@ KEYS = {"soft": SOFT, "quick": QUICK}
 
 
 def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
-    whole = map_catalogue.built_in(SLOW)[name]
-    one = replace(whole, xs=whole.xs[::4], ys=every)  # the whole maps: `make charts`
-    return one, maps.survey(one, lambda done: None)
+    complete = map_catalogue.built_in(SLOW)[name]
+    first = replace(complete, xs=complete.xs[::4], ys=every)  # the whole maps: `make charts`
+    return first, maps.survey(first, lambda done: None)
 
 
 @pytest.mark.slow
 def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
-    one, spots = survey("soft", 10.0, 20.0)
-    outside = spots[len(one.xs) - 1]
+    first, spots = survey("soft", 10.0, 20.0)
+    outside = spots[len(first.xs) - 1]
     assert (outside.theory, outside.certified, outside.stable) == (False, False, False)
     inside = [spot for spot in spots if spot.theory]
     assert all(spot.certified and spot.stable for spot in inside)
@@ -36,9 +36,9 @@ def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
 
 @pytest.mark.slow
 def test_what_the_certificate_refuses_grows_and_nothing_else_does():
-    one = map_catalogue.built_in(SLOW)["quick"]
-    places = [(x, y) for y in (20.0, 36.0, 54.0) for x in one.xs[::4]]
-    spots = [maps.predicted_and_run(one, x, y)[0] for x, y in places]
+    first = map_catalogue.built_in(SLOW)["quick"]
+    places = [(x, y) for y in (20.0, 36.0, 54.0) for x in first.xs[::4]]
+    spots = [maps.predicted_and_run(first, x, y)[0] for x, y in places]
     assert {spot.certified for spot in spots if spot.theory} == {True, False}
     for spot in spots:
         assert spot.certified == spot.stable, spot
@@ -57,20 +57,20 @@ def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
     for every in (2, 4):
         assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refused() == ""
     bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
-    made = SlowKeyScene(bare, low * (1.0 - 1e-5), None).at(RATE)
-    made.network.certify(RATE)
-    made = SlowKeyScene(bare, high * (1.0 + 1e-5), None).at(RATE)
+    built = SlowKeyScene(bare, low * (1.0 - 1e-5), None).at(RATE)
+    built.network.certify(RATE)
+    built = SlowKeyScene(bare, high * (1.0 + 1e-5), None).at(RATE)
     with pytest.raises(_core.UnstableError):
-        made.network.certify(RATE)
+        built.network.certify(RATE)
 
 
 def test_a_factor_that_no_certificate_sees_changes_no_bit():
     """So what is refused is run as it would be, were it not."""
 
     def frames(scene: SlowKeyScene) -> np.ndarray:
-        found = SlowKeyPoint(scene).run(8820).frames
-        assert found is not None
-        return found
+        result = SlowKeyPoint(scene).run(8820).frames
+        assert result is not None
+        return result
 
     for every in (10, 44):
         plain = SlowKeyScene(SOFT, 5e3, every)
@@ -79,11 +79,11 @@ def test_a_factor_that_no_certificate_sees_changes_no_bit():
 
 @pytest.mark.slow
 def test_the_table_says_what_counts_as_right():
-    one = replace(map_catalogue.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
-    assert [one.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
-    spots = maps.survey(one, lambda done: None)
-    strict = replace(one, right=((float("inf"), -88.0),))
+    first = replace(map_catalogue.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
+    assert [first.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
+    spots = maps.survey(first, lambda done: None)
+    strict = replace(first, right=((float("inf"), -88.0),))
     assert [spot.accurate for spot in spots] == [True, True]
     assert [s.accurate for s in maps.survey(strict, lambda done: None)] == [True, False]
-    text = map_table.csv({"soft": (one, spots)}, SLOW)
+    text = map_table.csv({"soft": (first, spots)}, SLOW)
     assert "error_db of at most -75 dB up to 10, -70 dB" in text

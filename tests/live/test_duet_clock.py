@@ -51,12 +51,12 @@ def score(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_path: Path):
-    take, heard = tmp_path / "two.take", tmp_path / "two.wav"
+    take, listened = tmp_path / "two.take", tmp_path / "two.wav"
     port = free_port()
     hand = ("--gesture", "0mm@0 (smooth 7mm@1 0mm@2)*30", "--hand", "900N/m")
     key = ("frame", "--udp", str(port))
     # A ring of seconds: what a busy disk does not take at once waits there.
-    how = ("--record", take, "--audio", f"file:{heard}", "--ahead", 65536, "--gain", "0dB")
+    how = ("--record", take, "--audio", f"file:{listened}", "--ahead", 65536, "--gain", "0dB")
     with emulator("frame", "--udp", "0", *hand) as ada, emulator(*key, *hand) as remi:
         live = ("--live", f"ada={ada.url}", "--live", f"remi={remi.url}")
         with duet(score, *live, *how) as playing:
@@ -73,7 +73,7 @@ def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_pat
     assert "Traceback" not in "".join(playing.told)
     both = recorded(take)
     _stood_in(both)
-    played, expected = sound(heard), rendered(score, take)
+    played, expected = sound(listened), rendered(score, take)
     # The last of it faded, and what was still in the ring is not heard: Ctrl-C.
     upto = len(played) - 1024
     assert upto > 3 * BAR
@@ -222,8 +222,8 @@ def test_what_cannot_be_played_is_said(
     score.write_text(SCORE.replace("times: 60", "times: 1"))
     audio = [] if "--audio" in arguments else ["--audio", "null:fast"]
     assert app.run(["duet", str(score), *arguments, *audio, "--unchecked"]) == code
-    told = capsys.readouterr().err
-    assert sentence in told
-    assert "Traceback" not in told
+    output = capsys.readouterr().err
+    assert sentence in output
+    assert "Traceback" not in output
     assert Path("there.take").read_bytes() == b"mine"
     assert not Path("new.take").exists()

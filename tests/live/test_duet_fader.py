@@ -16,11 +16,13 @@ def test_the_piece_for_a_fader_sends_more_than_three_tenths_of_a_newton(tmp_path
     take = tmp_path / "hand.take"
     with emulator("firefader", "--lockstep", "--gesture", SWEEP) as fader:
         live = ("--live", f"remi={fader.url}")
-        with duet(PIECE, *live, "--audio", "null:fast", "--gain", "0dB", "--record", take) as own:
-            assert own.end() == 0, own.told
-    assert not [line for line in own.told if "scaled" in line], own.told
-    found = recorded(take)
+        with duet(
+            PIECE, *live, "--audio", "null:fast", "--gain", "0dB", "--record", take
+        ) as single:
+            assert single.end() == 0, single.told
+    assert not [line for line in single.told if "scaled" in line], single.told
+    result = recorded(take)
     # Forces rise for two seconds at the start.
-    felt, sent = found.forces()[3_000:, 0], found.sent()[3_000:, 0]
+    forces, sent = result.forces()[3_000:, 0], result.sent()[3_000:, 0]
     assert np.abs(sent).max() > 0.3
-    assert np.abs(sent).max() > 0.95 * np.abs(felt).max()
+    assert np.abs(sent).max() > 0.95 * np.abs(forces).max()

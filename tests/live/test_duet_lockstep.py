@@ -58,7 +58,7 @@ COUPLED = "duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0Ns/m}}]"
     ),
 )
 def test_a_key_in_another_process_is_the_key_in_the_network(
-    tmp_path: Path, kind: str, way: str, scheme: str
+    tmp_path: Path, kind: str, method: str, scheme: str
 ):
     """A frame a tick (R = 1): a spring from a written hand pulls the key, the key strikes a bell.
 
@@ -68,29 +68,29 @@ def test_a_key_in_another_process_is_the_key_in_the_network(
     score = written(
         tmp_path, head=f"rates: {{audio: {rate}Hz}}", tick=f", tick: {rate}Hz", duet=COUPLED
     )
-    take, heard = tmp_path / "hand.take", tmp_path / "heard.wav"
-    with emulator(kind, way, "--lockstep", "--rate", f"{rate}Hz") as device:
+    take, listened = tmp_path / "hand.take", tmp_path / "heard.wav"
+    with emulator(kind, method, "--lockstep", "--rate", f"{rate}Hz") as device:
         assert device.url.startswith(scheme)
         wide = "&wide" if kind == "frame" else ""
         live = ("--live", f"remi={device.url}{wide}", "--record", take, "--gain", "0dB")
-        played(score, *live, "--audio", f"file:{heard}")
+        played(score, *live, "--audio", f"file:{listened}")
     apart = recorded(take)
 
-    whole = staged(score)
-    assert whole.live == ()  # the key is a MAT: the first of the scene
+    complete = staged(score)
+    assert complete.live == ()  # the key is a MAT: the first of the scene
     n = len(apart.positions())
-    moved, out = np.zeros(n), np.zeros((1, whole.simulation.n_out))
+    moved, out = np.zeros(n), np.zeros((1, complete.simulation.n_out))
     for i in range(n):
-        moved[i] = whole.simulation.positions()[0]
-        whole.simulation.process(out)
+        moved[i] = complete.simulation.positions()[0]
+        complete.simulation.process(out)
     assert np.ptp(moved) > 2e-3
     assert apart.forces().min() < -0.05 < 0.05 < apart.forces().max()
     assert np.array_equal(apart.positions()[:, 0], moved)
-    whole_sound = tmp_path / "whole.wav"
-    render = ("render", score, "--bits", "float", "-o", whole_sound)
-    code, told = said(*render)
-    assert code == 0, told
-    assert np.array_equal(sound(whole_sound), sound(heard))
+    full_sound = tmp_path / "whole.wav"
+    render = ("render", score, "--bits", "float", "-o", full_sound)
+    code, output = said(*render)
+    assert code == 0, output
+    assert np.array_equal(sound(full_sound), sound(listened))
 
 
 CALIBRATION = """\
@@ -125,25 +125,25 @@ def test_an_emulated_key_of_a_calibration_is_the_calibrated_key_of_a_score(
     if more:
         text = text.replace("between: [k, m]", "between: [v, m]")
     score.write_text(text)
-    take, heard = tmp_path / "hand.take", tmp_path / "heard.wav"
+    take, listened = tmp_path / "hand.take", tmp_path / "heard.wav"
     calib = ("--calib", str(tmp_path / "key.yaml"))
     with emulator("frame", "--pty", "--lockstep", "--rate", f"{rate}Hz", *calib) as device:
         live = ("--live", f"remi={device.url}&wide", "--record", take, "--gain", "0dB")
-        played(score, *live, "--audio", f"file:{heard}")
+        played(score, *live, "--audio", f"file:{listened}")
     apart = recorded(take).positions()[:, 0]
 
-    whole = staged(score)
+    complete = staged(score)
     n = len(apart)
-    moved, out = np.zeros(n), np.zeros((1, whole.simulation.n_out))
+    moved, out = np.zeros(n), np.zeros((1, complete.simulation.n_out))
     for i in range(n):
-        moved[i] = whole.simulation.positions()[0]
-        whole.simulation.process(out)
+        moved[i] = complete.simulation.positions()[0]
+        complete.simulation.process(out)
     assert np.ptp(moved) > 2e-3
     assert np.array_equal(apart, moved), np.abs(apart - moved).max()
-    whole_sound = tmp_path / "whole.wav"
-    code, told = said("render", score, "--bits", "float", "-o", whole_sound)
-    assert code == 0, told
-    assert np.array_equal(sound(whole_sound), sound(heard))
+    full_sound = tmp_path / "whole.wav"
+    code, output = said("render", score, "--bits", "float", "-o", full_sound)
+    assert code == 0, output
+    assert np.array_equal(sound(full_sound), sound(listened))
 
 
 def staged(score: Path, **how: object) -> Stage:
@@ -169,21 +169,21 @@ def test_every_wire_in_lockstep_plays_what_the_scheme_renders(
     tmp_path: Path, arguments: tuple[str, ...], options: str
 ):
     """44 frames a tick: what came, put into the scheme offline, gives the same sound and force."""
-    score, take, heard = written(tmp_path, head=""), tmp_path / "h.take", tmp_path / "heard.wav"
+    score, take, listened = written(tmp_path, head=""), tmp_path / "h.take", tmp_path / "heard.wav"
     hand = ("--gesture", "0mm@0 hold 0mm@2.1 smooth 8mm@2.2 0mm@2.4", "--hand", "900N/m")
     with emulator(*arguments, "--lockstep", *hand) as device:
         live = ("--live", f"remi={device.url}{options}", "--record", take, "--gain", "60dB")
-        played(score, *live, "--audio", f"file:{heard}")
-    felt = recorded(take)
-    assert np.ptp(felt.positions()) > 4e-3
-    assert felt.forces().min() < -0.3
-    assert not (felt.flags() & STAND_IN).any()
+        played(score, *live, "--audio", f"file:{listened}")
+    forces = recorded(take)
+    assert np.ptp(forces.positions()) > 4e-3
+    assert forces.forces().min() < -0.3
+    assert not (forces.flags() & STAND_IN).any()
     expected = rendered(score, take)
     assert np.abs(expected).max() > 1e-3
-    assert np.array_equal(expected, sound(heard))
-    again = staged(score, real={"remi": felt.positions()[:, 0]})
+    assert np.array_equal(expected, sound(listened))
+    again = staged(score, real={"remi": forces.positions()[:, 0]})
     out = np.zeros((44, again.simulation.n_out))
-    for tick, force in enumerate(felt.forces()[:, 0]):
+    for tick, force in enumerate(forces.forces()[:, 0]):
         again.simulation.process(out)
         assert again.simulation.felt(0) == force, tick
 
@@ -196,17 +196,17 @@ def test_the_force_of_a_tick_moves_the_key_in_the_next(tmp_path: Path):
     with emulator("frame", "--udp", "0", "--lockstep") as device:
         live = ("--live", f"remi={device.url}&wide", "--record", take)
         played(score, *live, "--audio", "null:fast")
-    felt = recorded(take)
-    x, forces = felt.positions()[:, 0], felt.forces()[:, 0]
+    hand_forces = recorded(take)
+    x, forces = hand_forces.positions()[:, 0], hand_forces.forces()[:, 0]
     pushed = np.flatnonzero(forces)
     assert pushed[0] > RISEN * rate
     moved = np.flatnonzero(np.diff(x)) + 1
     assert moved[0] == pushed[0] + 1
-    at = d = 0.0
+    position = d = 0.0
     for n in range(len(x) - 1):
-        assert x[n] == pytest.approx(at, rel=1e-9, abs=1e-15)
+        assert x[n] == pytest.approx(position, rel=1e-9, abs=1e-15)
         d = math.exp(-1 / 0.05 / rate) * d + forces[n] / 0.05 / rate**2
-        at += d
+        position += d
 
 
 # --- two keys, two hands ----------------------------------------------------------------------
@@ -248,16 +248,16 @@ def pair(folder: Path, k: float) -> np.ndarray:
 
 def test_two_hands_feel_each_other_by_a_spring(tmp_path: Path):
     rows = pair(tmp_path / "tied", 120)
-    one, other, _, force = rows.T
-    assert np.ptp(one) > 8e-3
-    assert np.ptp(other) >= 0.8 * np.ptp(one)
+    first, other, _, force = rows.T
+    assert np.ptp(first) > 8e-3
+    assert np.ptp(other) >= 0.8 * np.ptp(first)
     assert force.max() > 0.02
     assert np.array_equal(rows, pair(tmp_path / "again", 120)), "repeats differ"
 
 
 def test_without_a_spring_nothing_moves(tmp_path: Path):
-    one, other, *forces = pair(tmp_path / "loose", 0).T
-    assert np.ptp(one) > 8e-3
+    first, other, *forces = pair(tmp_path / "loose", 0).T
+    assert np.ptp(first) > 8e-3
     assert not other.any()
     assert not np.any(forces)
 
@@ -271,16 +271,16 @@ def test_an_ergon_on_one_key_is_felt_on_the_other(tmp_path: Path):
         with emulator("frame", "--udp", "0", "--lockstep") as device:
             live = ("--live", f"remi={device.url}&wide", "--record", take)
             played(score, *live, "--audio", "null:fast")
-        felt = recorded(take)
+        forces = recorded(take)
         if k:
-            assert felt.positions().max() > 4e-3
-            assert felt.forces().max() > 0.02
+            assert forces.positions().max() > 4e-3
+            assert forces.forces().max() > 0.02
             # Nothing leads to the bell: that is said.
             again = (rendered(score, take, doubted=True) for _ in range(2))
             assert np.array_equal(*again)
         else:
-            assert not felt.positions().any()
-            assert not felt.forces().any()
+            assert not forces.positions().any()
+            assert not forces.forces().any()
 
 
 def test_a_written_hand_leads_a_real_key(tmp_path: Path):

@@ -64,14 +64,14 @@ def key() -> list[str]:
     return ["firefader", "--lockstep", "--rate", "1000Hz", "--gesture", GESTURE, "--hand", "900N/m"]
 
 
-def judged(heard: np.ndarray, score: Path, take: Path, told: list[str]) -> Comparison:
+def judged(listened: np.ndarray, score: Path, take: Path, told: list[str]) -> Comparison:
     """What was heard beside what the recording renders to; that something was played at all."""
-    felt = recorded(take)
-    assert np.ptp(felt.positions()) > 8e-3
-    assert felt.forces().min() < -0.3
+    forces = recorded(take)
+    assert np.ptp(forces.positions()) > 8e-3
+    assert forces.forces().min() < -0.3
     expected = rendered(score, take)
     assert (np.abs(expected).max(axis=0) > 1e-4).all(), "every loudspeaker sounds"
-    result = compare(heard, expected)
+    result = compare(listened, expected)
     # Underruns fade, so that samples beside a gap differ; without a clock there is none (below).
     if "gaps" not in told[-1]:
         assert result.wrong == 0, (result, told)
@@ -119,15 +119,15 @@ def test_a_key_on_a_wire_is_heard_through_pulse(
     score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("PULSE_SERVER", f"unix:{tmp_path}/pulse.sock")
-    take, heard = tmp_path / "hand.take", tmp_path / "heard.f32"
+    take, listened = tmp_path / "hand.take", tmp_path / "heard.f32"
     server = Pulse(tmp_path, RATE, CHANNELS)
-    with server.run(), emulator(*key()) as device, server.recording(heard):
+    with server.run(), emulator(*key()) as device, server.recording(listened):
         live = ("--live", f"remi={device.url}", "--record", take, "--gain", "60dB")
         with duet(score, *live, "--audio", "pulse:dome") as playing:
             assert playing.end() == 0, playing.told
         length = len(rendered(score, take)) * CHANNELS * 4
-        until(lambda: heard.stat().st_size > length, "parec to hand on what it has")
-    frames = np.fromfile(heard, np.float32)
+        until(lambda: listened.stat().st_size > length, "parec to hand on what it has")
+    frames = np.fromfile(listened, np.float32)
     frames = frames[: len(frames) // CHANNELS * CHANNELS].reshape(-1, CHANNELS)
     result = judged(frames, score, take, playing.told)
     print(f"{result.equal} frames of {CHANNELS} channels equal, gaps: {result.gaps}")

@@ -48,24 +48,24 @@ def leant(folder: Path, **board: float | bool) -> tuple[np.ndarray, np.ndarray]:
         live = ("--live", f"remi={device.url}?lockstep&wide", "--record", take)
         played(path, *live, "--audio", "null:fast", "--gain", "0dB")
         asked = device.log()["asked"]
-    felt = recorded(take).forces()[:, 0]
-    return felt[: len(felt) - 1], asked[: len(felt) - 1]
+    forces = recorded(take).forces()[:, 0]
+    return forces[: len(forces) - 1], asked[: len(forces) - 1]
 
 
 def test_a_board_that_is_hot_is_asked_for_what_it_bears(tmp_path: Path):
-    felt, asked = leant(tmp_path / "cool", continuous=1.0)
-    assert felt.min() < -2
+    forces, asked = leant(tmp_path / "cool", continuous=1.0)
+    assert forces.min() < -2
     assert asked.min() < -2
-    felt, asked = leant(tmp_path / "hot", continuous=1.0, hot=True)
-    assert felt.min() < -2
+    forces, asked = leant(tmp_path / "hot", continuous=1.0, hot=True)
+    assert forces.min() < -2
     assert asked.min() == -1
 
 
 def test_a_board_that_lets_go_is_asked_for_nothing(tmp_path: Path):
-    felt, asked = leant(tmp_path / "lets-go", lets_go=True)
-    assert felt.min() < -2
+    forces, asked = leant(tmp_path / "lets-go", lets_go=True)
+    assert forces.min() < -2
     # Every reply begins the quarter of a second anew.
-    assert np.abs(asked).max() < 0.005 * np.abs(felt).max()
+    assert np.abs(asked).max() < 0.005 * np.abs(forces).max()
 
 
 @pytest.mark.slow
@@ -85,20 +85,20 @@ def test_what_is_played_passes_unchanged(tmp_path: Path, score: str, hand: dict[
         live = ("--live", f"remi={board.url}?lockstep&wide", "--record", take)
         played(path, *live, "--audio", "null:fast", "--gain", "0dB")
         packets = board.log()
-    felt = recorded(take).forces()[:, 0]
-    n = len(felt) - 1
+    forces = recorded(take).forces()[:, 0]
+    n = len(forces) - 1
     assert n * TICK > 30
     # The force of a tick goes out in the next, times the part that the key bears.
     first = int(RISEN / TICK)
-    asked, felt = packets["asked"][first:n], felt[first:n]
-    assert np.abs(felt).max() > 0.2
-    pushed = felt != 0
-    part = asked[pushed][0] / felt[pushed][0]
+    asked, forces = packets["asked"][first:n], forces[first:n]
+    assert np.abs(forces).max() > 0.2
+    pushed = forces != 0
+    part = asked[pushed][0] / forces[pushed][0]
     assert 0 < part <= 1
     # But for the pulses that ask whether the motor still pushes as it is told: two of 6 ms within
     # 24 ms, at most once in 56 ms (docs/live.md).
-    pulsed = np.flatnonzero(~np.isclose(asked, part * felt, rtol=1e-12, atol=0))
+    pulsed = np.flatnonzero(~np.isclose(asked, part * forces, rtol=1e-12, atol=0))
     questions = np.split(pulsed, np.flatnonzero(np.diff(pulsed) > 14) + 1)
     assert all(question[-1] - question[0] < 24 for question in questions if len(question))
     assert len(pulsed) <= 12 * len(questions) <= 12 * n / 56
-    assert np.abs(asked - part * felt).max() <= 3.0
+    assert np.abs(asked - part * forces).max() <= 3.0

@@ -50,9 +50,9 @@ def test_a_performance_that_is_killed_or_stopped_leaves_no_force(
     with Service() as service:
         score, live = playing(tmp_path, service)
         with duet(score, *live) as performance:
-            at = pushed(service)
+            position = pushed(service)
             performance.process.send_signal(number)
-            let_go(service, at)
+            let_go(service, position)
             if number is signal.SIGSTOP:
                 performance.process.send_signal(signal.SIGCONT)
                 pushed(service)
@@ -65,9 +65,9 @@ def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
     with Service() as service:
         score, live = playing(tmp_path, service)
         with duet(score, *live):
-            at = pushed(service)
+            position = pushed(service)
             service.reply = reply
-            let_go(service, at)
+            let_go(service, position)
             service.reply = "state"
             pushed(service)
 

@@ -54,13 +54,13 @@ EXACT: dict[str, Force] = {
 
 @pytest.mark.parametrize("name", EXACT)
 def test_force_of_an_effect(name: str):
-    x, felt = haptic.force(haptic.effects()[name], STROKES)
+    x, forces = haptic.force(haptic.effects()[name], STROKES)
     t = np.arange(len(x)) * TICK
     # What is felt in a tick is the mean of the key's way from the place before.
     middle = t - 0.5 * TICK
     x, v = haptic.REACH * np.sin(OMEGA * middle), haptic.REACH * OMEGA * np.cos(OMEGA * middle)
     exact = EXACT[name](x, v)
-    error = np.abs(felt - exact)
+    error = np.abs(forces - exact)
     assert np.max(error) < 0.03 * np.max(np.abs(exact)), f"{np.max(error)} N"
 
 

@@ -133,7 +133,7 @@ def by_bend(ready: PreparedPlay) -> None:
         port.deliver(bytes([0xE0, value & 0x7F, value >> 7]), time)
 
 
-def test_a_hand_by_osc_and_by_midi_gives_the_same_take(own_folder: Path):
+def test_a_hand_by_osc_and_by_midi_gives_the_same_take(work_folder: Path):
     osc, midi = led("osc:/x?lockstep", by_osc, "osc"), led("midi:bend?lockstep", by_bend, "midi")
     assert np.ptp(osc.positions) > 5e-3
     assert osc.forces.min() < -0.02
@@ -142,13 +142,13 @@ def test_a_hand_by_osc_and_by_midi_gives_the_same_take(own_folder: Path):
     assert np.array_equal(osc.sound, midi.sound)
 
 
-def test_a_recorded_finger_renders_to_the_samples_heard(own_folder: Path):
+def test_a_recorded_finger_renders_to_the_samples_heard(work_folder: Path):
     played = led("osc:/x?lockstep", by_osc)
     assert np.max(np.abs(played.sound)) > 1e-4
     assert np.array_equal(rendered(Path("s.yaml"), played.take), played.sound)
 
 
-def test_a_finger_moves_as_its_equations_say(own_folder: Path):
+def test_a_finger_moves_as_its_equations_say(work_folder: Path):
     """Two masses, their springs and dampers, and the force of the piece, tick by tick by DOP853."""
     played = led("osc:/x?lockstep", by_osc)
     n = 3000
@@ -181,7 +181,7 @@ def test_a_finger_moves_as_its_equations_say(own_folder: Path):
     assert played.forces[:n].min() < -0.2
 
 
-def test_a_lifted_finger_leaves_the_key_where_it_was(own_folder: Path):
+def test_a_lifted_finger_leaves_the_key_where_it_was(work_folder: Path):
     def feed(ready: PreparedPlay) -> None:
         values = OscValues(parse_led_address("osc:/x?lockstep"), lead_of(ready))
         for time in np.arange(0.0, 0.6, 0.01):
@@ -203,7 +203,7 @@ SPRUNG = SCORE.replace(
 )
 
 
-def test_key_thrown_and_let_go(own_folder: Path):
+def test_key_thrown_and_let_go(work_folder: Path):
     """It swings back by the spring of the score's key, and never passes that key's travel."""
 
     def feed(ready: PreparedPlay) -> None:
@@ -220,7 +220,7 @@ def test_key_thrown_and_let_go(own_folder: Path):
     assert np.max(np.abs(x[int(2.0 / TICK) : int(3.0 / TICK)] - 1e-3)) < 1e-5
 
 
-def test_pulled_key_against_its_spring(own_folder: Path):
+def test_pulled_key_against_its_spring(work_folder: Path):
     """A finger of 400 N/m on a key of 60 N/m: it stands where both springs balance."""
 
     def feed(ready: PreparedPlay) -> None:
@@ -234,7 +234,7 @@ def test_pulled_key_against_its_spring(own_folder: Path):
     assert played.forces.min() == 0.0, "nothing else acts there"
 
 
-def test_no_pull_moves_the_key_beyond_its_travel(own_folder: Path):
+def test_no_pull_moves_the_key_beyond_its_travel(work_folder: Path):
     def feed(ready: PreparedPlay) -> None:
         lead = lead_of(ready)
         for step, time in enumerate(np.arange(0.0, 3.0, 0.005)):
@@ -245,7 +245,7 @@ def test_no_pull_moves_the_key_beyond_its_travel(own_folder: Path):
     assert np.ptp(played.positions) > 0.019
 
 
-def test_a_summary_says_rate_latency_and_error(own_folder: Path):
+def test_a_summary_says_rate_latency_and_error(work_folder: Path):
     played = led("osc:/x?lockstep&delay=30ms", by_osc)
     assert played.sentences == [
         "remi by osc:/x: 425 positions, one each 8.0 ms ± 0.0 ms; path 30 ms late and within "
@@ -352,7 +352,7 @@ def test_each_player_has_a_key_of_the_page():
     assert not any(board.has_motor for board in opened)
 
 
-def test_a_port_that_is_taken_is_told(own_folder: Path):
+def test_a_port_that_is_taken_is_told(work_folder: Path):
     Path("s.yaml").write_text(SCORE)
     live = ["remi=osc:/x?port=39271", "ada=osc:/y?port=39271"]
     ready = prepare("s.yaml", PlayOptions(live=live, audio="null", gain="0dB"), Report())
@@ -363,7 +363,7 @@ def test_a_port_that_is_taken_is_told(own_folder: Path):
     prepare("s.yaml", other, Report()).close()
 
 
-def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(own_folder: Path):
+def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(work_folder: Path):
     """In a session the hand is in the take beside the journal, twice by the same address."""
     Path("s.yaml").write_text(SCORE.replace("tail: 500ms", "tail: 900s"))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

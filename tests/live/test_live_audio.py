@@ -56,8 +56,8 @@ def jack(name: str) -> Iterator[Jack]:
 def test_a_file_holds_what_was_pushed(tmp_path: Path, n_channels: int):
     sound = noise(5000, n_channels)
     path = tmp_path / "a, b=c.wav"
-    said = _core.play_frames(sound, 44100, f"file:{path}")
-    assert str(path) in said
+    text = _core.play_frames(sound, 44100, f"file:{path}")
+    assert str(path) in text
     data = path.read_bytes()
     head = wave_header.pack(
         wave_header.WaveFormat(44100, n_channels, "float"), len(sound), wave_header.Stamp("")
@@ -215,8 +215,8 @@ def test_an_underrun_is_counted_and_fades(jack: Jack):
     out.panic()
     until(lambda: out.discarded > 0, "silence")
     out.close()
-    heard = capture.finish()[:, 0]
-    begun = heard[np.flatnonzero(heard)[0] :]
+    listened = capture.finish()[:, 0]
+    begun = listened[np.flatnonzero(listened)[0] :]
     assert out.missing > 0
     if out.xruns == 0:
         # Down and up by 2 ms ramps, to silence by one of 5 ms: never a jump.
@@ -271,8 +271,8 @@ def test_a_jack_server_that_dies_is_found_again(name: str):
         playing_until(out, lambda: out.alive, "the return")
         back = out.played
         playing_until(out, lambda: out.played > back + RATE // 10, "sound again")
-        one, two = out.events
-        first, frame, second = one.sentence, two.frame, two.sentence
+        single, two = out.events
+        first, frame, second = single.sentence, two.frame, two.sentence
         assert "lost" in first
         assert "back" in second
         assert lost <= frame <= out.played
@@ -297,10 +297,10 @@ def test_pulse_hears_every_bit(tmp_path: Path):
             size = path.stat().st_size + 4 * RATE * server.channels
             until(lambda: path.stat().st_size >= size, "what comes after")
         out.close()
-    heard = np.fromfile(path, np.float32)
-    heard = heard[: len(heard) // server.channels * server.channels]
+    listened = np.fromfile(path, np.float32)
+    listened = listened[: len(listened) // server.channels * server.channels]
     if not (out.xruns or out.underruns):
-        result = compare(heard.reshape(-1, server.channels), sound)
+        result = compare(listened.reshape(-1, server.channels), sound)
         assert result.exact, result
 
 

@@ -54,16 +54,16 @@ def written(config: Path, text: str) -> None:
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
-    own = OWN.replace("\n", end)
-    written(config, own)
+    single = OWN.replace("\n", end)
+    written(config, single)
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     text = config.read_bytes().decode()
-    assert text.startswith(own + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
+    assert text.startswith(single + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
     assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
     # Again: only its own table is another one.
     other = Axis(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
     store_axis("frame:/dev/ttyACM9", 0, other)
-    begin, rest = own.split(f'[calibration."frame:/dev/ttyACM9#0"]{end}')
+    begin, rest = single.split(f'[calibration."frame:/dev/ttyACM9#0"]{end}')
     changed = config.read_bytes().decode()
     assert changed.startswith(begin)
     assert changed.endswith(text[text.index(f"{end}# what others") :])
@@ -97,8 +97,8 @@ def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
 def test_numbers_that_no_axis_has_are_refused_in_their_place(config: Path, field: str, value: str):
     store_axis("emul:", 0, AXIS)
     lines = config.read_text().splitlines()
-    at = next(i for i, line in enumerate(lines) if line.startswith(f"{field} = "))
-    lines[at] = f"{field} = {value}"
+    index = next(i for i, line in enumerate(lines) if line.startswith(f"{field} = "))
+    lines[index] = f"{field} = {value}"
     config.write_text("\n".join(lines) + "\n")
     with pytest.raises(BoardError, match=rf'{config}: \[calibration."emul:#0"\]'):
         known_axes("emul:")
@@ -162,8 +162,8 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
     assert record["gain"] == pytest.approx(2.0, rel=0.05)
     assert record["range"] == [-0.03, 0.03]
     assert record["force_max"] == 3.0
-    found = known_axes(url)[0]
-    assert (found.zero, found.force_max) == (record["zero"], 3.0)
+    result = known_axes(url)[0]
+    assert (result.zero, result.force_max) == (record["zero"], 3.0)
 
 
 def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
@@ -234,9 +234,9 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
     assert about["axes"][0]["calibration"]["sign"] == -1
     with Board(0.0) as stuck:
         assert app.run([*duet, f"remi={stuck.in_lockstep}"]) == 2
-        said = capsys.readouterr().err
-        assert "remi: the axis did not move" in said
-        assert "--unchecked" in said
+        output = capsys.readouterr().err
+        assert "remi: the axis did not move" in output
+        assert "--unchecked" in output
 
 
 def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
@@ -244,8 +244,8 @@ def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
     with emulated("frame", "--udp", "0", "--lockstep", "--gesture", "0mm@0 8mm@1/2") as url:
         duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--record", "b.take"]
         assert app.run([*duet, "--live", f"remi={url}&wide", "-q"]) == 0
-    found = _core.read_recording("b.take")
-    forces, sent = found.forces()[:, 0], found.sent()[:, 0]
+    result = _core.read_recording("b.take")
+    forces, sent = result.forces()[:, 0], result.sent()[:, 0]
     assert np.any(forces)
     assert np.flatnonzero(sent)[0] == np.flatnonzero(forces)[0] + 1
 
@@ -286,8 +286,8 @@ def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:
     asked = {"remi": "tgr0.1", "ada": "tgr0.0", "zoe": "emul:?lockstep#1"}
     shown = [one.display_name for one in boards.boards(asked, {"tgr0": url})]
     assert shown == ["tgr0", "emul:"]
-    said = event_sentence((0, "gone", 0.0), ["remi"], shown)
-    assert said == "tgr0 is disconnected; its stand-in plays on"
+    text = event_sentence((0, "gone", 0.0), ["remi"], shown)
+    assert text == "tgr0 is disconnected; its stand-in plays on"
 
 
 def test_config_path_with_relative_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

@@ -39,7 +39,7 @@ GAIN = "20dB"
 
 
 @pytest.fixture(autouse=True)
-def score(own_folder: Path) -> None:
+def score(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     Path("six.yaml").write_text(SIX)
 
@@ -58,20 +58,20 @@ def folded(to: str) -> tuple[NDArray[np.float32], int]:
     mixed = np.zeros((stage.n_frames + fold.tail, stage.n_channels))
     mixer = stage.mixer(highpass=HIGHPASS, reference=ready.config.reference)
     mixer.process(frames, mixed[: stage.n_frames])
-    made = np.zeros((len(mixed), {"binaural": 2, "stereo": 2, "ambix2": 9}[to]))
-    fold.process(mixed * ready.config.gain, made)
-    assert 1e-3 < np.abs(made).max() < 1.0
-    return made.astype(np.float32), fold.tail
+    built = np.zeros((len(mixed), {"binaural": 2, "stereo": 2, "ambix2": 9}[to]))
+    fold.process(mixed * ready.config.gain, built)
+    assert 1e-3 < np.abs(built).max() < 1.0
+    return built.astype(np.float32), fold.tail
 
 
 @pytest.mark.parametrize("to", few(["binaural", "stereo", "ambix2"], 1))
 def test_what_is_heard_is_the_mix_through_the_fold(to: str) -> None:
     words = ["play", "s.yaml", "--audio", "file:heard.wav", "--gain", GAIN, "--to", to, "-q"]
     assert app.run(words) == 0
-    heard, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
+    listened, _ = soundfile.read("heard.wav", dtype="float32", always_2d=True)
     wanted, _ = folded(to)
-    assert heard.shape == wanted.shape
-    assert np.array_equal(heard, wanted)
+    assert listened.shape == wanted.shape
+    assert np.array_equal(listened, wanted)
 
 
 def test_a_session_is_heard_through_it() -> None:
@@ -99,12 +99,12 @@ def test_a_session_is_heard_through_it() -> None:
     ],
 )
 def test_hear_of_unknown_place_is_refused(
-    words: list[str], changed: tuple[str, str], said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], changed: tuple[str, str], output: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = SCORE.replace(*changed) if changed[0] else SCORE
     Path("s.yaml").write_text(text.replace("to: nearest", "to: 1") if changed[0] else text)
     assert app.run(["play", "s.yaml", "--audio", "null", "--gain", GAIN, *words]) == 2
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
 
 
 def test_a_fold_of_other_channels_is_refused() -> None:

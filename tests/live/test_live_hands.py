@@ -63,8 +63,8 @@ def test_a_part_stands_in_as_its_free_key_goes():
     mine = ", remi: [{at: 1|1, play: knock}]"
     assert stage(piece(mine)).live == ()  # nobody is said to be there: a virtual hand plays it
     (hand,) = stage(piece(mine), real={"remi": None}).live
-    at = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
-    assert hand.standin[at] == pytest.approx(6e-3, abs=5e-5)
+    position = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
+    assert hand.standin[position] == pytest.approx(6e-3, abs=5e-5)
 
 
 @pytest.mark.parametrize("planned", [False, True])
@@ -74,12 +74,12 @@ def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
     ticks = 3e-3 - 3e-3 * np.cos(np.arange(900) / 60) + rng.normal(0, 1e-5, 900)
     live = stage(piece(), planned=planned, real={"remi": None})
     (hand,) = live.live
-    played, felt = [], []
+    played, forces = [], []
     for x in ticks:
         live.simulation.hold(hand.index, x)
         played.append(heard(live.simulation, hand.tick_frames))
-        felt.append(live.simulation.felt(hand.index))
-    assert min(felt) < -0.5
+        forces.append(live.simulation.felt(hand.index))
+    assert min(forces) < -0.5
     again = stage(piece(), planned=planned, real={"remi": ticks})
     assert np.array_equal(heard(again.simulation, 900 * 44), np.concatenate(played))
 

@@ -48,10 +48,10 @@ def name() -> Iterator[str]:
 
 
 @pytest.fixture(autouse=True)
-def alone(name: str, own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def alone(name: str, work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No test hears a server that is not its own; the score stands in a folder of its own."""
     monkeypatch.setenv("JACK_DEFAULT_SERVER", name)
-    monkeypatch.setenv("PULSE_SERVER", f"unix:{own_folder}/pulse.sock")
+    monkeypatch.setenv("PULSE_SERVER", f"unix:{work_folder}/pulse.sock")
     monkeypatch.delenv("JACK_NO_AUTOCONNECT", raising=False)
     Path("s.yaml").write_text(SCORE)
     soundfile.write("rehearsal.wav", noise(RATE // 2), RATE, subtype="FLOAT")
@@ -74,12 +74,12 @@ def playing(frames: Callable[[], object], **options: str | None) -> _core.SoundI
     until(lambda: performance.status().played > RATE // 10, "sound")
     frames()
     until(lambda: performance.wait(0.1), "the end of the piece")
-    heard, written = performance.heard(), performance.audio_recorded()
+    listened, written = performance.heard(), performance.audio_recorded()
     assert written is not None
     assert written.first is not None
     Path("first").write_text(str(written.first))
     performance.close(PATIENCE)
-    return heard
+    return listened
 
 
 def rendered(input_file: str) -> NDArray[np.float32]:
@@ -95,10 +95,10 @@ def samples(path: str) -> NDArray[np.float32]:
 
 
 def test_without_a_card_its_file_is_heard_and_a_line_says_so():
-    heard = playing(lambda: None, audio="null:fast", record_input="in.wav")
-    assert not heard.live
-    assert "no input (null has no inputs): each input of the score plays" in heard.sentence
-    assert heard.recorded is None
+    listened = playing(lambda: None, audio="null:fast", record_input="in.wav")
+    assert not listened.live
+    assert "no input (null has no inputs): each input of the score plays" in listened.sentence
+    assert listened.recorded is None
     assert not Path("in.wav").exists()
     sounds_as("rehearsal.wav")
 
@@ -183,41 +183,41 @@ def sounds_as(input_file: str) -> None:
     assert np.array_equal(again[: len(sound)], sound[: len(again)])
 
 
-def recorded(heard: _core.SoundInput) -> Comparison:
+def recorded(listened: _core.SoundInput) -> Comparison:
     """What was heard beside what was played into it; the render of it is what sounded."""
-    assert heard.live
-    assert heard.error is None
+    assert listened.live
+    assert listened.error is None
     took = samples("in.wav")
-    assert heard.recorded == len(took)
+    assert listened.recorded == len(took)
     sounds_as("in.wav")
     return compare(took[:, None], noise(RATE, 5)[:, None])
 
 
 def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack):
     with source("jack:none") as play:
-        heard = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
-    assert "client ergon_in, from ergon:out_1" in heard.sentence
-    assert f"1 channel in at {RATE} Hz, {jack.block} frames" in heard.sentence
-    assert "to the instrument" in heard.sentence
-    assert "to the loudspeaker" in heard.sentence
-    result = recorded(heard)
-    assert result.exact or heard.gaps or heard.discarded, result
+        listened = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
+    assert "client ergon_in, from ergon:out_1" in listened.sentence
+    assert f"1 channel in at {RATE} Hz, {jack.block} frames" in listened.sentence
+    assert "to the instrument" in listened.sentence
+    assert "to the loudspeaker" in listened.sentence
+    result = recorded(listened)
+    assert result.exact or listened.gaps or listened.discarded, result
 
 
 def test_auto_hears_the_server_that_it_plays_on(jack: Jack):
     ready = prepare("s.yaml", PlayOptions(audio="auto"), Report())
     performance = begin(ready.stage, ready.config, Report())
-    heard = performance.heard()
+    listened = performance.heard()
     performance.stop()
     performance.close(PATIENCE)
-    assert "system:capture_1 and on" in heard.sentence
+    assert "system:capture_1 and on" in listened.sentence
 
 
 def test_jack_at_another_rate_is_converted(jack: Jack):
     Path("s.yaml").write_text(SCORE.replace("48kHz", "44100Hz"))
     with source("jack:none") as play:
-        heard = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
-    assert "converted to 44100 Hz" in heard.sentence
+        listened = playing(play, audio="null", audio_in="jack:^ergon:out_1", record_input="in.wav")
+    assert "converted to 44100 Hz" in listened.sentence
     took = samples("in.wav")
     assert 0.4 < np.abs(took).max() < 1.0
     sounds_as("in.wav")
@@ -243,8 +243,8 @@ def test_a_jack_server_that_dies_is_heard_again(name: str):
     performance.close(PATIENCE)
 
 
-def test_pulse_excites_a_bell_from_the_monitor_of_a_sink(own_folder: Path):
-    server = Pulse(own_folder, rate=RATE, channels=2)
+def test_pulse_excites_a_bell_from_the_monitor_of_a_sink(work_folder: Path):
+    server = Pulse(work_folder, rate=RATE, channels=2)
     options: dict[str, str | None] = {
         "audio": "null",
         "audio_in": "pulse:dome.monitor",
@@ -254,9 +254,9 @@ def test_pulse_excites_a_bell_from_the_monitor_of_a_sink(own_folder: Path):
     with server.run():
         for _ in range(TRIES):
             with source("pulse:dome", 2) as play:
-                heard = playing(play, **options)
-            assert heard.sentence.startswith(words)
-            result = recorded(heard)
+                listened = playing(play, **options)
+            assert listened.sentence.startswith(words)
+            result = recorded(listened)
             if result.exact:
                 break
             Path("in.wav").unlink()

@@ -92,9 +92,9 @@ class Listener:
         return self.heard[-1]
 
     def until(self, *addresses: str) -> tuple[float, float | None, str, list[Any]]:
-        while (found := self.next())[2] not in addresses:
+        while (result := self.next())[2] not in addresses:
             pass
-        return found
+        return result
 
     def drain(self, patience: float = 0.2) -> None:
         with contextlib.suppress(TimeoutError):
@@ -110,9 +110,9 @@ class Listener:
 
 @pytest.fixture
 def listener() -> Iterator[Listener]:
-    made = Listener()
-    yield made
-    made.socket.close()
+    built = Listener()
+    yield built
+    built.socket.close()
 
 
 @contextlib.contextmanager
@@ -150,8 +150,8 @@ def command(folder: Path, *options: str, text: str = SCORE) -> Iterator[subproce
 def told(process: subprocess.Popen[str], event: str) -> dict[str, Any]:
     assert process.stdout is not None
     for line in process.stdout:
-        if (found := json.loads(line))["event"] == event:
-            return dict(found)
+        if (result := json.loads(line))["event"] == event:
+            return dict(result)
     raise AssertionError(f"no {event}: {process.stderr.read() if process.stderr else ''}")
 
 
@@ -202,8 +202,8 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     assert beats[:7] == [(1, 1, 240), (1, 2, 240), (1, 3, 240), *beats[3:7]]
     tempo = staged.piece.tempo_map
     for bar, beat, bpm in beats:
-        at = tempo.bars.start(bar) + beat - 1
-        assert (tempo.bar_beat(at), tempo.bpm(at)) == ((bar, beat), bpm)
+        position = tempo.bars.start(bar) + beat - 1
+        assert (tempo.bar_beat(position), tempo.bpm(position)) == ((bar, beat), bpm)
     assert beats == sorted(set(beats))
     assert len(beats) > 12
     strikes = [said for *_, said in listener.of("/ergon/strike")]
@@ -211,7 +211,9 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     assert [(player, key, name) for player, key, name, _ in strikes] == [
         (player, key, name) for _, player, key, name in expected
     ]
-    assert [at for *_, at in strikes] == pytest.approx([one[0] for one in expected], abs=1e-6)
+    assert [position for *_, position in strikes] == pytest.approx(
+        [one[0] for one in expected], abs=1e-6
+    )
     assert {tag for _, tag, _ in listener.of("/ergon/strike")} == {0}  # nowhere to be heard
     assert len(listener.of("/ergon/level")[0][2]) == staged.n_channels
     assert listener.of("/ergon/late")[0][2] == [0, 0]
@@ -330,11 +332,11 @@ def test_a_gain_moves_what_it_says(
     staged, before = ringing
     after = sound(staged, tmp_path / "after.wav", address)
     begins = [np.flatnonzero(before[:, i] != after[:, i]) for i in range(3)]
-    assert [len(found) > 0 for found in begins] == moved
-    for channel, found in enumerate(begins):
-        if len(found):
-            assert before[found[0] + 960 :, channel].any()
-            assert not after[found[0] + 960 :, channel].any()
+    assert [len(result) > 0 for result in begins] == moved
+    for channel, result in enumerate(begins):
+        if len(result):
+            assert before[result[0] + 960 :, channel].any()
+            assert not after[result[0] + 960 :, channel].any()
 
 
 def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
@@ -433,8 +435,8 @@ def test_a_flood_gets_few_answers(listener: Listener):
         until(lambda: osc.malformed > 0, "what is no OSC is counted")
         listener.until("/ergon/error")
         listener.drain()
-        said = len(listener.of("/ergon/error")) + len(osc.remarks())
-        assert 0 < said <= 10 * (time.monotonic() - began + 1.0)
+        text = len(listener.of("/ergon/error")) + len(osc.remarks())
+        assert 0 < text <= 10 * (time.monotonic() - began + 1.0)
         assert osc.malformed > 0
 
 
@@ -464,8 +466,8 @@ def test_without_python_osc_it_is_said_how_to_get_it(
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "pythonosc", None)
     assert app.run(["play", str(path), "--osc", "0"]) == 2
-    said = capsys.readouterr().err
-    assert install_command("osc") in said
+    output = capsys.readouterr().err
+    assert install_command("osc") in output
     # What was said is typed in a clone: its folder has the extra.
     assert (Path(__file__).parents[2] / "pyproject.toml").is_file()
-    assert f"pip install -e '{Path(__file__).parents[2]}[osc]'" in said
+    assert f"pip install -e '{Path(__file__).parents[2]}[osc]'" in output

@@ -45,13 +45,13 @@ def duet(folder: Path, board: Simulated, *more: str) -> tuple[int, str]:
     return said("duet", folder / "score.yaml", *live, *more)
 
 
-def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
+def harm(log: np.ndarray, complete: np.ndarray) -> tuple[float, float]:
     """How long after the fault there was a force [s], and how far the key went beyond [m]."""
     after = log[log["t"] >= FAULT]
     lasted = after["t"][np.flatnonzero(after["force"])[-1]] - FAULT
-    n = min(len(after), int((whole["t"] >= FAULT).sum()))
+    n = min(len(after), int((complete["t"] >= FAULT).sum()))
     # The hand holds still at 0; without a fault the scene takes the key so far.
-    sound = whole[whole["t"] >= FAULT]["x"][:n]
+    sound = complete[complete["t"] >= FAULT]["x"][:n]
     x = after["x"][:n]
     low, high = np.minimum(sound, 0.0), np.maximum(sound, 0.0)
     return float(lasted), float(np.maximum(x - high, low - x).max())
@@ -74,13 +74,13 @@ def test_a_fault_while_it_plays_ends_its_force(
     logs = []
     for ways in ({}, {**fault, "since": FAULT}):
         with simulated(tmp_path / "log.npy", lockstep=True, **ways) as board:
-            code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=500N/m")
-            assert code == 0, told
-            assert (why in told) == bool(ways), told
+            code, output = duet(tmp_path, board, "--unchecked", "--guide", "remi=500N/m")
+            assert code == 0, output
+            assert (why in output) == bool(ways), output
             logs.append(board.log())
-    whole, log = logs
-    assert np.abs(whole["force"][whole["t"] > FAULT]).max() > 1.0
-    lasted, travel = harm(log, whole)
+    complete, log = logs
+    assert np.abs(complete["force"][complete["t"] > FAULT]).max() > 1.0
+    lasted, travel = harm(log, complete)
     print(f"{fault}: force for {1e3 * lasted:.0f} ms, {1e3 * travel:.1f} mm beyond")
     assert lasted < 0.3
     assert travel < 5e-3
@@ -88,14 +88,14 @@ def test_a_fault_while_it_plays_ends_its_force(
 
 def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
-        code, told = duet(tmp_path, board)
-        assert code == 2, told
-        assert "the motor pushes the wrong way" in told
+        code, output = duet(tmp_path, board)
+        assert code == 2, output
+        assert "the motor pushes the wrong way" in output
         # As it is known to be, it plays.
         assert said("devices", "calibrate", f"{board.url}?lockstep", "--seconds", "0")[0] == 0
-        code, told = duet(tmp_path, board, "--guide", "remi=500N/m")
-        assert code == 0, told
-        assert "tripped" not in told
+        code, output = duet(tmp_path, board, "--guide", "remi=500N/m")
+        assert code == 0, output
+        assert "tripped" not in output
         log = board.log()
     pulses = (
         log[: np.flatnonzero(np.abs(log["asked"]) > 4.01)[0]] if log["asked"].max() > 4.01 else log
@@ -105,19 +105,19 @@ def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
 
 def test_a_board_that_is_wired_rightly_is_tried_and_plays(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True) as board:
-        code, told = duet(tmp_path, board, "--guide", "remi=200N/m")
-        assert code == 0, told
-        assert "let go of the key" in told
-        assert "tripped" not in told
+        code, output = duet(tmp_path, board, "--guide", "remi=200N/m")
+        assert code == 0, output
+        assert "let go of the key" in output
+        assert "tripped" not in output
         assert not (tmp_path / "config").exists(), "an address is no board that one remembers"
 
 
 @pytest.mark.slow
 def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
-        code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
-        assert code == 0, told
-        assert "its motor pushes in the wrong direction" in told
+        code, output = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
+        assert code == 0, output
+        assert "its motor pushes in the wrong direction" in output
         log = board.log()
     assert np.abs(log["x"]).max() < 5e-3
     assert not log["force"][-1000:].any(), "it stays off"
@@ -133,27 +133,28 @@ def test_a_board_answers_its_owner_and_nobody_else():
     with emulator("frame", "--udp", "0", "--lockstep") as device:
         host, port = device.url.partition("?")[0].removeprefix("frame+udp:").split(":")
         kinds = socket.AF_INET, socket.SOCK_DGRAM
-        with socket.socket(*kinds) as one, socket.socket(*kinds) as other:
-            for wire in (one, other):
+        with socket.socket(*kinds) as first, socket.socket(*kinds) as other:
+            for wire in (first, other):
                 wire.connect((host, int(port)))
                 wire.settimeout(PATIENCE)
-            one.send(request(1, 0))
-            assert one.recv(512)
+            first.send(request(1, 0))
+            assert first.recv(512)
             other.send(request(1, 0))
             assert other.recv(512), "nobody has it yet"
-            one.send(request(2, 1, 1.0))
-            assert one.recv(512)
-            # Datagrams come in their order: once `one` has its reply, `other` has been passed over.
+            first.send(request(2, 1, 1.0))
+            assert first.recv(512)
+            # Datagrams come in their order: once `first` has its reply, `other` has been passed
+            # over.
             other.send(request(2, 1, -1.0))
             other.send(request(3, 0))
-            one.send(request(3, 1, 1.0))
-            reply = one.recv(512)
+            first.send(request(3, 1, 1.0))
+            reply = first.recv(512)
             assert struct.unpack_from("<H", reply, 2)[0] == 3
             other.setblocking(False)
             with pytest.raises(BlockingIOError):
                 other.recv(512)
-            one.send(request(4, 1, flags=0))
-            assert one.recv(512)
+            first.send(request(4, 1, flags=0))
+            assert first.recv(512)
             other.settimeout(PATIENCE)
             other.send(request(4, 1, -1.0))
             assert struct.unpack_from("<H", other.recv(512), 2)[0] == 4, "it was let go of"
@@ -161,7 +162,7 @@ def test_a_board_answers_its_owner_and_nobody_else():
 
 def test_one_program_has_a_board_in_datagrams():
     with emulator("frame", "--udp", "0", "--lockstep") as device:
-        own = _core.Device(device.url)
+        single = _core.Device(device.url)
         with pytest.raises(_core.EngineError, match="this program has the device open already"):
             _core.Device(device.url)
         asked = ["take", "record", "--live", f"remi={device.url}", "-o", "never.take"]
@@ -170,7 +171,7 @@ def test_one_program_has_a_board_in_datagrams():
         import os
 
         assert f"process {os.getpid()} has the device open" in done.stderr
-        own.close()
+        single.close()
         _core.Device(device.url).close()
 
 

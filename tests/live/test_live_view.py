@@ -60,56 +60,56 @@ def chromium() -> Iterator[browser.Browser]:
         yield found
 
 
-def test_what_is_heard_is_the_same_to_the_bit(own_folder: Path) -> None:
+def test_what_is_heard_is_the_same_to_the_bit(work_folder: Path) -> None:
     """A performance with and without pages, into a file."""
     Path("s.yaml").write_text(SCORE)
     common = ("play", "s.yaml", "--gain", "0dB", "--audio")
-    plain = forked([*common, "file:plain.wav"], own_folder)
+    plain = forked([*common, "file:plain.wav"], work_folder)
     assert plain.returncode == 0, plain.stderr
     for name, options in {
         "seen": ("--view",),
         "all": ("--view-at", "127.0.0.1:0", "--see", "all"),
     }.items():
-        seen = forked([*common, f"file:{name}.wav", *options], own_folder)
+        seen = forked([*common, f"file:{name}.wav", *options], work_folder)
         assert seen.returncode == 0, seen.stderr
         assert re.search(
             r"^seen at http://127\.0\.0\.1:\d+/[0-9a-f]{32}/$", seen.stderr, re.MULTILINE
         )
-        heard = Path("plain.wav").read_bytes()
-        assert len(heard) > 100_000
-        assert Path(f"{name}.wav").read_bytes() == heard
+        listened = Path("plain.wav").read_bytes()
+        assert len(listened) > 100_000
+        assert Path(f"{name}.wav").read_bytes() == listened
 
 
-def test_a_duet_in_lockstep_is_the_same_to_the_bit(own_folder: Path) -> None:
+def test_a_duet_in_lockstep_is_the_same_to_the_bit(work_folder: Path) -> None:
     """A real key in another process: what it does, and what is heard."""
     rate = 6000
     head, tick = f"rates: {{audio: {rate}Hz}}", f", tick: {rate}Hz"
-    score = written(own_folder, head=head, tick=tick, duet=COUPLED)
-    found = []
+    score = written(work_folder, head=head, tick=tick, duet=COUPLED)
+    result = []
     for name, options in {"plain": (), "seen": ("--view",)}.items():
-        take, heard = Path(f"{name}.take"), Path(f"{name}.wav")
+        take, listened = Path(f"{name}.take"), Path(f"{name}.wav")
         with emulator("frame", "--pty", "--lockstep", "--rate", f"{rate}Hz") as device:
             live = ("--live", f"remi={device.url}&wide", "--record", take, "--gain", "0dB")
-            said = played(score, *live, "--audio", f"file:{heard}", *options)
-        assert any("seen at http://" in line for line in said) == bool(options)
-        found.append((heard.read_bytes(), recorded(take).positions().tobytes()))
-    assert len(found[0][1]) > rate
-    assert found[0] == found[1]
+            text = played(score, *live, "--audio", f"file:{listened}", *options)
+        assert any("seen at http://" in line for line in text) == bool(options)
+        result.append((listened.read_bytes(), recorded(take).positions().tobytes()))
+    assert len(result[0][1]) > rate
+    assert result[0] == result[1]
 
 
-def test_what_cannot_be_is_refused_before_anything_sounds(own_folder: Path) -> None:
+def test_what_cannot_be_is_refused_before_anything_sounds(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     for options, words in {
         ("--see", "all"): "--see: this needs a page; add the option view",
         ("--view-at", "127.0.0.1"): "write HOST:PORT",
         ("--view-at", "elsewhere.invalid:80"): "write HOST:PORT",
     }.items():
-        refused = forked(["play", "s.yaml", "--audio", "null", *options], own_folder)
+        refused = forked(["play", "s.yaml", "--audio", "null", *options], work_folder)
         assert refused.returncode == 2
         assert words in refused.stderr
 
 
-def test_elsewhere_the_address_has_a_key(own_folder: Path) -> None:
+def test_elsewhere_the_address_has_a_key(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     words = [
         "play",
@@ -122,13 +122,13 @@ def test_elsewhere_the_address_has_a_key(own_folder: Path) -> None:
         "0.0.0.0:0",
         "--json",
     ]
-    told = [json.loads(line) for line in forked(words, own_folder).stdout.splitlines()]
-    (url,) = (one["url"] for one in told if one["event"] == "view")
+    output = [json.loads(line) for line in forked(words, work_folder).stdout.splitlines()]
+    (url,) = (one["url"] for one in output if one["event"] == "view")
     assert len(bytes.fromhex(urllib.parse.urlsplit(url).path.strip("/"))) == 16
 
 
 @pytest.mark.slow
-def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Path) -> None:
+def test_a_page_follows_what_is_heard(chromium: browser.Browser, work_folder: Path) -> None:
     """By the clock of a card that is none; the page stands, goes back and comes to now again."""
     Path("s.yaml").write_text(SKY)
     options = PlayOptions(audio="null", gain="0dB", ahead=4096, view=True)
@@ -175,7 +175,7 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, own_folder: Pat
 
 @pytest.mark.slow
 def test_a_page_that_comes_late_draws_no_spring_that_broke(
-    chromium: browser.Browser, own_folder: Path
+    chromium: browser.Browser, work_folder: Path
 ) -> None:
     """One page sees the thread tear; another comes when the first has forgotten that instant."""
     Path("s.yaml").write_text(TORN)
@@ -205,7 +205,7 @@ def test_a_page_that_comes_late_draws_no_spring_that_broke(
 
 
 def test_the_picture_is_pulled_to_what_is_heard(
-    chromium: browser.Browser, own_folder: Path
+    chromium: browser.Browser, work_folder: Path
 ) -> None:
     """Instants that the test writes: no clock is asked."""
     Path("s.yaml").write_text(SKY)
@@ -215,7 +215,7 @@ def test_the_picture_is_pulled_to_what_is_heard(
     with chromium.page() as page:
         page.call("Page.navigate", url=pages.server.url)
         until(lambda: page.run("!!window.ergon"), "the page's script")
-        found = page.run("""import('./live.js').then(({ Live }) => {
+        result = page.run("""import('./live.js').then(({ Live }) => {
           let offset = null;
           const alignment = { ahead: 0 };
           const live = new Live(() => offset, alignment);
@@ -231,12 +231,12 @@ def test_the_picture_is_pulled_to_what_is_heard(
           told.push(live.at(7, 3));
           return told;
         })""")
-    assert found == pytest.approx([3, 3, 20.5, 20.491, 20.5, 20.54])
+    assert result == pytest.approx([3, 3, 20.5, 20.491, 20.5, 20.54])
     pages.close()
 
 
 def test_a_line_that_changes_the_piece_begins_a_new_picture(
-    chromium: browser.Browser, own_folder: Path
+    chromium: browser.Browser, work_folder: Path
 ) -> None:
     """A session, whose page is open all the time."""
     from ergon.api.options import SessionOptions
@@ -245,7 +245,7 @@ def test_a_line_that_changes_the_piece_begins_a_new_picture(
     pages = pages_of(SessionOptions(view=True), Report())
     assert pages is not None
     key = "ergon.page.story.model.parts.findIndex((p) => p.name === 'k1')"
-    with closing(session_on(own_folder, "null", pages=pages)) as session, chromium.page() as page:
+    with closing(session_on(work_folder, "null", pages=pages)) as session, chromium.page() as page:
         page.open(pages.server.url)
         page.run("window.before = ergon.page.story.model")
         page.run(f"ergon.page.look.seen[{key}] = 0")

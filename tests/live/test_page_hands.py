@@ -86,7 +86,7 @@ def playing(
 
 
 def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
-    chromium: browser.Browser, own_folder: Path
+    chromium: browser.Browser, work_folder: Path
 ):
     with (
         playing("hand.take", "file:played.wav") as piece,
@@ -118,7 +118,7 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     assert np.array_equal(played, expected)
 
 
-def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, own_folder: Path):
+def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, work_folder: Path):
     with playing() as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
         page.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=5)
@@ -131,7 +131,7 @@ def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, own_folder
         assert page.errors == []
 
 
-def test_a_closed_page_leaves_its_key_to_the_stand_in(chromium: browser.Browser, own_folder: Path):
+def test_a_closed_page_leaves_its_key_to_the_stand_in(chromium: browser.Browser, work_folder: Path):
     with playing() as piece:
         with chromium.page(WIDTH, HEIGHT) as page:
             hands = HandsPage(page, piece.url)
@@ -146,7 +146,7 @@ def test_a_closed_page_leaves_its_key_to_the_stand_in(chromium: browser.Browser,
         until(lambda: piece.has("gone"), "a stand-in when the page is closed")
 
 
-def test_another_page_moves_nothing_and_is_told(chromium: browser.Browser, own_folder: Path):
+def test_another_page_moves_nothing_and_is_told(chromium: browser.Browser, work_folder: Path):
     with (
         playing() as piece,
         chromium.page(WIDTH, HEIGHT) as page,
@@ -167,7 +167,7 @@ def test_another_page_moves_nothing_and_is_told(chromium: browser.Browser, own_f
         others.mouse("mouseReleased", x, y - 100)
 
 
-def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, own_folder: Path):
+def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, work_folder: Path):
     with playing() as piece, chromium.page(900, HEIGHT) as page:
         page.open(piece.url)
         lanes = "document.querySelectorAll('#hands canvas').length"
@@ -175,7 +175,7 @@ def test_the_page_of_the_piece_has_the_lanes_too(chromium: browser.Browser, own_
         assert page.errors == []
 
 
-def test_letters_play_a_key(chromium: browser.Browser, own_folder: Path):
+def test_letters_play_a_key(chromium: browser.Browser, work_folder: Path):
     """A letter pulls the finger to its place in the travel; the next one leads it on."""
     with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
@@ -193,7 +193,7 @@ def test_letters_play_a_key(chromium: browser.Browser, own_folder: Path):
         assert page.errors == []
 
 
-def test_letters_of_another_lane_do_nothing(chromium: browser.Browser, own_folder: Path):
+def test_letters_of_another_lane_do_nothing(chromium: browser.Browser, work_folder: Path):
     with playing(first="keys:") as piece, chromium.page(WIDTH, HEIGHT) as page:
         hands = HandsPage(page, piece.url)
         hands.letter("keyDown", "KeyQ")  # of the second lane, which a pointer plays
@@ -214,7 +214,7 @@ navigator.getGamepads = () => [null, window.pad];
 """
 
 
-def test_a_stick_of_a_gamepad_plays_a_key(chromium: browser.Browser, own_folder: Path):
+def test_a_stick_of_a_gamepad_plays_a_key(chromium: browser.Browser, work_folder: Path):
     """The browser's Gamepad API, which a script answers here in place of a gamepad."""
 
     def push(axis: int, value: float) -> None:

@@ -47,9 +47,9 @@ class Pad:
 
 @pytest.fixture
 def pad(monkeypatch: pytest.MonkeyPatch) -> Pad:
-    found = Pad()
-    monkeypatch.setattr("fcntl.ioctl", found.ioctl)
-    return found
+    result = Pad()
+    monkeypatch.setattr("fcntl.ioctl", result.ioctl)
+    return result
 
 
 def test_rumble_uploads_one_effect_and_plays_it(pad: Pad):

@@ -21,24 +21,24 @@ AT = {"line": 0, "character": 0}
 
 def answers(data: bytes) -> list[dict[str, Any]]:
     """The messages in what a server wrote."""
-    found = []
+    result = []
     while data:
         head, _, rest = data.partition(b"\r\n\r\n")
         length = int(head.partition(b"Content-Length: ")[2].partition(b"\r\n")[0])
-        found.append(json.loads(rest[:length]))
+        result.append(json.loads(rest[:length]))
         data = rest[length:]
-    return found
+    return result
 
 
 def guarded(*messages: object) -> tuple[list[dict[str, Any]], list[dict[str, Any]], GuardedInput]:
     """The messages that are handed on, the answers of the guard, and the guard."""
-    said = io.BytesIO()
-    guard = GuardedInput(io.BytesIO(b"".join(map(framed, messages))), said, _HANDLERS.keys())
+    output = io.BytesIO()
+    guard = GuardedInput(io.BytesIO(b"".join(map(framed, messages))), output, _HANDLERS.keys())
     handed = []
     while line := guard.readline():
         assert guard.readline() == b"\r\n"
         handed.append(json.loads(guard.read(int(line.partition(b": ")[2]))))
-    return handed, answers(said.getvalue()), guard
+    return handed, answers(output.getvalue()), guard
 
 
 @pytest.mark.parametrize(
@@ -90,9 +90,9 @@ def test_notifications_have_no_answer():
         notified("$/strange"),
         {"jsonrpc": "2.0", "id": 3, "result": None},
     )
-    handed, said, _ = guarded(INITIALIZE, *wrong)
+    handed, text, _ = guarded(INITIALIZE, *wrong)
     assert len(handed) == 1
-    assert said == []
+    assert text == []
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_notifications_have_no_answer():
     ],
 )
 def test_what_is_not_the_protocol_ends_the_server(data: bytes, words: str):
-    said = io.BytesIO()
-    guard = GuardedInput(io.BytesIO(framed(INITIALIZE) + data), said, _HANDLERS.keys())
+    output = io.BytesIO()
+    guard = GuardedInput(io.BytesIO(framed(INITIALIZE) + data), output, _HANDLERS.keys())
     while guard.readline():
         pass
     assert isinstance(guard.failure, ProtocolError)
     assert words in str(guard.failure)
-    (answer,) = answers(said.getvalue())
+    (answer,) = answers(output.getvalue())
     assert (answer["id"], answer["error"]["code"]) == (None, -32600)
 
 

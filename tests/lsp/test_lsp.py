@@ -60,9 +60,9 @@ class Editor:
     async def diagnostics(self, wanted: Callable[[list[t.Diagnostic]], bool]) -> list[t.Diagnostic]:
         """The next ones that are wanted."""
         while True:
-            told = await asyncio.wait_for(self.told.get(), PATIENCE)
-            if told.uri == self.uri and wanted(list(told.diagnostics)):
-                return list(told.diagnostics)
+            output = await asyncio.wait_for(self.told.get(), PATIENCE)
+            if output.uri == self.uri and wanted(list(output.diagnostics)):
+                return list(output.diagnostics)
 
     def at(self, before: str) -> t.Position:
         """Behind the first occurrence of some words."""
@@ -74,22 +74,22 @@ class Editor:
     async def completed(self, before: str) -> dict[str, t.CompletionItem]:
         document = t.TextDocumentIdentifier(self.uri)
         params = t.CompletionParams(document, self.at(before))
-        found = await self.client.text_document_completion_async(params)
-        assert isinstance(found, t.CompletionList)
-        return {item.label: item for item in found.items}
+        result = await self.client.text_document_completion_async(params)
+        assert isinstance(result, t.CompletionList)
+        return {item.label: item for item in result.items}
 
     async def hovered(self, before: str) -> str:
         params = t.HoverParams(t.TextDocumentIdentifier(self.uri), self.at(before))
-        found = await self.client.text_document_hover_async(params)
-        assert found is not None
-        assert isinstance(found.contents, t.MarkupContent)
-        return found.contents.value
+        result = await self.client.text_document_hover_async(params)
+        assert result is not None
+        assert isinstance(result.contents, t.MarkupContent)
+        return result.contents.value
 
     async def defined(self, before: str) -> t.Location:
         params = t.DefinitionParams(t.TextDocumentIdentifier(self.uri), self.at(before))
-        found = await self.client.text_document_definition_async(params)
-        assert isinstance(found, t.Location)
-        return found
+        result = await self.client.text_document_definition_async(params)
+        assert isinstance(result, t.Location)
+        return result
 
 
 @pytest.fixture
@@ -142,9 +142,9 @@ def test_mistakes_are_told_as_one_types_and_go_when_they_are_mended(session):
 def test_columns_are_those_of_the_editor(session):
     # U+1D11E takes two UTF-16 units, and one character of the checker's.
     async def act(editor: Editor) -> None:
-        found = await editor.diagnostics(bool)
-        assert found[-1].range.start == editor.at("nott: 1, ")
-        assert found[-1].range.end == editor.at("nott: 1, nope")
+        result = await editor.diagnostics(bool)
+        assert result[-1].range.start == editor.at("nott: 1, ")
+        assert result[-1].range.end == editor.at("nott: 1, nope")
 
     session(SCORE.replace("{key: k}", '{key: k, "\U0001d11e": 2, nott: 1, nope: 2}'), act)
 
@@ -288,9 +288,9 @@ def test_definitions_are_found_in_the_score_and_in_what_it_uses(session, tmp_pat
         await editor.diagnostics(lambda found: not found)
         module = await editor.defined("between: [k, m")
         assert (module.uri, module.range.start.line) == (editor.uri, 5)
-        lean = await editor.defined("play: le")
-        assert lean.uri == (tmp_path / "other.yaml").as_uri()
-        assert lean.range.start == t.Position(1, 11)
+        leaning_gesture = await editor.defined("play: le")
+        assert leaning_gesture.uri == (tmp_path / "other.yaml").as_uri()
+        assert leaning_gesture.range.start == t.Position(1, 11)
 
     session(score, act)
 
@@ -314,9 +314,9 @@ def test_sections_are_listed_and_the_layout_is_put_in_order(session):
         )
         assert symbols is not None
         names = {
-            one.name: [inner.name for inner in one.children or ()]
-            for one in symbols
-            if isinstance(one, t.DocumentSymbol)
+            item.name: [inner.name for inner in item.children or ()]
+            for item in symbols
+            if isinstance(item, t.DocumentSymbol)
         }
         assert names["gestures"] == ["knock"]
         editor.type(SCORE.replace("{at: 0, play", "{at:   0,   play"))

@@ -41,10 +41,10 @@ def known(**figures: float) -> Calibration:
 
 
 def test_a_file_is_the_row_that_it_was_written_from():
-    found = read(TEXT)
-    assert np.allclose(found.row, KEY, rtol=1e-4)
-    assert found.date == "2026-11-22"
-    assert found.deviations["K"] == 1e-3
+    result = read(TEXT)
+    assert np.allclose(result.row, KEY, rtol=1e-4)
+    assert result.date == "2026-11-22"
+    assert result.deviations["K"] == 1e-3
 
 
 @pytest.mark.parametrize(
@@ -61,13 +61,13 @@ def test_what_is_no_calibration_is_refused(said: str, told: str):
 
 def test_a_replay_leaves_the_sensor_s_noise():
     took = gesture(KEY, knocks(KEY), 5)
-    found = replay(KEY, took)
-    assert 3.5e-6 < found.rms < 4.6e-6
+    result = replay(KEY, took)
+    assert 3.5e-6 < result.rms < 4.6e-6
     heavier = KEY.copy()
     heavier[0] *= 1.01
     worse = replay(heavier, took)
-    assert worse.rms > 3 * found.rms
-    drawn = picture(found, "key", worse)
+    assert worse.rms > 3 * result.rms
+    drawn = picture(result, "key", worse)
     root = ET.fromstring(drawn)
     shown = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
     for label in ("asked", "real", "model", "residual", "position [mm]", "M K Z alone [um]"):
@@ -76,16 +76,16 @@ def test_a_replay_leaves_the_sensor_s_noise():
 
 
 def test_keys_that_are_alike_move_alike():
-    one = read(TEXT).row
-    assert replay_difference(one, one) == 0
-    stiffer, heavier = one.copy(), one.copy()
+    first = read(TEXT).row
+    assert replay_difference(first, first) == 0
+    stiffer, heavier = first.copy(), first.copy()
     stiffer[1] *= 1.001
     heavier[0] *= 1.01
-    assert 1e-7 < replay_difference(one, stiffer) < replay_difference(one, heavier)
+    assert 1e-7 < replay_difference(first, stiffer) < replay_difference(first, heavier)
     # Where a key rests says nothing of how it moves.
-    elsewhere = one.copy()
+    elsewhere = first.copy()
     elsewhere[3] *= 2
-    assert replay_difference(one, elsewhere) < 1e-12
+    assert replay_difference(first, elsewhere) < 1e-12
 
 
 def test_chi_squared_counts_deviations():
@@ -103,9 +103,9 @@ def test_a_weighed_mass_tells_the_gains():
         return known(M=mass / gain, K=60 / gain, Z=1.2 / gain, rest=-2.5e-3 - reads * sinks)
 
     plain, loaded = found(0.4, 0.0), found(0.4 + added, added * 9.80665 / 60)
-    told = gains(plain, loaded, added)
+    output = gains(plain, loaded, added)
     wanted = {"mass": gain, "position": reads, "force": pushes, "M": 0.4, "K": 60.0, "Z": 1.2}
-    assert {name: one.value for name, one in told.items()} == pytest.approx(wanted, rel=1e-9)
+    assert {name: one.value for name, one in output.items()} == pytest.approx(wanted, rel=1e-9)
     lying = found(0.4 + added, 0.0)
     assert gains(plain, lying, added).keys() == {"mass", "M", "K", "Z"}
     with pytest.raises(MeasurementError, match="no heavier"):
@@ -118,13 +118,13 @@ def test_gains_are_known_as_well_as_the_figures_that_they_are_made_of():
     names, added = ["M", "K", "Z", "rest"], 0.017
     chance = np.random.default_rng(4)
     mixed = chance.normal(size=(4, 4)) + np.eye(4)
-    of_one = mixed @ mixed.T
-    size = np.array([2e-5, 4e-3, 3e-4, 2e-7]) / np.sqrt(np.diag(of_one))
-    covariance = of_one * np.outer(size, size)
+    from_one = mixed @ mixed.T
+    size = np.array([2e-5, 4e-3, 3e-4, 2e-7]) / np.sqrt(np.diag(from_one))
+    covariance = from_one * np.outer(size, size)
     deviations = dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
-    own = np.sqrt(np.diag(covariance))
+    single = np.sqrt(np.diag(covariance))
     correlations = {
-        (a, b): covariance[i, j] / (own[i] * own[j])
+        (a, b): covariance[i, j] / (single[i] * single[j])
         for i, a in enumerate(names)
         for j, b in enumerate(names[:i])
     }
@@ -136,12 +136,12 @@ def test_gains_are_known_as_well_as_the_figures_that_they_are_made_of():
         figures = dict(zip(names, map(float, values), strict=True))
         return Calibration(figures, deviations, (), "2026-11-22", correlations)
 
-    told = gains(*map(file, centres), added)
+    output = gains(*map(file, centres), added)
     drawn = [chance.multivariate_normal(centre, covariance, 20_000) for centre in centres]
     each = [gains(file(a), file(b), added) for a, b in zip(*drawn, strict=True)]
-    for name, one in told.items():
+    for name, item in output.items():
         spread = np.std([other[name].value for other in each])
-        assert one.deviation == pytest.approx(spread, rel=0.03), name
+        assert item.deviation == pytest.approx(spread, rel=0.03), name
 
 
 FITTED = (0, 1, 2, 3, 4, 6, 10, 11, 12)  # of a key with dry friction, delay and a mode
@@ -182,26 +182,26 @@ def test_a_file_tells_deviations_and_correlations_of_its_figures():
 
 def test_chi_squared_of_one_key_is_the_number_of_its_figures():
     """500 pairs of calibrations of one key, each drawn by its covariance and written to a file."""
-    one, other = spread(3), spread(4)
+    first, other = spread(3), spread(4)
     chance = np.random.default_rng(5)
-    found = []
+    result = []
     for _ in range(500):
         pair = []
-        for covariance in (one, other):
+        for covariance in (first, other):
             row = KEY.copy()
             row[list(FITTED)] = chance.multivariate_normal(KEY[list(FITTED)], covariance)
             pair.append(read(text(fitted(row, covariance), [], "2026-11-22")))
         squared, n = chi_squared(pair[0], pair[1])
         assert n == 9
-        found.append(squared)
-    assert abs(np.mean(found) - 9) < 4 * np.sqrt(18 / 500)
-    assert abs(np.var(found) - 18) < 6
+        result.append(squared)
+    assert abs(np.mean(result) - 9) < 4 * np.sqrt(18 / 500)
+    assert abs(np.var(result) - 18) < 6
 
 
 def test_modes_of_one_pitch_stand_beside_each_other():
-    one = read(TEXT.replace("modes:\n", "modes:\n  - {M: 1g, f: 900Hz, t60: 1s} # ± 0.1 2 0.3\n"))
+    first = read(TEXT.replace("modes:\n", "modes:\n  - {M: 1g, f: 900Hz, t60: 1s} # ± 0.1 2 0.3\n"))
     other = read(TEXT.replace("180Hz, t60: 0.30540s}", "186Hz, t60: 0.3s} # ± 0.1 0.5 0.01"))
-    rows = {each.names: each for each in differences(one, other)}
+    rows = {each.names: each for each in differences(first, other)}
     assert ("mode2.f", "mode1.f") in rows
     assert rows["mode2.f", "mode1.f"].deviation is None
     alone = rows["mode1.f", "mode0.f"]
@@ -212,9 +212,9 @@ def test_modes_of_one_pitch_stand_beside_each_other():
 
 @pytest.mark.parametrize("row", ["  - K 7.0", "  - K -1.0000000 2", "  - K x", "correlations: 3"])
 def test_a_damaged_row_of_correlations_bounds_nothing(row: str):
-    found = read(TEXT + f"correlations:\n  - M\n{row}\n")
-    assert all(abs(x) <= 1 for x in found.correlations.values())
-    assert np.isfinite(chi_squared(found, found)[0])
+    result = read(TEXT + f"correlations:\n  - M\n{row}\n")
+    assert all(abs(x) <= 1 for x in result.correlations.values())
+    assert np.isfinite(chi_squared(result, result)[0])
 
 
 def test_the_step_of_a_sensor_is_seen_in_its_positions():

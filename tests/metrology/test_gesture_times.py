@@ -21,29 +21,29 @@ def test_late_replies_are_put_where_the_devices_clock_says():
     chance = np.random.default_rng(8)
     late = np.clip(np.round(FINE * 0.06 * chance.standard_normal(N)), -10, 10).astype(int)
     late[:60] = 0
-    at = FINE * np.arange(1, N + 1) + late  # parts of ticks
+    start = FINE * np.arange(1, N + 1) + late  # parts of ticks
     ticks = chance.choice([-1.0, 1.0], N)
     strokes = np.repeat(chance.uniform(-1.0, 1.0, N // 250), 250)
     sent = wire(0.3 * ticks + 0.6 * strokes)
     sent[:60] = 0.0
     # A force acts from the instant on at which its reply reads the position.
-    held = np.searchsorted(at, np.arange(at[-1] + 1), side="right") - 1
+    held = np.searchsorted(start, np.arange(start[-1] + 1), side="right") - 1
     force = np.where(held >= 0, sent[held], 0.0)
     row = PLAIN.copy()
     row[INDEX["delay"]] = 0.0
     row[START] = -row[INDEX["weight"]] / row[INDEX["stiffness"]]
     true = _core.key_path(row, force, RATE * FINE, columns=(), steps=4)[0]
-    position = read(true[at], 5)
-    clock = np.round(at / FINE / RATE * 1e6).astype(np.uint32)
+    position = read(true[start], 5)
+    clock = np.round(start / FINE / RATE * 1e6).astype(np.uint32)
     every = np.ones(N, bool)
-    found = of_rows(np.arange(N), sent, position, every, clock, RATE)
-    key = fitted(found)
+    rows = of_rows(np.arange(N), sent, position, every, clock, RATE)
+    key = fitted(rows)
     assert key.rms < 4.6e-6  # the sensor leaves 4.2
     for name in ("mass", "stiffness", "damping", "dry"):
         index = INDEX[name]
         assert abs(key.row[index] - row[index]) < 5 * key.deviation(index), name
     assert abs(key.row[INDEX["delay"]] * RATE - 1.0) < 0.01  # the clock's delay: a tick
-    step = sensor_step([found])
+    step = sensor_step([rows])
     assert step is not None
     assert abs(step / (30e-3 / 4096) - 1) < 1e-6
     # As if each reply had come on its tick:
@@ -55,8 +55,8 @@ def test_forces_that_were_lost_are_found_between_those_that_were_sent():
     """Bursts of lost requests, 6 % of the ticks: the device holds the force before each."""
     chance = np.random.default_rng(4)
     lost = np.zeros(N, bool)
-    for at in chance.choice(np.arange(200, N - 10), 150, replace=False):
-        lost[at : at + chance.integers(1, 5)] = True
+    for start in chance.choice(np.arange(200, N - 10), 150, replace=False):
+        lost[start : start + chance.integers(1, 5)] = True
     assert lost.mean() > 0.05
     sent = wire(0.5 * chance.choice([-1.0, 1.0], N) + 0.3 * chance.uniform(-1.0, 1.0, N))
     sent[:60] = 0.0
@@ -66,7 +66,7 @@ def test_forces_that_were_lost_are_found_between_those_that_were_sent():
     row[START] = -row[INDEX["weight"]] / row[INDEX["stiffness"]]
     position = read(_core.key_path(row, force, RATE, columns=())[0], 6)
     # A position is that of the tick's beginning; a reply comes after its force has acted.
-    found = of_rows(
+    rows = of_rows(
         np.arange(N),
         np.roll(sent, -1),
         position,
@@ -74,9 +74,9 @@ def test_forces_that_were_lost_are_found_between_those_that_were_sent():
         np.zeros(N, np.uint32),
         RATE,
     )
-    ticks = found.unknown.ticks
+    ticks = rows.unknown.ticks
     assert 200 < ticks.size <= lost.sum()
-    key = fitted(found)
+    key = fitted(rows)
     assert key.rms < 4.6e-6  # the sensor leaves 4.2
     for name in ("mass", "stiffness", "damping", "dry"):
         index = INDEX[name]

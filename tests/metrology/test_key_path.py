@@ -24,10 +24,10 @@ def exact(row: np.ndarray, force: np.ndarray) -> np.ndarray:
     inverse = np.linalg.inv(mass)
     flow = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ spring, -inverse @ damper]])
     # The last column is the force, which is held.
-    whole = np.zeros((2 * n + 1, 2 * n + 1))
-    whole[:-1, :-1] = flow
-    whole[n : 2 * n, -1] = inverse[:, 0]
-    step = expm(whole / RATE)
+    complete = np.zeros((2 * n + 1, 2 * n + 1))
+    complete[:-1, :-1] = flow
+    complete[n : 2 * n, -1] = inverse[:, 0]
+    step = expm(complete / RATE)
     state = np.zeros(2 * n + 1)
     state[:n] = row[5]
     out = []
@@ -69,10 +69,10 @@ def test_shapes_and_refusals():
     x, jacobian = _core.key_path(KEY, force, RATE)
     assert x.shape == (10,)
     assert jacobian.shape == (10, 13)
-    for row, rate, told in (
+    for row, rate, message in (
         (KEY[:12], RATE, "3 for each mode"),
         (-KEY, RATE, "above zero"),
         (KEY, 0.0, "ticks a second"),
     ):
-        with pytest.raises(_core.EngineError, match=told):
+        with pytest.raises(_core.EngineError, match=message):
             _core.key_path(row, force, rate)

@@ -64,12 +64,12 @@ def climbed(seed: int, monkeypatch: pytest.MonkeyPatch, rain: bool = False) -> f
             return excited
 
     monkeypatch.setattr(ladder, "_core", Watched)
-    found = climb(Axis(device))
-    assert found.axis.sign == sign, seed
-    assert abs(found.rough[0] / total_mass(row) - 1) < 0.5, seed
+    result = climb(Axis(device))
+    assert result.axis.sign == sign, seed
+    assert abs(result.rough[0] / total_mass(row) - 1) < 0.5, seed
     if rain:
-        takes.record(found, "rain", 3.0, lambda kind, part: None)
-        takes.record(found, "strikes", 3.0, lambda kind, part: None)
+        takes.record(result, "rain", 3.0, lambda kind, part: None)
+        takes.record(result, "strikes", 3.0, lambda kind, part: None)
     return farthest
 
 
@@ -101,13 +101,13 @@ def taken(found: Ladder, seconds: float = 8.0) -> list[takes.Take]:
 def test_a_key_is_measured_by_its_device():
     """Through the safety stages and the wire the key is known as well as its sensor allows."""
     *fitted, apart = taken(climb(Axis(emulated(seed=3))))
-    found = measure([take.gesture for take in fitted], apart.gesture).fit
-    assert found.rms < 1.1 * np.hypot(0.5, 1 / np.sqrt(12)) * QUANTUM
+    result = measure([take.gesture for take in fitted], apart.gesture).fit
+    assert result.rms < 1.1 * np.hypot(0.5, 1 / np.sqrt(12)) * QUANTUM
     for index in (0, 1, 2, 3, 4, INDEX["delay"], 10, 11, 12):
-        assert abs(found.row[index] - KEY[index]) < 4.5 * found.deviation(index), index
+        assert abs(result.row[index] - KEY[index]) < 4.5 * result.deviation(index), index
     force = apart.gesture.force
     truth = path(KEY, force, 176, 0.0)
-    replay = path(found.row, force, None, 0.0)
+    replay = path(result.row, force, None, 0.0)
     assert np.sqrt(np.mean((replay - truth) ** 2)) < 0.05 * QUANTUM
 
 
@@ -116,9 +116,9 @@ def test_a_fader_without_a_spring_is_guided():
     """A fader of eight bits both ways, as FireFader is one."""
     fader = np.array([0.05, 0.0, 1.0, 0.0, 0.1, 2e-3, 0.0, 0.0, 0.0, 0.0])
     device = _core.emulated_device("firefader", fader, rate=RATE, noise=1e-4)
-    found = climb(Axis(device, is_gated=False))
-    assert found.needs_guide
-    *fitted, apart = taken(found)
+    result = climb(Axis(device, is_gated=False))
+    assert result.needs_guide
+    *fitted, apart = taken(result)
     force = fitted[0].gesture.force
     assert np.abs(force / FORCE_STEP - np.round(force / FORCE_STEP)).max() < 1e-4
     fit = measure([take.gesture for take in fitted], apart.gesture).fit

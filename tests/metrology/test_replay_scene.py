@@ -29,7 +29,7 @@ def residual(t: np.ndarray) -> np.ndarray:
     return 4e-6 * np.sin(60 * t)
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 def test_each_curve_shows_what_was():
     t = np.arange(1200) / RATE
     counts = np.ones(t.size, bool)
@@ -37,10 +37,10 @@ def test_each_curve_shows_what_was():
     start = -2e-3
     read = np.where(counts, start + model(t) + residual(t), 7.0)
     gesture = Gesture(force(t), read, counts, RATE)
-    at = t[counts]
-    found = Replay(gesture, start + model(t), at, residual(at))
+    position = t[counts]
+    result = Replay(gesture, start + model(t), position, residual(position))
     shown = render_view(
-        write_scene(found, Path()), Path(), FileOptions(motion=True, see="all"), Report()
+        write_scene(result, Path()), Path(), FileOptions(motion=True, see="all"), Report()
     )
     motion = _core.read_motion(shown.motion)
     # 0.7 N, 3.1 mm and 4 um within 10 cm, by centimetres of 1, 2, 5.

@@ -16,19 +16,19 @@ def measured(row: Floats, seed: int) -> tuple[Measured, float]:
     force, other = rain(KEY), knocks(KEY)
     begin = row[5] + START
     apart = gesture(row, other, seed + 1000, begin)
-    found = measure([gesture(row, force, seed)], apart)
+    result = measure([gesture(row, force, seed)], apart)
     truth = path(row, other, 176, begin)
-    replay = path(found.fit.row, other, None, apart.start)
-    return found, float(np.sqrt(np.mean((replay - truth) ** 2)))
+    replay = path(result.fit.row, other, None, apart.start)
+    return result, float(np.sqrt(np.mean((replay - truth) ** 2)))
 
 
 def kept(found: Measured) -> list[str]:
     return [stage.name for stage in found.stages if stage.is_accepted]
 
 
-def deviations(found: Measured, row: Floats) -> dict[int, float]:
+def deviations(result_wanted: Measured, row: Floats) -> dict[int, float]:
     """Errors of the parameters, in their standard deviations."""
-    fit = found.fit
+    fit = result_wanted.fit
     return {i: (fit.row[i] - row[i]) / fit.deviation(i) for i in fit.columns}
 
 
@@ -36,11 +36,11 @@ def errors_of(seeds: range) -> Floats:
     """Errors of all parameters in their deviations, (seeds, 9): the modes' are the last three."""
     errors = []
     for seed in seeds:
-        found, replay = measured(KEY, seed)
-        assert kept(found)[:2] == ["M K Z", "dry"]
-        assert kept(found)[-1] == "mode"
+        result, replay = measured(KEY, seed)
+        assert kept(result)[:2] == ["M K Z", "dry"]
+        assert kept(result)[-1] == "mode"
         assert replay <= min(0.25e-6, 0.05 * QUANTUM), f"seed {seed}: {replay}"
-        each = deviations(found, KEY)
+        each = deviations(result, KEY)
         errors.append([each[i] for i in (*range(5), INDEX["delay"], *range(10, 13))])
     return np.array(errors)
 
@@ -62,10 +62,10 @@ def test_a_key_is_measured_as_well_as_can_be():
 
 @pytest.mark.slow
 def test_no_mode_is_found_where_there_is_none():
-    found, replay = measured(PLAIN, 7)
-    assert "mode" not in kept(found)
+    result, replay = measured(PLAIN, 7)
+    assert "mode" not in kept(result)
     assert replay <= 0.25e-6
-    assert max(map(abs, deviations(found, PLAIN).values())) < 4
+    assert max(map(abs, deviations(result, PLAIN).values())) < 4
 
 
 @pytest.mark.slow
@@ -81,13 +81,13 @@ def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bo
     row = KEY.copy()
     for name, value in changed.items():
         row[INDEX[name]] = value
-    found, replay = measured(row, 3)
-    friction = [name for name in kept(found) if name in ("presliding", "Stribeck")]
+    result, replay = measured(row, 3)
+    friction = [name for name in kept(result) if name in ("presliding", "Stribeck")]
     assert friction == [part]
-    assert kept(found)[-1] == "mode"
+    assert kept(result)[-1] == "mode"
     assert replay < bound
     for name, value in changed.items():
-        assert abs(found.fit.row[INDEX[name]] / value - 1) < 0.05
+        assert abs(result.fit.row[INDEX[name]] / value - 1) < 0.05
 
 
 def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
@@ -97,13 +97,13 @@ def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
     ticks = chance.choice([-1.0, 1.0], n)
     strokes = np.repeat(chance.uniform(-1.0, 1.0, n // 250), 250)
     force = wire(0.18 * ticks + 0.42 * strokes)
-    found = measure([gesture(row, force, 4)])
-    added = [stage.name for stage in found.stages if stage.is_accepted and not stage.is_removal]
-    removed = [stage.name for stage in found.stages if stage.is_accepted and stage.is_removal]
+    result = measure([gesture(row, force, 4)])
+    added = [stage.name for stage in result.stages if stage.is_accepted and not stage.is_removal]
+    removed = [stage.name for stage in result.stages if stage.is_accepted and stage.is_removal]
     assert added[:4] == ["M K Z", "dry", "presliding", "delay"]
     assert removed[-1] == "presliding"
-    assert not found.fit.row[INDEX["presliding"] :].any()
-    errors = deviations(found, row)
+    assert not result.fit.row[INDEX["presliding"] :].any()
+    errors = deviations(result, row)
     assert max(map(abs, errors.values())) < 4, errors
 
 
@@ -118,10 +118,10 @@ def test_a_key_without_a_spring_has_none():
     fader = np.array([0.4, 0.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     force = rain(KEY, 6.0)
     force = force - force.mean()
-    found = measure([gesture(fader, force, 5)])
-    errors = deviations(found, fader)
-    assert abs(found.fit.row[INDEX["stiffness"]]) < 0.05
-    assert len(found.fit.row) == N_KEY
+    result = measure([gesture(fader, force, 5)])
+    errors = deviations(result, fader)
+    assert abs(result.fit.row[INDEX["stiffness"]]) < 0.05
+    assert len(result.fit.row) == N_KEY
     assert abs(errors[INDEX["mass"]]) < 4
 
 

@@ -8,7 +8,7 @@ from ergon.cli import app
 from ergon.workshop.api.model import import_model
 from ergon.workshop.models.errors import ModelError
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 SCRIPT = """\
 @K param 0.1
 @o osc 1. K 0.0003 0. 0.
@@ -59,6 +59,6 @@ def test_a_mistake_is_told_by_the_line_of_the_program(capsys: pytest.CaptureFixt
 )
 def test_what_has_no_script_of_its_own_is_refused(text: str, line: int, says: str) -> None:
     Path("o.dsp").write_text(text)
-    with pytest.raises(ModelError, match=says) as told:
+    with pytest.raises(ModelError, match=says) as output:
         import_model("o.dsp")
-    assert told.value.line == line
+    assert output.value.line == line

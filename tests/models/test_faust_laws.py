@@ -14,7 +14,7 @@ from ergon.workshop.api.export import faust_programs
 from ergon.workshop.models.programs.faust_law import Laws
 from ergon.workshop.models.programs.network import Law
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 RATE = 44_100
 SCORE = """\
 ergon: 1
@@ -87,45 +87,45 @@ LAWS: list[dict[str, Any]] = [
 
 def law(fields: dict[str, Any]) -> Law:
     terms = ("law", "damping", "constants", "points")
-    whole = {one: fields.get(one) for one in terms} | {"constants": fields.get("constants", {})}
-    return Law(whole, _core.Law(*(whole[one] for one in terms)), 1.0)
+    complete = {one: fields.get(one) for one in terms} | {"constants": fields.get("constants", {})}
+    return Law(complete, _core.Law(*(complete[one] for one in terms)), 1.0)
 
 
 @needs_faust
 def test_a_law_has_the_force_that_it_has_in_the_engine() -> None:
-    made, laws = Laws(), [law(fields) for fields in LAWS]
-    names = [made.name(one, f"w{at}") for at, one in enumerate(laws)]
+    built, laws = Laws(), [law(fields) for fields in LAWS]
+    names = [built.name(item, f"w{index}") for index, item in enumerate(laws)]
     called = ", ".join(f"{name}(d, v)" for name in names)
-    Path("l.dsp").write_text("\n".join([*made.written(), f"process(d, v) = {called};\n"]))
+    Path("l.dsp").write_text("\n".join([*built.written(), f"process(d, v) = {called};\n"]))
     # Also where a table's lines meet, and beyond its ends.
-    at = [0.0, -0.0, *(1e-4 * n**3 for n in (-9, -8, 2, 13)), *np.linspace(-3e-3, 3e-3, 41), 1.0]
-    fed = np.array(list(product(at, (-1.0, -0.3, 0.0, 1e-3, 0.5))))
-    found = heard(Path("l.dsp"), fed, RATE)
-    for one, column in zip(laws, found.T, strict=True):
-        wanted = np.array([one.of.force(d, v) for d, v in fed])
+    index = [0.0, -0.0, *(1e-4 * n**3 for n in (-9, -8, 2, 13)), *np.linspace(-3e-3, 3e-3, 41), 1.0]
+    fed = np.array(list(product(index, (-1.0, -0.3, 0.0, 1e-3, 0.5))))
+    result = heard(Path("l.dsp"), fed, RATE)
+    for item, column in zip(laws, result.T, strict=True):
+        wanted = np.array([item.of.force(d, v) for d, v in fed])
         assert np.isfinite(wanted).sum() > 200
-        np.testing.assert_allclose(column, wanted, rtol=1e-13, atol=1e-15, err_msg=str(one.fields))
+        np.testing.assert_allclose(column, wanted, rtol=1e-13, atol=1e-15, err_msg=str(item.fields))
 
 
 def test_links_of_the_same_law_share_a_function() -> None:
-    made = Laws()
+    built = Laws()
     cubic, same, other = (
         law(LAWS[0]),
         law({**LAWS[0]}),
         law({**LAWS[0], "constants": {"k": 3e2, "q": 5e8, "z": 0.2}}),
     )
-    names = [made.name(one, word) for one, word in ((cubic, "a"), (same, "b"), (other, "c"))]
+    names = [built.name(one, word) for one, word in ((cubic, "a"), (same, "b"), (other, "c"))]
     assert names == ["law_a", "law_a", "law_c"]
-    assert sum(line.startswith("law_") for line in made.written()) == 2
+    assert sum(line.startswith("law_") for line in built.written()) == 2
 
 
 @needs_faust
 def test_a_program_of_laws_steps_what_the_engine_steps() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="ca")
-    (made,) = faust_programs("s.yaml")
-    Path("s.dsp").write_text(made.text)
-    sound = heard(Path("s.dsp"), np.zeros((len(exact), made.text.count("// input"))), RATE)
+    (built,) = faust_programs("s.yaml")
+    Path("s.dsp").write_text(built.text)
+    sound = heard(Path("s.dsp"), np.zeros((len(exact), built.text.count("// input"))), RATE)
     assert exact.shape[1] == 8
     assert np.abs(exact).max(axis=0).min() > 1e-6
     assert off_db(sound, exact) < -220

@@ -14,7 +14,7 @@ from ergon.cli import app
 from ergon.workshop.api.export import ExportOptions, faust_programs
 from ergon.workshop.api.model import ModelOptions, import_model
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 RATE = 44_100
 SCORE = """\
 ergon: 1
@@ -68,10 +68,10 @@ HAND = """
 def test_a_program_steps_what_the_engine_steps() -> None:
     Path("s.yaml").write_text(SCORE)
     exact = played(SCORE, method="ca")
-    (made,) = faust_programs("s.yaml")
-    assert "// input 1: force on wire.s.3 [N]" in made.text
-    assert "// output 7: bell.v [m/s]" in made.text
-    Path("s.dsp").write_text(made.text)
+    (built,) = faust_programs("s.yaml")
+    assert "// input 1: force on wire.s.3 [N]" in built.text
+    assert "// output 7: bell.v [m/s]" in built.text
+    Path("s.dsp").write_text(built.text)
     fed = np.zeros((len(exact), 3))
     fed[0] = 1e-3 * RATE  # an impulse of 1 mNs within a sample
     sound = heard(Path("s.dsp"), fed, RATE)
@@ -94,9 +94,9 @@ def test_inputs_are_those_of_a_model_that_was_imported() -> None:
     Path("m.mdl").write_text(HAND)
     asked = ModelOptions(dialect="v2", inputs={"in1": "path.wav", "in2": "push.wav"})
     Path("m.yaml").write_text(import_model("m.mdl", asked).text)
-    (made,) = faust_programs("m.yaml")
-    assert "// input 1: position of model.in1 [m]\n// input 2: force on model.m [N]\n" in made.text
-    Path("m.dsp").write_text(made.text)
+    (built,) = faust_programs("m.yaml")
+    assert "// input 1: position of model.in1 [m]\n// input 2: force on model.m [N]\n" in built.text
+    Path("m.dsp").write_text(built.text)
     sound = heard(Path("m.dsp"), fed.T, RATE)
     assert off_db(sound, exact) < -220
 
@@ -242,14 +242,14 @@ render: {tail: 0.3s}
 def test_bodies_are_banks_of_their_modes() -> None:
     Path("s.yaml").write_text(BODIES)
     exact = played(BODIES, method="modal")
-    made = faust_programs("s.yaml", ExportOptions(upto="20kHz"))
-    assert [one.part for one in made] == ["wire", "sheet", "sky", "desk"]  # what is heard
+    built = faust_programs("s.yaml", ExportOptions(upto="20kHz"))
+    assert [one.part for one in built] == ["wire", "sheet", "sky", "desk"]  # what is heard
     # One program of all: each is compiled as an environment of its own.
-    texts = [f"p_{one.part} = environment {{\n{one.text}\n}}.process;" for one in made]
+    texts = [f"p_{one.part} = environment {{\n{one.text}\n}}.process;" for one in built]
     texts = [re.sub("declare .*", "", text) for text in texts]
-    whole = ", ".join(f"p_{one.part}" for one in made)
-    Path("s.dsp").write_text("\n".join([*texts, f"process = {whole};"]))
-    counts = [one.text.count("// input") for one in made]
+    complete = ", ".join(f"p_{one.part}" for one in built)
+    Path("s.dsp").write_text("\n".join([*texts, f"process = {complete};"]))
+    counts = [one.text.count("// input") for one in built]
     assert counts == [1, 1, 9, 1]
     fed = np.zeros((len(exact), sum(counts)))
     fed[0] = 1e-3 * RATE
@@ -301,8 +301,8 @@ render: {tail: 50ms}
 def test_points_between_masses() -> None:
     Path("s.yaml").write_text(PROXIES)
     exact = played(PROXIES, method="ca")
-    (made,) = faust_programs("s.yaml")
-    Path("s.dsp").write_text(made.text)
+    (built,) = faust_programs("s.yaml")
+    Path("s.dsp").write_text(built.text)
     sound = heard(Path("s.dsp"), np.zeros((len(exact), 0)), RATE)
     assert np.abs(exact).max(axis=0).min() > 0
     assert off_db(sound, exact) < -220

@@ -82,8 +82,8 @@ def test_functions_in_a_model() -> None:
         ("pow(a, 2", "never closed"),
     ],
 )
-def test_wrong_functions_are_refused(expression: str, said: str) -> None:
+def test_wrong_functions_are_refused(expression: str, message: str) -> None:
     with pytest.raises(ModelError, match=r"M of 'm'") as refused:
         parse(MODEL.replace("pow(a, 0.5)", expression), "v2")
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert refused.value.line == 3

@@ -15,7 +15,7 @@ from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
 
 FRAMES = 4410
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 HAND = """
 @in1 posInput 0
 @in2 frcInput @m
@@ -45,13 +45,13 @@ def test_inputs_move_and_push_as_they_do_in_the_model():
     wave("push.wav", push)
     Path("m.mdl").write_text(HAND)
     asked = ModelOptions(dialect="v2", inputs={"in1": "path.wav", "in2": "push.wav"})
-    heard = mims.played(HAND, "v2", FRAMES / mims.RATE, inputs={"in1": path, "in2": push})
+    listened = mims.played(HAND, "v2", FRAMES / mims.RATE, inputs={"in1": path, "in2": push})
     sound = rendered(import_model("m.mdl", asked).text, FRAMES / mims.RATE)
-    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
     still = import_model("m.mdl", ModelOptions(dialect="v2")).text
-    heard = mims.played(HAND, "v2", FRAMES / mims.RATE)
+    listened = mims.played(HAND, "v2", FRAMES / mims.RATE)
     sound = rendered(still, FRAMES / mims.RATE)
-    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
 JUMPS = {
@@ -91,9 +91,9 @@ def test_an_input_that_begins_elsewhere_is_felt_by_dampers(name: str, x0: float)
     for inputs, signal in (({}, {}), ({"in1": "path.wav"}, {"in1": path})):
         asked = ModelOptions(dialect=dialect, inputs=inputs)
         score = import_model("m.mdl", asked).text
-        heard = mims.played(text, dialect, FRAMES / mims.RATE, inputs=signal)
+        listened = mims.played(text, dialect, FRAMES / mims.RATE, inputs=signal)
         sound = rendered(score, FRAMES / mims.RATE)
-        assert np.abs(sound - heard).max() <= 1e-11 * np.abs(heard).max(), score
+        assert np.abs(sound - listened).max() <= 1e-11 * np.abs(listened).max(), score
 
 
 def test_a_force_between_masses_is_shared():
@@ -101,10 +101,10 @@ def test_a_force_between_masses_is_shared():
     wave("push.wav", push)
     text = "@in1 frcInput [@s 0.3]\n@s string 6 1 0.05 0.001 0 0\n@out1 posOutput [@s 0.7]\n"
     Path("m.mdl").write_text(text)
-    heard = mims.played(text, "v2", FRAMES / mims.RATE, inputs={"in1": push})
-    made = import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"}))
-    sound = rendered(made.text, FRAMES / mims.RATE)
-    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    listened = mims.played(text, "v2", FRAMES / mims.RATE, inputs={"in1": push})
+    built = import_model("m.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"}))
+    sound = rendered(built.text, FRAMES / mims.RATE)
+    assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
 def way(frame: int, value: float) -> np.ndarray:
@@ -118,22 +118,22 @@ def later(signal: np.ndarray, by: int = 1) -> np.ndarray:
 
 def test_inputs_by_osc_glide_to_what_they_are_told():
     """A position is reached at the end of its frame, so that it is heard a sample later."""
-    said = HAND.replace("@m mass 1", "@p audioParam @in3\n@m mass [2+p]")
-    Path("m.mdl").write_text(said)
+    message = HAND.replace("@m mass 1", "@p audioParam @in3\n@m mass [2+p]")
+    Path("m.mdl").write_text(message)
     asked = ModelOptions(dialect="v2", inputs={"in1": "osc", "in2": "osc", "in3": "osc"})
     text = import_model("m.mdl", asked).text
     assert "in1: {input: osc, gain: 1m}  # /ergon/input/in1 VALUE, from -1 to 1" in text
     assert "in2: {input: osc, gain: 1N}" in text
-    told = [(100, "in1", 0.01), (300, "in2", 1e-4), (2000, "in3", -0.5)]
+    output = [(100, "in1", 0.01), (300, "in2", 1e-4), (2000, "in3", -0.5)]
     inputs = {
         "in1": later(way(100, 0.01)),
         "in2": way(300, 1e-4),
         "in3": later(way(2000, -0.5), 2),
     }
-    heard = mims.played(said, "v2", FRAMES / mims.RATE, inputs=inputs)
-    sound = rendered(text, FRAMES / mims.RATE, told)
-    assert np.abs(heard).max() > 0.01
-    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    listened = mims.played(message, "v2", FRAMES / mims.RATE, inputs=inputs)
+    sound = rendered(text, FRAMES / mims.RATE, output)
+    assert np.abs(listened).max() > 0.01
+    assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
 def test_files_that_feed_nothing():
@@ -164,9 +164,9 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
     before = Path("m.yaml").read_text()
     Path("m.mdl").write_text("@m sprong 1\n")
     assert app.run(["import", "m.mdl", "-f"]) == 2
-    said = capsys.readouterr().err
-    assert "m.mdl:1: 'sprong' is not a word" in said
-    assert "Traceback" not in said
+    output = capsys.readouterr().err
+    assert "m.mdl:1: 'sprong' is not a word" in output
+    assert "Traceback" not in output
     assert Path("m.yaml").read_text() == before
     for words in (["--set", "k"], ["--input", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
         assert app.run(["import", "m.mdl", "-f", *words]) == 2
@@ -176,25 +176,25 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
 def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str]):
     Path("m.mdl").write_text(HAND)
     assert app.run(["import", "m.mdl", "--dialect", "v2"]) == 0
-    said = capsys.readouterr().err
-    assert "in1, in2 stay at 0; --input in1=FILE.wav feeds in1" in said
+    output = capsys.readouterr().err
+    assert "in1, in2 stay at 0; --input in1=FILE.wav feeds in1" in output
     wave("in1.wav", np.zeros(10))
     assert app.run(["import", "m.mdl", "--dialect", "v2", "-f", "--input", "in1=in1.wav"]) == 0
     assert "in2 stays at 0; --input in2=FILE.wav feeds in2" in capsys.readouterr().err
 
 
 def test_a_text_that_is_no_model_is_said_to_be_none(capsys: pytest.CaptureFixture[str]):
-    said = {
+    sentence = {
         "1 220.5 0.8 0.35\n2 440 0.5 0.4\n": "a table of resonances; `ergon bell m.txt` makes",
         "a letter to a friend\n": "a line begins with @ and a name",
         "": "no line begins with @ and a name",
         "faustcode: k=1.0;\naudioout,a0,0.0;\n": "it has no mass and no link",
     }
-    for text, message in said.items():
+    for text, message in sentence.items():
         Path("m.txt").write_text(text)
         assert app.run(["import", "m.txt", "-o", "m.yaml", "-f"]) == 2
-        told = capsys.readouterr().err
-        assert message in told, told
+        output = capsys.readouterr().err
+        assert message in output, output
         assert not Path("m.yaml").exists()
 
 

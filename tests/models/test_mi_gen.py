@@ -13,7 +13,7 @@ from ergon.cli import app
 from ergon.workshop.api.export import ExportOptions, mi_gen_models
 from ergon.workshop.api.model import ModelOptions, import_model
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 RATE = 44_100
 CA = """\
 ergon: 1
@@ -97,9 +97,9 @@ render: {tail: 0.2s}
 
 def _model(text: str, *parts: str) -> str:
     Path("s.yaml").write_text(text)
-    (made,) = mi_gen_models("s.yaml", ExportOptions(parts=parts))
-    Path("s.mdl").write_text(made.text)
-    return made.text
+    (built,) = mi_gen_models("s.yaml", ExportOptions(parts=parts))
+    Path("s.mdl").write_text(built.text)
+    return built.text
 
 
 def _fed() -> dict[str, np.ndarray]:
@@ -150,10 +150,10 @@ def test_a_score_that_was_imported_is_exported_and_imported_again() -> None:
     Path("m.mdl").write_text(text)
     asked = ModelOptions(inputs={"in1": "push.wav", "in4": "path.wav"})
     score = import_model("m.mdl", asked).text
-    said, again = (
+    message, again = (
         sorted(one for one in t.splitlines() if one[:1] == "@") for t in (text, _model(score))
     )
-    assert said == again
+    assert message == again
 
 
 @pytest.mark.parametrize(
@@ -248,19 +248,19 @@ def test_points_between_masses_are_places_of_macros():
     soundfile.write("push.wav", push, RATE, subtype="FLOAT")
     Path("net.yaml").write_text(BETWEEN)
     (model,) = mi_gen_models("net.yaml", ExportOptions())
-    made = model.text
-    Path("net.mdl").write_text(made)
+    built = model.text
+    Path("net.mdl").write_text(built)
     back = import_model("net.mdl", ModelOptions(dialect="v2", inputs={"in1": "push.wav"})).text
     ours, theirs = played(BETWEEN, method="ca")[:8000], rendered(back, 8000 / RATE)
-    heard = mims.played(made, "v2", 8000 / RATE, inputs={"in1": push})
+    listened = mims.played(built, "v2", 8000 / RATE, inputs={"in1": push})
     assert np.abs(ours).max(axis=0).min() > 1e-7
     assert off_db(theirs, ours) < -200.0
-    assert off_db(heard, ours) < -180.0
+    assert off_db(listened, ours) < -180.0
 
 
-@pytest.mark.parametrize("of", ["[s.3, s.6], shares: [0.5, 0.5]", "[s.3, s.4], shares: [1, 1]"])
-def test_points_at_no_place_are_refused(of: str, capsys: pytest.CaptureFixture[str]):
+@pytest.mark.parametrize("source", ["[s.3, s.6], shares: [0.5, 0.5]", "[s.3, s.4], shares: [1, 1]"])
+def test_points_at_no_place_are_refused(source: str, capsys: pytest.CaptureFixture[str]):
     soundfile.write("push.wav", np.zeros(10), RATE, subtype="FLOAT")
-    Path("net.yaml").write_text(BETWEEN.replace("[s.3, s.4], shares: [0.8, 0.2]", of))
+    Path("net.yaml").write_text(BETWEEN.replace("[s.3, s.4], shares: [0.8, 0.2]", source))
     assert app.run(["export", "net.yaml", "--to", "mdl", "-o", "out"]) != 0
     assert "net.yaml:19: net.h: a PROXY that lies at no place" in capsys.readouterr().err

@@ -50,12 +50,12 @@ def model(*parts: tuple, gravity: float = 0.0, friction: float = 0.0, up: str = 
     rows = ['<?xml version="1.0" encoding="UTF-8"?>', "<Model.xml>", "  <global>"]
     rows += [f'    <gravity gravity="{gravity}"/>', f'    <friction friction="{friction}"/>']
     rows += [f'    <vector pos.x="{x}" pos.y="{y}" pos.z="{z}"/>', "  </global>"]
-    for section, kinds, one in (("MAT", MASSES, "mass"), ("Link", LINKS, "interaction")):
+    for section, kinds, item in (("MAT", MASSES, "mass"), ("Link", LINKS, "interaction")):
         rows.append(f"  <{section}>")
         for kind in kinds:
             rows.append(f"    <{kind}>")
-            own = [row for word, row in parts if word == kind]
-            rows += [f"      <{one}_{at} {row}/>" for at, row in enumerate(own)]
+            entry = [row for word, row in parts if word == kind]
+            rows += [f"      <{item}_{at} {row}/>" for at, row in enumerate(entry)]
             rows.append(f"    </{kind}>")
         rows.append(f"  </{section}>")
     return "\n".join([*rows, "</Model.xml>"])
@@ -154,13 +154,13 @@ BOTH = model(*TIED, link("Rope3D", "g", "m", 0.02, 0.01, 65), line("o", 2.0, 0.5
              gravity=1e-3)  # fmt: skip
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 def test_a_file_becomes_a_score_that_is_rendered(capsys: pytest.CaptureFixture[str]) -> None:
     Path("m.xml").write_text(BOTH)
     assert app.run(["import", "m.xml", "-o", "s.yaml"]) == 0
     assert "6 statements of miphysics" in "".join(capsys.readouterr())
     score = Path("s.yaml").read_text()
-    for said in (
+    for message in (
         "    space: 3  # a unit of the model is a millimetre",
         "    gravity: 1944.81m/s2  # 0.001 a sample²",
         "      l: {BUT: {between: [g, m], K: 0.02*stiff, Z: 0.01*viscous, gap: 65mm, "
@@ -169,11 +169,11 @@ def test_a_file_becomes_a_score_that_is_rendered(capsys: pytest.CaptureFixture[s
         "    out: {heard: {SOX: m.z}}",
         "  channels: 2",
     ):
-        assert f"\n{said}\n" in score, said
+        assert f"\n{message}\n" in score, message
     assert app.run(["render", "s.yaml", "-o", "s.wav", "--force"]) == 0
-    made = import_model("m.xml", ModelOptions(dialect="miphysics", values={"rate": "1050"}))
-    assert "rates: {audio: 1050Hz}" in made.text
-    assert load("s.yaml", text=made.text).piece is not None
+    built = import_model("m.xml", ModelOptions(dialect="miphysics", values={"rate": "1050"}))
+    assert "rates: {audio: 1050Hz}" in built.text
+    assert load("s.yaml", text=built.text).piece is not None
 
 
 REFUSED = {
@@ -215,7 +215,7 @@ def test_what_no_score_says_is_refused(name: str) -> None:
         written(parse(text), "", RATE)
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -247,11 +247,11 @@ def test_spoiled_files_are_refused_or_read() -> None:
     pieces = [one for text in texts for one in re.findall(r"[\w.]+|\W", text)]
     pieces += ["1e308", "nan", "-0.0", "-1", "1e-320", "<", ">", "&", "]]>", "\x01", "9" * 99]
     for _ in range(300):
-        found = re.findall(r"[\w.]+|\W", draw.choice(texts))
+        result = re.findall(r"[\w.]+|\W", draw.choice(texts))
         for _ in range(draw.randint(1, 2)):
-            at = draw.randrange(len(found))
-            found[at] = draw.choice(pieces)
-        text = "".join(found)
+            index = draw.randrange(len(result))
+            result[index] = draw.choice(pieces)
+        text = "".join(result)
         try:
             score = written(parse(text), "", RATE)
         except ModelError:

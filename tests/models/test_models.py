@@ -435,11 +435,11 @@ def test_there_are_sixty_models():
 
 
 def sounds_alike(dialect: str, text: str, bound: float, seconds: float) -> None:
-    heard = mims.played(text, dialect, seconds)
-    assert np.abs(heard).max() > 1e-6, "the model is silent"
+    listened = mims.played(text, dialect, seconds)
+    assert np.abs(listened).max() > 1e-6, "the model is silent"
     sound = rendered(written(parse(text, dialect)), seconds)
-    sizes = np.abs(heard).max(axis=0)
-    off = np.abs(sound - heard).max(axis=0)
+    sizes = np.abs(listened).max(axis=0)
+    off = np.abs(sound - listened).max(axis=0)
     assert np.all(off <= bound * sizes.max()), f"{20 * np.log10(off.max() / sizes.max()):.1f} dB"
 
 
@@ -482,7 +482,7 @@ def test_every_word_is_tried():
 def test_a_parameter_may_have_another_value():
     text = V2["parameters"]
     sound = rendered(written(parse(text, "v2", overrides={"kScale": "0.03"})), SECONDS)
-    heard = mims.played(text, "v2", SECONDS, given={"kScale": 0.03})
-    assert np.abs(sound - heard).max() < LINEAR
+    listened = mims.played(text, "v2", SECONDS, arguments={"kScale": 0.03})
+    assert np.abs(sound - listened).max() < LINEAR
     with pytest.raises(ModelError, match=r"'kscale' is not a parameter.*kScale"):
         parse(text, "v2", overrides={"kscale": "1"})

@@ -144,32 +144,34 @@ outSpeed 0 1 1
 ASKED = "massPosMean m; massSpeedMean; massSpeed 0; massSpeedL m; massPosXL; massSpeedXL m"
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 def test_inlets_move_and_push_as_they_do_in_the_object() -> None:
     t = np.arange(FRAMES) / RATE
     waves = [0.1 * np.cos(2 * np.pi * 300.0 * t), 0.2 * np.sin(2 * np.pi * 90.0 * t) ** 2]
-    fed = {at: np.float64(np.float32(one)) for at, one in enumerate(waves)}  # as files hold them
-    for at, samples in fed.items():
-        soundfile.write(f"w{at}.wav", samples, RATE, subtype="FLOAT")
+    fed = {
+        index: np.float64(np.float32(one)) for index, one in enumerate(waves)
+    }  # as files hold them
+    for index, samples in fed.items():
+        soundfile.write(f"w{index}.wav", samples, RATE, subtype="FLOAT")
     Path("fed.txt").write_text(FED)
     asked = ModelOptions(inputs={"in0": "w0.wav", "in1": "w1.wav"})
-    made = import_model("fed.txt", asked)
-    assert (made.dialect, made.n_statements, made.unfed) == ("pmpd~", 12, ())
+    built = import_model("fed.txt", asked)
+    assert (built.dialect, built.n_statements, built.unfed) == ("pmpd~", 12, ())
     exact = pmpd.audio(FED, FRAMES, fed)
-    sound = rendered(made.text, SECONDS)
+    sound = rendered(built.text, SECONDS)
     assert np.abs(exact[:, 1]).max() > 0.1
     assert off(sound[1:, 1], exact[:-1, 1]) < LINEAR
     # A speed is that in the middle of a step, 7.5 samples late.
     assert off(sound[200:, 0], exact[200 - 8 : -8, 0]) < 1e-3
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 def test_an_inlet_without_a_file_is_0(capsys: pytest.CaptureFixture[str]) -> None:
     Path("fed.txt").write_text(FED)
     assert app.run(["import", "fed.txt", "-o", "s.yaml"]) == 0
-    said = "".join(capsys.readouterr())
-    assert "12 statements of pmpd~" in said
-    assert "in0, in1 stay at 0" in said
+    output = "".join(capsys.readouterr())
+    assert "12 statements of pmpd~" in output
+    assert "in0, in1 stay at 0" in output
     silent = {at: np.zeros(FRAMES) for at in (0, 1)}
     sound = rendered(Path("s.yaml").read_text(), SECONDS)
     assert off(sound[1:, 1], pmpd.audio(FED, FRAMES, silent)[:-1, 1]) < LINEAR
@@ -297,7 +299,7 @@ def test_what_no_score_says_is_refused_with_its_line(kind: Object, name: str) ->
     assert refused.value.line == line
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 @pytest.mark.parametrize(
     ("text", "says", "options"),
     [
@@ -335,15 +337,15 @@ def test_spoiled_lists_are_refused_or_read() -> None:
     for _ in range(300):
         spoiled = draw.choice(texts).replace(";", " ; ").replace("\n", " ; ").split(" ")
         for _ in range(draw.randint(1, 2)):
-            at = draw.randrange(len(spoiled))
-            spoiled[at : at + draw.randint(0, 2)] = draw.choices(words, k=draw.randint(0, 2))
+            index = draw.randrange(len(spoiled))
+            spoiled[index : index + draw.randint(0, 2)] = draw.choices(words, k=draw.randint(0, 2))
             spoiled = spoiled or ["mass"]
         try:
             score = pmpd_score(" ".join(spoiled))
         except ModelError:
             continue
-        found = load("s.yaml", text=score)
-        assert found.piece is not None, (spoiled, found.diagnostics)
+        result = load("s.yaml", text=score)
+        assert result.piece is not None, (spoiled, result.diagnostics)
         read += 1
     assert read > 20
 

@@ -15,7 +15,7 @@ from ergon.workshop.models.mims.reading import parse
 from ergon.workshop.models.mims.score import written
 
 FRAMES = 1500
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 MACROS = {
     "string": "@s string 9 1 0.3 0.002 0 0",
     "stiffString": "@s stiffString 9 1 0.3 0.05 0.002 0 0",
@@ -57,11 +57,11 @@ def compared(text: str, signals: dict[str, np.ndarray], laws: str = "head") -> N
         soundfile.write(f"{name}.wav", signal, mims.RATE, subtype="FLOAT")
     Path("m.mdl").write_text(text)
     files = {name: f"{name}.wav" for name in signals}
-    made = import_model("m.mdl", ModelOptions(dialect="v2", laws=laws, inputs=files))
-    heard = mims.played(text, "v2", FRAMES / mims.RATE, laws, inputs=signals)
-    sound = rendered(made.text, FRAMES / mims.RATE)
-    assert np.abs(heard[:, 0]).max() > 1e-6
-    assert np.abs(sound - heard).max() <= 1e-12 * np.abs(heard).max()
+    built = import_model("m.mdl", ModelOptions(dialect="v2", laws=laws, inputs=files))
+    listened = mims.played(text, "v2", FRAMES / mims.RATE, laws, inputs=signals)
+    sound = rendered(built.text, FRAMES / mims.RATE)
+    assert np.abs(listened[:, 0]).max() > 1e-6
+    assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
 @pytest.mark.parametrize("laws", ["head", "2019"])
@@ -77,15 +77,15 @@ def test_links_end_between_masses(macro: str, link: str, laws: str):
 def test_signals_move_points(macro: str, laws: str):
     """Links, inputs and outputs; places beyond the ends are the ends."""
     sides = "{0} 0.9-{1}/2" if "esh" in macro else "{0}"
-    one, other = sides.format("x+0.1", "y"), sides.format("1-y", "x")
+    first, other = sides.format("x+0.1", "y"), sides.format("1-y", "x")
     still = sides.replace("{0}", "0.5").format("", "x")
     lines = f"""@x audioParam @in3
 @y audioParam @in4
-@l contact [@s {one}] @h 0.1 0.02
+@l contact [@s {first}] @h 0.1 0.02
 @b nlBow @h [@s {other}] 0.05 0.02
-@r springDamper [@s {one}] @h 0.01 0.002
+@r springDamper [@s {first}] @h 0.01 0.002
 @in1 frcInput [@s {other}]
-@out3 posOutput [@s {one}]
+@out3 posOutput [@s {first}]
 @out4 posOutput [@s {still}]"""
     if laws == "2019":  # below 0 no place is
         lines = lines.replace("1-y", "0.2+0.5*y").replace("0.9-", "0.9-0.3*")

@@ -155,9 +155,9 @@ def test_an_expression_is_read_once(monkeypatch: pytest.MonkeyPatch):
     from ergon.workshop.models.mims import functions
 
     read = []
-    whole = functions.evaluate
+    complete = functions.evaluate
     monkeypatch.setattr(
-        functions, "evaluate", lambda *given, **more: read.append(1) or whole(*given, **more)
+        functions, "evaluate", lambda *given, **more: read.append(1) or complete(*given, **more)
     )
     lines = ["@k param 0.1"]
     lines += [f"@m{n} mass 1 0 0" for n in range(500)]

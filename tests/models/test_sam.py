@@ -183,8 +183,8 @@ def test_a_port_may_be_a_key_in_its_place() -> None:
     assert key is not None
     played = re.sub(r"      dev1: .+\n", "", score) + key[1] + "\n"
     played += "players: {ada: {key: dev1}}\ngestures: {tap: 0mm@0s smooth 5mm@50ms 0mm@100ms}\n"
-    found = load("s.yaml", text=played + "parts: {ada: [{at: 0s, play: tap}]}\n")
-    assert found.piece is not None, found.diagnostics
+    result = load("s.yaml", text=played + "parts: {ada: [{at: 0s, play: tap}]}\n")
+    assert result.piece is not None, result.diagnostics
 
 
 def test_a_parameter_may_have_another_value() -> None:
@@ -195,11 +195,11 @@ def test_a_parameter_may_have_another_value() -> None:
 
 def test_channels_are_sums_of_positions_and_forces() -> None:
     text = MODELS["offsets between masses"] + "\nport(),d;\nlink(50.0,0.01,0.0),q,m,d;\n"
-    heard = "faustcode: vol = -6.0 : db2linear; pan(x) = x*0.25 + 0.5;\n"
-    heard += "audioout,a,(m*2.0 + p:*(3.0))*vol;\naudioout,b,(p - m)/(0.5+0.5);\n"
-    heard += "audioout,c,-(1.0)*(l*pan(2.0))-j;\naudioout,e,d:_:/(2.0);\n"
-    heard = heard.replace("-(1.0)*", "-1.0*")
-    sound = rendered(sam_score(text + heard), 0.05)
+    listened = "faustcode: vol = -6.0 : db2linear; pan(x) = x*0.25 + 0.5;\n"
+    listened += "audioout,a,(m*2.0 + p:*(3.0))*vol;\naudioout,b,(p - m)/(0.5+0.5);\n"
+    listened += "audioout,c,-(1.0)*(l*pan(2.0))-j;\naudioout,e,d:_:/(2.0);\n"
+    listened = listened.replace("-(1.0)*", "-1.0*")
+    sound = rendered(sam_score(text + listened), 0.05)
     x = sam.played(text, len(sound))
     vol = 10.0 ** (-6.0 / 20.0)
     # `:` binds more loosely than + and *.
@@ -209,7 +209,7 @@ def test_channels_are_sums_of_positions_and_forces() -> None:
     assert off(sound[1:-1, 3], x["q"][2:] / 2.0) < LINEAR
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 @pytest.mark.parametrize("first", [0.0, 0.01])
 def test_ports_are_moved_by_files(first: float, capsys: pytest.CaptureFixture[str]) -> None:
     text = model("mass(0.01,0.02,0.0),m", G, "port(),d", "port(),e", "link(200.0,0.02,0.001),l,m,d",
@@ -221,9 +221,9 @@ def test_ports_are_moved_by_files(first: float, capsys: pytest.CaptureFixture[st
     soundfile.write("d.wav", path, RATE, subtype="FLOAT")
     Path("m.mdl").write_text(text)
     assert app.run(["import", "m.mdl", "-o", "s.yaml", "--input", "d=d.wav"]) == 0
-    said = "".join(capsys.readouterr())
-    assert "statements of sam" in said
-    assert "e stays at 0" in said
+    output = "".join(capsys.readouterr())
+    assert "statements of sam" in output
+    assert "e stays at 0" in output
     sound = rendered(Path("s.yaml").read_text(), n / RATE)
     # A score's file begins where the model's second sample is.
     exact = sam.played(text.split("\naudioout")[0] + "\n", n, {"d": [0.0, *path[:-1]]})
@@ -290,8 +290,8 @@ def test_names_that_a_score_makes_itself_are_free() -> None:
     text = names + model("resonators(sixty*a*A*e*bar*m,1.0,1.0),still", "ground(0.0),stillear",
                          "mass(1.0,0.1,0.0),model", "link(9.0,0.1,0.0),heard,still,model",
                          "audioout,x,-still", "audioout,y,model", "audioout,no,heard")  # fmt: skip
-    found = load("s.yaml", text=sam_score(text))
-    assert found.piece is not None, found.diagnostics
+    result = load("s.yaml", text=sam_score(text))
+    assert result.piece is not None, result.diagnostics
 
 
 # --- what is refused ----------------------------------------------------------------------------
@@ -369,7 +369,7 @@ def test_a_model_is_known_by_its_first_line() -> None:
     assert not is_model("")
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -390,12 +390,12 @@ def test_what_is_asked_otherwise_is_refused(
     assert not Path("s.yaml").exists()
 
 
-@pytest.mark.usefixtures("own_folder")
+@pytest.mark.usefixtures("work_folder")
 def test_values_and_dialects_are_taken_in_python() -> None:
     Path("m.mdl").write_text(WRITTEN)
-    made = import_model("m.mdl", ModelOptions(dialect="sam", values={"k": "1e2"}))
-    assert (made.dialect, made.n_statements, made.unfed) == ("sam", 11, ("dev1",))
-    assert "  k: 100  #" in made.text
+    built = import_model("m.mdl", ModelOptions(dialect="sam", values={"k": "1e2"}))
+    assert (built.dialect, built.n_statements, built.unfed) == ("sam", 11, ("dev1",))
+    assert "  k: 100  #" in built.text
 
 
 def spoiled(seed: int) -> str:
@@ -417,11 +417,11 @@ def spoiled(seed: int) -> str:
         "9" * 99,
     ]
     draw = random.Random(seed)
-    found = re.findall(r"\w+|\W", draw.choice(texts))
+    result = re.findall(r"\w+|\W", draw.choice(texts))
     for _ in range(draw.randint(1, 2)):
-        at = draw.randrange(len(found))
-        found[at : at + draw.randint(0, 2)] = draw.choices(pieces, k=draw.randint(0, 2))
-    return "".join(found)
+        index = draw.randrange(len(result))
+        result[index : index + draw.randint(0, 2)] = draw.choices(pieces, k=draw.randint(0, 2))
+    return "".join(result)
 
 
 @pytest.mark.parametrize("first", few(range(0, 3000, 300), 1))
@@ -433,7 +433,7 @@ def test_spoiled_models_are_refused_or_read(first: int) -> None:
             score = sam_score(text)
         except ModelError:
             continue
-        found = load("s.yaml", text=score)
-        assert found.piece is not None, (text, found.diagnostics)
+        result = load("s.yaml", text=score)
+        assert result.piece is not None, (text, result.diagnostics)
         read += 1
     assert read > 20

@@ -15,7 +15,7 @@ from ergon.workshop.models.mims.reading import parse
 from ergon.workshop.models.mims.score import written
 
 FRAMES = 1500
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 T = np.arange(FRAMES + 2) / mims.RATE
 SIGNALS = {
     "in1": 0.05 + 0.04 * np.sin(2 * np.pi * 170 * T + 0.3),
@@ -77,12 +77,12 @@ def compared(text: str, laws: str = "head", least: float = 1e-12) -> None:
     Path("m.mdl").write_text(text)
     known = [name for name in signals if f"@{name}" in text]
     files = {name: f"{name}.wav" for name in known}
-    made = import_model("m.mdl", ModelOptions(dialect="v2", laws=laws, inputs=files))
-    check(made.text)
-    heard = mims.played(text, "v2", FRAMES / mims.RATE, laws, inputs=signals)
-    sound = rendered(made.text, FRAMES / mims.RATE)
-    assert np.abs(heard[:, 0]).max() > 1e-6
-    assert np.abs(sound - heard).max() <= least * np.abs(heard).max(), made.text
+    built = import_model("m.mdl", ModelOptions(dialect="v2", laws=laws, inputs=files))
+    check(built.text)
+    listened = mims.played(text, "v2", FRAMES / mims.RATE, laws, inputs=signals)
+    sound = rendered(built.text, FRAMES / mims.RATE)
+    assert np.abs(listened[:, 0]).max() > 1e-6
+    assert np.abs(sound - listened).max() <= least * np.abs(listened).max(), built.text
 
 
 @pytest.mark.parametrize("laws", ["head", "2019"])
@@ -125,9 +125,9 @@ def test_the_end_of_a_moving_string_of_one_mass_pulls_twice():
 
 def test_a_signal_without_a_file_is_0_and_one_that_stays_is_a_number():
     text = f"{HAND}@l springDamper @m @h [0.02 + x] [0.001 + y]{OUT}"
-    made = written(parse(text, "v2"))
-    assert "follows" not in made
-    assert "K: 0.02, Z: 0.001" in made
+    built = written(parse(text, "v2"))
+    assert "follows" not in built
+    assert "K: 0.02, Z: 0.001" in built
 
 
 REFUSED = {

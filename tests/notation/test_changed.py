@@ -32,6 +32,6 @@ def test_changed_part_of_equal_sequences():
 
 
 def test_changed_part_with_repeated_items():
-    one, two = items(2)
-    assert changed_part((one, one), (one, one, one)) == (2, (), (one,))
-    assert changed_part((one, two, one), (one, one)) == (1, (two,), ())
+    first, two = items(2)
+    assert changed_part((first, first), (first, first, first)) == (2, (), (first,))
+    assert changed_part((first, two, first), (first, first)) == (1, (two,), ())

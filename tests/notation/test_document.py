@@ -77,8 +77,8 @@ def test_escaped_and_folded_texts_point_at_their_start(text):
 @given(st.lists(st.text("abc \t", max_size=6), min_size=1, max_size=8), st.integers(1, 5))
 def test_literal_blocks_are_the_source_shifted(lines, indent):
     text = f"k: |{indent}\n" + "".join(" " * indent + line + "\n" for line in lines)
-    document, found = read(text)
-    if found:  # a tab where YAML wants none
+    document, result = read(text)
+    if result:  # a tab where YAML wants none
         return
     scalar = document.root.get("k")
     for offset, character in enumerate(scalar.text):
@@ -88,8 +88,8 @@ def test_literal_blocks_are_the_source_shifted(lines, indent):
 
 
 def test_duplicates_name_the_first_line():
-    document, found = read("a: 1\nb:\n  c: 1\n  c: 2\na: 3\n")
-    assert [(d.code, d.place.line, d.message) for d in found] == [
+    document, result = read("a: 1\nb:\n  c: 1\n  c: 2\na: 3\n")
+    assert [(d.code, d.place.line, d.message) for d in result] == [
         ("E102", 4, "'c' is already defined on line 3"),
         ("E102", 5, "'a' is already defined on line 1"),
     ]
@@ -126,10 +126,10 @@ def test_alias_bombs_stay_small():
         bomb += f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 10)}]\n"
     gc.collect()
     tracemalloc.start()
-    found = errors(bomb)
+    result = errors(bomb)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert found[0][0] == "E105"
+    assert result[0][0] == "E105"
     assert peak < 5e6
 
 
@@ -145,9 +145,9 @@ def test_too_many_entries(monkeypatch):
 
 def test_a_table_costs_no_nodes():
     rows = "".join(f"    {i} {i % 7}mm\n" for i in range(100_000))
-    document, found = read("a: |\n" + rows)
+    document, result = read("a: |\n" + rows)
     scalar = document.root.get("a")
-    assert not found
+    assert not result
     place = scalar.place_at(scalar.text.index("99999 "), 5)
     assert (place.line, place.column) == (100_001, 5)
 

@@ -48,7 +48,7 @@ def test_elided_edit_equals_edit_of_whole_text(
     text = score(n_modules, has_links=has_links, is_commented=is_commented)
     texts, document = Texts("s.yaml", text), edit.read(text, "s.yaml")
     try:
-        whole = (
+        complete = (
             edit.remove(document, path) if is_removed else edit.put(document, path, "{REF: 1N/m}")
         )
     except EditError:
@@ -56,7 +56,7 @@ def test_elided_edit_equals_edit_of_whole_text(
             _ = texts.remove(path) if is_removed else texts.put(path, "{REF: 1N/m}")
         return
     edited = texts.remove(path) if is_removed else texts.put(path, "{REF: 1N/m}")
-    assert edited.text == whole
+    assert edited.text == complete
 
 
 def test_elided_leaves_out_runs_but_keeps_named_lines():

@@ -99,8 +99,8 @@ def test_each_place_and_code_once_and_in_file_order():
     for line in (3, 1, 3):
         collector.error("E101", "x", Place("used", line, 1))
         collector.error("E101", "x", Place("main", line, 1))
-    found = [(d.place.file, d.place.line) for d in collector.finish()]
-    assert found == [("main", 1), ("main", 3), ("used", 1), ("used", 3)]
+    result = [(d.place.file, d.place.line) for d in collector.finish()]
+    assert result == [("main", 1), ("main", 3), ("used", 1), ("used", 3)]
 
 
 def test_kinds_are_counted_apart():

@@ -54,8 +54,8 @@ def read(shape, text):
 
 
 def test_given_and_default():
-    values, found = read(POINT, "{x: 3, to: a}")
-    assert not found
+    values, result = read(POINT, "{x: 3, to: a}")
+    assert not result
     assert (values["x"], values["t"], values["side"]) == (3.0, 0.5, None)
     assert values["to"] == ("a",)
     assert values["to"][0].place.column == 12
@@ -82,10 +82,10 @@ def test_mistakes(text, code, column, suggestion):
 
 
 def test_a_broken_one_does_not_hide_the_others():
-    value, found = read(NamesOf(POINT, "point"), "{a: {x: 1}, b: {x: no}, 3c: {}, d: {y: 1}}")
+    value, result = read(NamesOf(POINT, "point"), "{a: {x: 1}, b: {x: no}, 3c: {}, d: {y: 1}}")
     assert list(value) == ["a", "b", "d"]
     assert value["b"] is MISSING
-    assert [d.code for d in found] == ["E204", "E110", "E103", "E101"]
+    assert [d.code for d in result] == ["E204", "E110", "E103", "E101"]
 
 
 def test_either_goes_by_the_form():

@@ -68,10 +68,10 @@ def _same(own, other, base=0):
             _same(value, item, begin)
     else:
         assert len(own.items) == len(other.items)
-        for number, (one, item) in enumerate(zip(own.items, other.items, strict=True)):
+        for number, (entry, item) in enumerate(zip(own.items, other.items, strict=True)):
             first, end = own.span(number)
             assert (base + first, base + end) == (item.start, item.end)
-            _same(one, item, own.bases[number] if own.bases else base)
+            _same(entry, item, own.bases[number] if own.bases else base)
 
 
 def _flow(head, items):
@@ -90,16 +90,16 @@ def test_nodes_are_those_of_the_whole_text(lists, row):
         for head, items, is_flow in lists
     )
     collector = Collector()
-    whole = compose(text, "score.yaml", collector, row)
-    found = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
-    if found is None:
+    complete = compose(text, "score.yaml", collector, row)
+    result = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
+    if result is None:
         return
-    own, lines = found
+    single, lines = result
     assert not collector.told
-    _same(own.root, whole.root)
-    assert own.size == whole.size
+    _same(single.root, complete.root)
+    assert single.size == complete.size
     again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)
-    _same(again.root, whole.root)
+    _same(again.root, complete.root)
 
 
 @pytest.mark.parametrize("n_lines", [10, 500])
@@ -135,16 +135,16 @@ def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
         for number, (is_text, entries) in enumerate(parts)
     )
     collector = Collector()
-    whole = compose(text, "score.yaml", collector, row)
-    found = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
-    if found is None:
+    complete = compose(text, "score.yaml", collector, row)
+    result = item_lines.compose_by_lines(text, "score.yaml", Path(), row, {})
+    if result is None:
         return
-    own, lines = found
+    single, lines = result
     assert not collector.told
-    _same(own.root, whole.root)
-    assert own.size == whole.size
+    _same(single.root, complete.root)
+    assert single.size == complete.size
     again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)
-    _same(again.root, whole.root)
+    _same(again.root, complete.root)
     lower, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row + 5, lines)
     _same(lower.root, compose(text, "score.yaml", Collector(), row + 5).root)  # rows of before
 

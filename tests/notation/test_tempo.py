@@ -231,12 +231,12 @@ ramps = st.lists(st.tuples(bpms, bpms, st.floats(0.1, 40), st.floats(0, 40)), ma
 
 def ramped(rows):
     """The map of ramps from a to b over `span` beats, each `gap` beats after the last."""
-    entries, at = [], 0.0
+    entries, position = [], 0.0
     for a, b, span, gap in rows:
-        at += gap
-        entries.append(Entry(Position(plus=Length(beats=at)), a, b, Length(beats=span)))
-        at += span
-    return TempoMap(entries), at + 1.0
+        position += gap
+        entries.append(Entry(Position(plus=Length(beats=position)), a, b, Length(beats=span)))
+        position += span
+    return TempoMap(entries), position + 1.0
 
 
 # quad says when rounding stops it short of 1e-10; whether the sum is right is asserted anyway.

@@ -22,23 +22,23 @@ def listed(chance: random.Random, n_items: int) -> str:
             for name in ("ada", "leo", "'mia'")
         )
         return f"parts: {{{', '.join(lists)}}}" + chance.choice(["", "   # who plays"]) + "\n"
-    said = ["parts:" + chance.choice(["", "   # who plays"])]
+    message = ["parts:" + chance.choice(["", "   # who plays"])]
     for name in ("ada", "leo", "'mia'"):
         style = chance.choice(["block", "flow", "spread", "lines"])
         items = [f"{{at: {n}|1, play: p{n}}}" for n in range(n_items)]
         if style == "flow":
-            said.append(f"  {name}: [{', '.join(items)}]")
+            message.append(f"  {name}: [{', '.join(items)}]")
         elif style == "spread":
-            said.append(f"  {name}: [" + ",\n    ".join(items) + "]  # spread")
+            message.append(f"  {name}: [" + ",\n    ".join(items) + "]  # spread")
         elif style == "block":
-            said.append(f"  {name}:")
+            message.append(f"  {name}:")
             for item in items:
-                said += ["    # a remark of its own"] * chance.choice([0, 0, 1])
-                said.append(f"    - {item}" + chance.choice(["", "   # said", " "]))
+                message += ["    # a remark of its own"] * chance.choice([0, 0, 1])
+                message.append(f"    - {item}" + chance.choice(["", "   # said", " "]))
         else:
-            said.append(f"  {name}:  # by lines")
-            said += [f"  - at: {n}|1\n    play: p{n}\n" for n in range(n_items)]
-    return "\n".join(said) + "\n"
+            message.append(f"  {name}:  # by lines")
+            message += [f"  - at: {n}|1\n    play: p{n}\n" for n in range(n_items)]
+    return "\n".join(message) + "\n"
 
 
 @pytest.mark.parametrize("seed", range(120))
@@ -54,25 +54,25 @@ def test_an_edit_of_an_end_is_the_edit_of_the_whole(seed: int):
         n_items = len(edit.tree(edit.read(text, "").root)["parts"][player])
         number = chance.randrange(n_items)
         verb = chance.choice(["put", "append", "remove"] if n_items > 1 else ["put", "append"])
-        own = edit.read(text, "s.yaml")
+        single = edit.read(text, "s.yaml")
         if verb == "put":
-            whole = edit.put(own, (*path, number, "until"), "9|1")
-            made = texts.put((*path, number, "until"), "9|1")
+            complete = edit.put(single, (*path, number, "until"), "9|1")
+            built = texts.put((*path, number, "until"), "9|1")
         elif verb == "append":
-            whole = edit.append(own, path, "{at: 99|1, play: last}")
-            made = texts.append(path, "{at: 99|1, play: last}")
+            complete = edit.append(single, path, "{at: 99|1, play: last}")
+            built = texts.append(path, "{at: 99|1, play: last}")
         else:
             gone = [(*path, n) for n in sorted({number, chance.randrange(n_items)})][: n_items - 1]
-            whole = edit.remove(own, *gone)
-            made = texts.remove(*gone)
-        assert made.text == whole, verb
-        text = whole
+            complete = edit.remove(single, *gone)
+            built = texts.remove(*gone)
+        assert built.text == complete, verb
+        text = complete
 
 
 def test_what_shares_a_value_is_edited_whole():
     text = "parts:\n  ada:\n    - &a {at: 1|1, play: x}\n    - *a\n    - {at: 2|1, play: y}\n"
-    made = Texts("s.yaml", text).append(("parts", "ada"), "{at: 3|1, play: z}")
-    assert made.text == text + "    - {at: 3|1, play: z}\n"
+    built = Texts("s.yaml", text).append(("parts", "ada"), "{at: 3|1, play: z}")
+    assert built.text == text + "    - {at: 3|1, play: z}\n"
 
 
 def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
@@ -86,8 +86,8 @@ def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
         return begun(text, *rest)
 
     monkeypatch.setattr(edit, "compose", counted)
-    made = texts.append(("parts", "ada"), "{at: 400|1, play: y}")
-    assert made.text.endswith("    - {at: 400|1, play: y}\n")
+    built = texts.append(("parts", "ada"), "{at: 400|1, play: y}")
+    assert built.text.endswith("    - {at: 400|1, play: y}\n")
     assert sum(read) < 400
 
 
@@ -102,8 +102,8 @@ def test_a_list_in_braces_is_read_alone(monkeypatch: pytest.MonkeyPatch):
         return begun(text, *rest)
 
     monkeypatch.setattr(edit, "compose", counted)
-    made = texts.put(("parts", "leo", 0, "until"), "9|1")
-    assert made.text.endswith(", leo: [{at: 1|1, play: y, until: 9|1}]}\n")
+    built = texts.put(("parts", "leo", 0, "until"), "9|1")
+    assert built.text.endswith(", leo: [{at: 1|1, play: y, until: 9|1}]}\n")
     assert sum(read) < 200
 
 
@@ -123,8 +123,8 @@ def test_lists_edited_together_are_as_edited_one_by_one(seed: int):
     together = Texts("s.yaml", listed(chance, n_items))
     each = together
     edits = [edited(name, chance.randrange(n_items), "9|1") for name in ("ada", "leo", "mia")]
-    for one in chance.sample(edits, 3):
-        each = each.edited_lists([one])
+    for item in chance.sample(edits, 3):
+        each = each.edited_lists([item])
     assert together.edited_lists(edits).text == each.text
 
 
@@ -134,9 +134,9 @@ def test_the_last_items_of_a_list_go_with_their_commas(n_gone: int, tail: str):
     items = [f"{{at: {n}}}" for n in range(4)]
     text = f"parts:\n  ada: [{', '.join(items)}{tail}]\n"
     gone = [("parts", "ada", n) for n in range(4 - n_gone, 4)]
-    made = edit.remove(edit.read(text, ""), *gone)
-    assert made == f"parts:\n  ada: [{', '.join(items[: 4 - n_gone])}{tail}]\n"
-    more = edit.append(edit.read(made, ""), ("parts", "ada"), "{at: 9}")
+    built = edit.remove(edit.read(text, ""), *gone)
+    assert built == f"parts:\n  ada: [{', '.join(items[: 4 - n_gone])}{tail}]\n"
+    more = edit.append(edit.read(built, ""), ("parts", "ada"), "{at: 9}")
     assert edit.tree(edit.read(more, "").root)["parts"]["ada"][-1] == {"at": "9"}
 
 
@@ -169,9 +169,9 @@ instruments:   # all
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 def test_an_edit_of_a_line_is_the_edit_of_the_whole(path, value, newline):
     text = MODULES.replace("\n", newline)
-    texts, own = Texts("s.yaml", text), edit.read(text, "s.yaml")
+    texts, single = Texts("s.yaml", text), edit.read(text, "s.yaml")
     place = ("instruments", *path)
     if value is None:
-        assert texts.remove(place).text == edit.remove(own, place)
+        assert texts.remove(place).text == edit.remove(single, place)
     else:
-        assert texts.put(place, value).text == edit.put(own, place, value)
+        assert texts.put(place, value).text == edit.put(single, place, value)

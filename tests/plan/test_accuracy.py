@@ -60,17 +60,17 @@ def test_modes_above_hearing_are_taken_from_the_reference():
         omega = 2 * np.pi * hertz
         return np.array([[0.0, omega], [-omega, -50.0]])
 
-    whole = block_diag(mode(1e3), mode(30e3), 0.0)
+    complete = block_diag(mode(1e3), mode(30e3), 0.0)
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((5, 5)))[0]
-    low = reference.without_high_modes(turn @ whole @ turn.T, 20e3)
+    low = reference.without_high_modes(turn @ complete @ turn.T, 20e3)
     expected = turn @ np.diag([1.0, 1.0, 0.0, 0.0, 1.0]) @ turn.T
     assert np.abs(low - expected).max() < 1e-12
 
 
 def test_what_a_plan_by_ear_leaves_out_above_hearing_is_no_error():
-    found = audit.look("string-7", named("string-7"), (audit.BY_EAR, -120.0), plain=False)
-    honest(found)
-    by_ear, all_modes = found.plans
+    result = audit.look("string-7", named("string-7"), (audit.BY_EAR, -120.0), plain=False)
+    honest(result)
+    by_ear, all_modes = result.plans
     assert by_ear.cost < all_modes.cost
 
 
@@ -82,13 +82,13 @@ def test_prefixes_of_units_are_those_of_scores():
 def test_an_error_that_was_not_measured_has_to_be_told():
     """A plan that states nothing is a silent miss if its error is large and it does not warn."""
     plan = audit.Plan(-40.0, stated=np.inf, real=-20.0, doubt=-120.0)
-    told = replace(plan, warned=True)
-    assert (plan.is_silent_miss, told.is_silent_miss) == (True, False)
+    output = replace(plan, warned=True)
+    assert (plan.is_silent_miss, output.is_silent_miss) == (True, False)
     assert not replace(plan, real=-50.0).is_silent_miss
-    found = audit.Audit("unknown", (told,) * len(audit.BUDGETS))
-    tally = tables.tallies([found])[0]
+    result = audit.Audit("unknown", (output,) * len(audit.BUDGETS))
+    tally = tables.tallies([result])[0]
     assert (tally.warned, tally.silent, tally.worst) == (1, 0, None)
-    assert "| not measured / -20 cannot |" in tables.scene(found)
+    assert "| not measured / -20 cannot |" in tables.scene(result)
 
 
 def judged(budget: float, real: float, cost: float, *, warned: bool = False) -> audit.Plan:
@@ -182,16 +182,16 @@ def test_the_reference_of_friction_is_that_of_its_equations(name: str):
     and equations that are written out for each scene."""
     scene, n_frames = FRICTION[name], 1500
     exact = scene.exact(n_frames)
-    found = read(scene.text)
-    stepped = reference.heard(found, *reference.integrate(found, n_frames, reference.TIGHT))
+    result = read(scene.text)
+    stepped = reference.heard(result, *reference.integrate(result, n_frames, reference.TIGHT))
     assert np.abs(stepped - exact).max() < 1e-6 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("name", few(["hammer-9", "laws-13", "key-7"], 1))
 def test_a_finer_tolerance_leaves_the_reference_as_it_is(name: str):
     scene = read(named(name))
-    found = reference.solve(scene, round(0.15 * scene.rate))
-    assert audit.error_db(found.rough, found.sound, scene.rate) < SURE_DB
+    result = reference.solve(scene, round(0.15 * scene.rate))
+    assert audit.error_db(result.rough, result.sound, scene.rate) < SURE_DB
 
 
 @pytest.mark.parametrize("family", random_scenes.FAMILIES)
@@ -210,8 +210,8 @@ def test_the_metric_is_the_plans_own():
     assert audit.error_db(x + np.array([1e-3, 0.0]), x, 10_000.0) == pytest.approx(-57.0, abs=0.2)
 
 
-def honest(found: audit.Audit) -> None:
-    for plan in found.plans:
+def honest(result_wanted: audit.Audit) -> None:
+    for plan in result_wanted.plans:
         assert not plan.refused, plan.refused
         assert plan.is_judged or plan.real < -80.0, plan  # beyond what the reference can judge
         assert plan.excess <= HONEST_DB, plan
@@ -226,9 +226,9 @@ def test_a_plan_of_a_named_scene_is_as_exact_as_it_says(name: str):
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [12, 30, 60])
 def test_a_string_on_a_bridge_of_many_points_is_exact_and_cheap(points: int):
-    found = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
-    honest(found)
-    (plan,) = found.plans
+    result = audit.look("bridge", named(f"bridge-{points}"), (-60.0,), plain=False)
+    honest(result)
+    (plan,) = result.plans
     assert plan.real <= -60.0
     assert plan.cost < 0.1  # by its modes, with contacts between frames, 60 points take 1.1
 
@@ -237,9 +237,9 @@ def test_a_string_on_a_bridge_of_many_points_is_exact_and_cheap(points: int):
 @pytest.mark.parametrize("name", ["stability-fric-12", "stability-fric-13"])
 def test_a_steep_bow_is_held_against_a_more_exact_run(name: str):
     """The search ends above the budget because it knows no better."""
-    found = audit.look(name, named(name), (-60.0,), plain=False)
-    honest(found)
-    (plan,) = found.plans
+    result = audit.look(name, named(name), (-60.0,), plain=False)
+    honest(result)
+    (plan,) = result.plans
     assert plan.is_met
     assert not plan.warned
     assert plan.cost < 0.06  # without modes and with a law as fine 0.1 to 0.15
@@ -282,33 +282,33 @@ def test_two_runs_that_stick_alike_are_not_believed(scene: str):
     """In each, one step a frame and two agree far better than either is right."""
     family, _, seed = scene.partition("-")
     text = random_scenes.text(family, int(seed))
-    found = audit.look(scene, text, (-60.0, -80.0), plain=False)
-    assert all(plan.is_judged and not plan.is_silent_miss for plan in found.plans)
+    result = audit.look(scene, text, (-60.0, -80.0), plain=False)
+    assert all(plan.is_judged and not plan.is_silent_miss for plan in result.plans)
 
 
 @pytest.mark.parametrize("seed", few([3, 12, 13, 18], [13]))
 def test_kinks_that_agree_by_luck_are_not_believed(seed: int):
     """Ropes: where the kink lies within a step is luck, and rough runs seem chaotic."""
-    found = audit.look("law", random_scenes.text("law", seed), (-60.0,), plain=False)
-    (plan,) = found.plans
+    result = audit.look("law", random_scenes.text("law", seed), (-60.0,), plain=False)
+    (plan,) = result.plans
     assert plan.excess <= HONEST_DB
     assert plan.real <= -60.0
 
 
 def test_a_table_has_a_row_for_each_scene_and_budget():
-    found = audit.look("plan-roundtrip", named("plan-roundtrip"))
-    assert found.overspending(found.plans[2]) == pytest.approx(1.0)
-    rows = tables.summary({"named": tables.tallies([found])}).splitlines()
+    result = audit.look("plan-roundtrip", named("plan-roundtrip"))
+    assert result.overspending(result.plans[2]) == pytest.approx(1.0)
+    rows = tables.summary({"named": tables.tallies([result])}).splitlines()
     assert rows[4].startswith("| named | -60 dB | 1 | 1 | 1 (100%) | 0 (0%) | 0 |")
     assert len(rows) == 2 + 2 * len(audit.BUDGETS)
-    assert "exact / -2" in tables.scene(found)
+    assert "exact / -2" in tables.scene(result)
 
 
 def test_what_is_kept_of_a_family_is_what_was_found(tmp_path: Path):
     audits = [audit.look("plan-roundtrip", named("plan-roundtrip"), plain=False)]
-    own = kept.found("2026-11-22", "0123abc", audits)
-    kept.keep("named", own, tmp_path)
-    assert kept.kept("named", tmp_path) == own
+    single = kept.found("2026-11-22", "0123abc", audits)
+    kept.keep("named", single, tmp_path)
+    assert kept.kept("named", tmp_path) == single
     assert kept.kept("dry", tmp_path) is None
 
 
@@ -320,9 +320,9 @@ def test_the_page_is_of_what_is_kept():
 
 
 def test_all_scenes_together_are_those_of_each_group():
-    one = tables.Tally(3, 2, 2, 0, 1, 4.0, 1.0, 2.0)
+    first = tables.Tally(3, 2, 2, 0, 1, 4.0, 1.0, 2.0)
     other = tables.Tally(4, 0, 0, 0, 0, None, None, None)
-    assert tables.together([one, other]) == tables.Tally(7, 2, 2, 0, 1, 4.0, None, 2.0)
+    assert tables.together([first, other]) == tables.Tally(7, 2, 2, 0, 1, 4.0, None, 2.0)
 
 
 @pytest.mark.slow
@@ -336,6 +336,6 @@ def test_no_named_scene_misses_in_silence(name: str):
 @pytest.mark.parametrize("seed", range(100, 106))
 @pytest.mark.parametrize("family", random_scenes.FAMILIES)
 def test_random_scenes_miss_no_budget_in_silence(family: str, seed: int):
-    found = audit.look(family, random_scenes.text(family, seed), plain=False)
-    for plan in found.plans:
+    result = audit.look(family, random_scenes.text(family, seed), plain=False)
+    for plan in result.plans:
         assert plan.budget is None or not plan.is_silent_miss, plan

@@ -67,9 +67,9 @@ def test_single_laws_reach_80_db(name: str):
 @pytest.mark.parametrize("name", few(LAWS, 1))
 def test_single_laws_cost_what_the_page_says(name: str):
     """Five times what CA takes at most, by the table of costs (docs/numerics.md)."""
-    found = audit.look(name, named(name), (-80.0,))
-    (asked,) = found.plans
-    plain = next(one for one in found.plain if (one.method, one.times) == ("ca", 1))
+    result = audit.look(name, named(name), (-80.0,))
+    (asked,) = result.plans
+    plain = next(one for one in result.plain if (one.method, one.times) == ("ca", 1))
     assert asked.cost <= 5.0 * plain.cost
 
 
@@ -118,8 +118,8 @@ def test_contacts_that_turn_at_one_instant_end():
 
 def test_the_stiffest_contact_plays_to_its_end():
     """K·T²/m is 1e6: the contact lasts a 300th of a frame. An explicit step would diverge."""
-    found = audit.look("but-1e6", named("but-1e6"), (audit.BY_EAR, -60.0), plain=False)
-    assert not any(plan.refused for plan in found.plans)
+    result = audit.look("but-1e6", named("but-1e6"), (audit.BY_EAR, -60.0), plain=False)
+    assert not any(plan.refused for plan in result.plans)
 
 
 @pytest.mark.parametrize("name", ["hard-7", "hard-8"])

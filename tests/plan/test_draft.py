@@ -45,10 +45,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_draft_is_rendered_without_trials_and_says_so(capsys: Capture) -> None:
     assert app.run(["render", "a.yaml", "--draft"]) == 0
-    told = capsys.readouterr().err
-    assert "draft, by the cheapest stable methods and without trials" in told
-    assert "the error of k1 + wire is not measured" in told
-    assert "W403" not in told
+    output = capsys.readouterr().err
+    assert "draft, by the cheapest stable methods and without trials" in output
+    assert "the error of k1 + wire is not measured" in output
+    assert "W403" not in output
     assert Path("a.wav").exists()
 
 

@@ -67,8 +67,8 @@ def test_a_free_chain_is_hammered_away(damped: bool) -> None:
 def test_a_free_plate_goes_by_its_modes(body: str) -> None:
     """Against the same module by module, by splitting of order 4 at eight times the rate."""
     text = SCORE.format(body=BODIES[body])
-    _, made = planned(text, error_db=-80.0)
-    assert [row.what for row in made.rows()] == ["stepped", "modes"]
+    _, built = planned(text, error_db=-80.0)
+    assert [row.what for row in built.rows()] == ["stepped", "modes"]
     finer = [text + f"rates: {{audio: {44_100 * times}Hz}}\n" for times in (4, 8)]
     rough, fine = (
         played(one, method="bm4")[::times] for one, times in zip(finer, (4, 8), strict=True)
@@ -94,9 +94,9 @@ def test_a_plate_that_is_hung_goes_by_its_modes(masses: int, in_session: bool) -
     stage = ready(text)
     if in_session:
         stage.timeline.open()
-    made = _core.Plan(stage.network, stage.timeline, error_db=-60.0)
-    assert [row.what for row in made.rows()] == ["stepped", "modes"]
-    simulation = _core.Simulation(stage.network, stage.timeline, plan=made)
+    built = _core.Plan(stage.network, stage.timeline, error_db=-60.0)
+    assert [row.what for row in built.rows()] == ["stepped", "modes"]
+    simulation = _core.Simulation(stage.network, stage.timeline, plan=built)
     fine = played(text + f"rates: {{audio: {44_100 * 8}Hz}}\n", method="bm4")[::8]
     sound = np.empty((len(fine), simulation.n_out))
     simulation.process(sound)
@@ -107,16 +107,16 @@ def test_a_plate_that_is_hung_goes_by_its_modes(masses: int, in_session: bool) -
 def test_an_edit_leaves_a_free_plate_where_it_is(tmp_path: Path, line: str) -> None:
     """A session takes its motion over, its flight too."""
     text = SCORE.format(body=BODIES["membrane"])
-    own = Stepped(text.split("strikes:")[0], tmp_path)
-    own.ok("play")
-    own.ok("ada plays knock every 1 now")
-    own.run(1.5)
-    before = own.sound[-1, 0]
-    own.ok(line)
-    own.run(1.5)
-    steps = np.abs(np.diff(own.sound[:, 0]))
+    player_session = Stepped(text.split("strikes:")[0], tmp_path)
+    player_session.ok("play")
+    player_session.ok("ada plays knock every 1 now")
+    player_session.run(1.5)
+    before = player_session.sound[-1, 0]
+    player_session.ok(line)
+    player_session.run(1.5)
+    steps = np.abs(np.diff(player_session.sound[:, 0]))
     assert abs(before) > 0.0
     # Nowhere a jump: from frame to frame it goes no farther than its fastest motion.
     assert steps.max() < 20.0 * np.median(steps[steps > 0.0])
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    player_session.close()
+    assert np.array_equal(player_session.again(), player_session.sound)

@@ -48,8 +48,8 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    return work_folder
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_a_plan_says_that_a_trial_diverged(
         assert app.run(["plan", "a.yaml", "--json"]) == 0
         *warnings, row, plan = map(json.loads, capsys.readouterr().out.splitlines())
         assert (row["diverges"], row["error_db"], plan["kept"]) == (True, None, is_kept)
-        said = [one["message"] for one in warnings if one.get("code") == "W403"]
-        assert len(said) == 1
-        assert "s: the motion diverged in a trial; a render stops there with E401" in said[0]
+        message = [one["message"] for one in warnings if one.get("code") == "W403"]
+        assert len(message) == 1
+        assert "s: the motion diverged in a trial; a render stops there with E401" in message[0]
     assert app.run(["check", "a.yaml"]) == 0
     # Without an accuracy `check` makes no plan.
     assert ("W403" in capsys.readouterr().err) == (error is not None)
@@ -127,9 +127,9 @@ def test_a_link_that_a_method_does_not_know_is_refused() -> None:
     assert piece is not None
     with pytest.raises(StageError) as refused:
         stage(piece, planned=True)
-    (found,) = refused.value.diagnostics
-    assert (found.code, found.place.line) == ("E309", 12)
-    assert "ieq needs a law by points or a polynomial" in found.message
+    (result,) = refused.value.diagnostics
+    assert (result.code, result.place.line) == ("E309", 12)
+    assert "ieq needs a law by points or a polynomial" in result.message
 
 
 def test_an_error_that_no_trial_measured_is_warned_of() -> None:
@@ -143,9 +143,9 @@ def test_an_error_that_no_trial_measured_is_warned_of() -> None:
         diverges=False,
     )
     plan = SimpleNamespace(rows=lambda: [row])
-    (said,) = planning._missed(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
-    assert said.startswith("gong: the error is unknown")
-    assert "it may be above the -60 dB that you asked for" in said
+    (text,) = planning._missed(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
+    assert text.startswith("gong: the error is unknown")
+    assert "it may be above the -60 dB that you asked for" in text
     # Where hands play nothing can be measured beforehand.
     assert planning._missed(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
 

@@ -52,8 +52,8 @@ def staged(text: str, *, is_seen: bool = True) -> Stage:
 def test_it_is_a_least_rate_and_a_frame_count_follows() -> None:
     plain = check(score()).piece
     assert plain.motion_every == 1
-    for said, every in {"2kHz": 22, "44100Hz": 1, "30kHz": 1, "22050Hz": 2, "1kHz": 44}.items():
-        piece = check(score(f"rates: {{motion: {said}}}\n")).piece
+    for text, every in {"2kHz": 22, "44100Hz": 1, "30kHz": 1, "22050Hz": 2, "1kHz": 44}.items():
+        piece = check(score(f"rates: {{motion: {text}}}\n")).piece
         assert piece.motion_every == every
         assert piece.digest() != plain.digest()
     faster = check(score("rates: {audio: 96kHz, motion: 2kHz}\n")).piece
@@ -61,10 +61,10 @@ def test_it_is_a_least_rate_and_a_frame_count_follows() -> None:
 
 
 def test_one_above_the_audio_rate_is_refused() -> None:
-    (one,) = check(score("rates: {motion: 48kHz}\n")).diagnostics
-    assert (one.code, one.suggestion) == ("E311", "44100Hz")
-    assert "48000 Hz is above the audio rate" in one.message
-    assert one.place.length == len("48kHz")
+    (first,) = check(score("rates: {motion: 48kHz}\n")).diagnostics
+    assert (first.code, first.suggestion) == ("E311", "44100Hz")
+    assert "48000 Hz is above the audio rate" in first.message
+    assert first.place.length == len("48kHz")
 
 
 def tangle(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
@@ -92,53 +92,53 @@ def test_it_moves_as_dop853_does() -> None:
     """By the second order of its own step, and as far off as its plan says."""
     errors = []
     for motion in (2205, 4410):
-        text, given, links = tangle(motion)
-        made = staged(text)
-        simulation, every = made.simulation, 44_100 // motion
-        mats = [made.built.assembly.mats["flag", f"m{i}"] for i in range(1, 4)]
+        text, arguments, links = tangle(motion)
+        built = staged(text)
+        simulation, every = built.simulation, 44_100 // motion
+        mats = [built.built.assembly.mats["flag", f"m{i}"] for i in range(1, 4)]
         n = int(0.4 * motion)
-        exact = matter.solve(**given, links=links, when=np.arange(n) / motion, gravity=G)
+        exact = matter.solve(**arguments, links=links, when=np.arange(n) / motion, gravity=G)
         out = np.empty((every, simulation.n_out))
         apart, size = 0.0, 0.0
         for frame in range(n):
             x = simulation.positions()
             ours = np.array([[x[mat + axis] for axis in range(3)] for mat in mats])
             apart = max(apart, np.abs(ours - exact[frame, 1:]).max())
-            size = max(size, np.abs(exact[frame, 1:] - given["x0"][1:]).max())
+            size = max(size, np.abs(exact[frame, 1:] - arguments["x0"][1:]).max())
             simulation.process(out)
         errors.append(apart / size)
-        assert made.plan is not None
-        (row,) = made.plan.seen()
+        assert built.plan is not None
+        (row,) = built.plan.seen()
         assert (row.every, row.what) == (every, "stepped")
-        told = 10 ** (row.error_db / 20)
-        assert 0.1 * told < errors[-1] < 10 * told
+        output = 10 ** (row.error_db / 20)
+        assert 0.1 * output < errors[-1] < 10 * output
     assert 3.5 < errors[0] / errors[1] < 4.5
     assert errors[0] < 1e-2
 
 
 def test_the_plan_says_which_part_at_which_rate_and_how_exactly(
-    own_folder: Path, capsys: Capture
+    work_folder: Path, capsys: Capture
 ) -> None:
     Path("plain.yaml").write_text(score())
     Path("s.yaml").write_text(score("rates: {motion: 2kHz}\n"))
     assert app.run(["plan", "s.yaml"]) == 0
     shown = capsys.readouterr().out
-    heard, _, seen = shown.partition("seen, and not heard (--see all):")
-    assert "nothing: no output hears it" in heard
+    listened, _, seen = shown.partition("seen, and not heard (--see all):")
+    assert "nothing: no output hears it" in listened
     assert "module by module, CA, once in 22 frames" in seen
     assert app.run(["plan", "s.yaml", "--why", "flag"]) == 0
     why = capsys.readouterr().out
     assert "by the CA scheme, once in 22 frames" in why
     assert "A pilot measured an error of" in why
-    of_all = {}
+    from_all = {}
     for name in ("plain.yaml", "s.yaml"):
         assert app.run(["plan", name, "--json"]) == 0
         lines = records(capsys)
-        of_all[name] = lines[-1]["hash"], lines[-1]["cost"]
+        from_all[name] = lines[-1]["hash"], lines[-1]["cost"]
         only_seen = [one for one in lines if one["event"] == "plan_row" and one["only_seen"]]
         assert bool(only_seen) == (name == "s.yaml")
     # What is heard is planned as without a rate of motion.
-    assert of_all["plain.yaml"] == of_all["s.yaml"]
+    assert from_all["plain.yaml"] == from_all["s.yaml"]
     (row,) = only_seen
     assert (row["parts"], row["in_frames"], row["times"]) == (["flag"], 22, 1)
     assert -100 < row["error_db"] < -20
@@ -149,17 +149,17 @@ def test_its_work_is_counted_by_its_frames() -> None:
     """Modules times frames, by the table of costs."""
     costs = {}
     for motion in (44_100, 2205):
-        made = staged(score(f"rates: {{motion: {motion}Hz}}\n"))
-        assert made.plan is not None
-        (costs[motion],) = (row.cost for row in made.plan.seen())
+        built = staged(score(f"rates: {{motion: {motion}Hz}}\n"))
+        assert built.plan is not None
+        (costs[motion],) = (row.cost for row in built.plan.seen())
     assert costs[44_100] == pytest.approx(20 * costs[2205], rel=1e-12)
 
 
 def test_what_is_too_stiff_goes_as_often_as_it_needs() -> None:
     stiff = FLAG.replace("K: 80N/m", "K: 80kN/m")
-    made = staged(score("rates: {motion: 2kHz}\n", stiff))
-    assert made.plan is not None
-    (row,) = made.plan.seen()
+    built = staged(score("rates: {motion: 2kHz}\n", stiff))
+    assert built.plan is not None
+    (row,) = built.plan.seen()
     assert row.every / row.oversampling < 22
     plain = staged(score("rates: {motion: 2kHz}\n"), is_seen=False)
     assert plain.plan is not None
@@ -183,16 +183,16 @@ def positions(name: str) -> np.ndarray:
         return held["space_positions"]
 
 
-def test_the_sound_stays_and_the_picture_nearly_does(own_folder: Path) -> None:
-    said = "rates: {motion: 2kHz}\n"
+def test_the_sound_stays_and_the_picture_nearly_does(work_folder: Path) -> None:
+    text = "rates: {motion: 2kHz}\n"
     sound, _ = rendered("each", "")
-    slowly, motion = rendered("slow", said)
+    slowly, motion = rendered("slow", text)
     assert sound == slowly
     each, slow = positions("each"), positions("slow")
     moved = np.abs(each - each[0]).max()
     assert 0 < np.abs(each - slow).max() < 2e-2 * moved
     for threads in (1, 3):
-        assert rendered("again", said, threads=threads)[0] == sound
+        assert rendered("again", text, threads=threads)[0] == sound
         again = Path("again.motion").read_bytes()
         assert again.count(b"flag") == motion.count(b"flag")
         assert np.array_equal(positions("again"), slow)
@@ -216,10 +216,10 @@ mix: {channels: 1, route: [{from: sky, to: 1}]}
 def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: Path) -> None:
     """A rope that moved while nobody heard it is heard from a line on."""
     stepped = Stepped(SESSION, tmp_path, is_seen=True)
-    heard = SESSION.replace(
+    listened = SESSION.replace(
         "K: 200N/m, Z: 1mNs/m}}}", "K: 200N/m, Z: 1mNs/m}}}\n    out: {SOV: c.4.y}"
     )
-    heard = heard.replace("to: 1}]", "to: 1}, {from: rope, to: 1}]")
+    listened = listened.replace("to: 1}]", "to: 1}, {from: rope, to: 1}]")
     with closing(stepped):
         stepped.ok("play")
         stepped.run(1.0)
@@ -228,7 +228,7 @@ def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: P
         assert runs["rope"] == "sampled"
         stepped.ok("gain sky -6dB")
         stepped.run(0.33)
-        (tmp_path / "score.yaml").write_text(heard)
+        (tmp_path / "score.yaml").write_text(listened)
         stepped.ok("reload")
         stepped.run(1.5)
     sound = stepped.sound

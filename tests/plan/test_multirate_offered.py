@@ -26,16 +26,16 @@ def scene(
     **how: Any,
 ) -> tuple[_core.Network, _core.Timeline]:
     """A key of masses in a row, with dampers of no proportion; its last one pulls a string."""
-    own, m, r = (rate, rate**2, rate) if ca else (None, 1.0, 1.0)
+    single, m, r = (rate, rate**2, rate) if ca else (None, 1.0, 1.0)
     network = _core.Network()
-    network.part("key", ca_rate=own, macrostep=every)
+    network.part("key", ca_rate=single, macrostep=every)
     mats = [network.cel("m0", M=0.05 * m, K=200.0, Z=0.4 * r)]
     mats += [network.mas(f"m{i}", M=0.05 * m) for i in range(1, masses)]
     for i in range(masses - 1):
         network.ref(f"r{i}", mats[i], mats[i + 1], K=300.0, Z=0.05 * (1 + i % 3) * r)
-    network.part("string", ca_rate=own)
+    network.part("string", ca_rate=single)
     string = network.string("s", masses=40, M=4e-3 * m, f=220.0, t60=2.0)
-    network.part("between", ca_rate=own)
+    network.part("between", ca_rate=single)
     network.ref("c", mats[-1], string + 7, K=5e3, Z=0.0)
     network.listen("string", positions=[(string + 30, 1, 1.0)])
     timeline = _core.Timeline(network, rate)
@@ -49,16 +49,18 @@ def rows(plan: _core.Plan) -> dict[str, _core.PlanRow]:
     return {row.parts[0]: row for row in plan.rows()}
 
 
-def play(made: tuple[_core.Network, _core.Timeline], plan: _core.Plan | None, n: int) -> np.ndarray:
-    out = np.zeros((n, made[0].n_out))
-    _core.Simulation(*made, plan=plan).process(out)
+def play(
+    built: tuple[_core.Network, _core.Timeline], plan: _core.Plan | None, n: int
+) -> np.ndarray:
+    out = np.zeros((n, built[0].n_out))
+    _core.Simulation(*built, plan=plan).process(out)
     return out
 
 
 @pytest.mark.slow
 def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
-    made = scene()
-    plan = _core.Plan(*made, error_db=ASKED_DB)
+    built = scene()
+    plan = _core.Plan(*built, error_db=ASKED_DB)
     key = rows(plan)["key"]
     assert (key.what, key.macrostep, key.offered) == ("e4", 10, True)
     assert key.preserved
@@ -66,18 +68,18 @@ def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
     assert key.error_db <= -75.0
     assert key.radius is not None
     assert key.radius <= 1.0 + 1e-6
-    out = play(made, plan, N)
+    out = play(built, plan, N)
     truth = play(scene(rate=FINER * RATE), None, FINER * N)[::FINER]
     assert error_db(out, truth) <= ASKED_DB
     # A limit that no force reaches keeps it at every frame: that costs more, and is why.
-    at_every = _core.Plan(*scene(force_limit=1e6), error_db=ASKED_DB)
-    costs = [sum(row.cost for row in one.rows()) for one in (plan, at_every)]
+    on_every = _core.Plan(*scene(force_limit=1e6), error_db=ASKED_DB)
+    costs = [sum(row.cost for row in one.rows()) for one in (plan, on_every)]
     assert costs[0] < 0.95 * costs[1]
     # What was decided is decided again, to the same bytes.
-    again = _core.Plan(*made, error_db=ASKED_DB, pins=plan.choices())
+    again = _core.Plan(*built, error_db=ASKED_DB, pins=plan.choices())
     assert again.hash == plan.hash
     assert rows(again)["key"].offered
-    assert play(made, again, 2000).tobytes() == out[:2000].tobytes()
+    assert play(built, again, 2000).tobytes() == out[:2000].tobytes()
 
 
 AT_EVERY_FRAME: dict[str, dict[str, Any]] = {

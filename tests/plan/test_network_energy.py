@@ -45,26 +45,26 @@ def check(seed: int, setting: str, seconds: float) -> None:
 def test_the_exact_motion_has_a_gain_of_one(name: str) -> None:
     """DOP853's motion, by the same sum of energies."""
     text = text_of(name)
-    scene, own = read(text), of_text(text)
+    scene, single = read(text), of_text(text)
     x, _ = reference.integrate(scene, round(0.3 * scene.rate), reference.TIGHT)
     moving = [i for _, i in scene.outputs]
-    assert own.gain(x[:, moving], scene.rate) == pytest.approx(1.0, abs=2e-3)
+    assert single.gain(x[:, moving], scene.rate) == pytest.approx(1.0, abs=2e-3)
 
 
-@pytest.mark.parametrize("way", ["by ear", "-60 dB", "draft", "session"])
+@pytest.mark.parametrize("method", ["by ear", "-60 dB", "draft", "session"])
 @pytest.mark.parametrize("name", NAMES)
-def test_masses_that_meet_on_springs_keep_their_energy(name: str, way: str) -> None:
+def test_masses_that_meet_on_springs_keep_their_energy(name: str, method: str) -> None:
     """They made 80 to 321 times their energy while small bodies were stepped between contacts."""
     text = text_of(name)
-    looked = look(text, way, 2.0)
+    looked = look(text, method, 2.0)
     assert looked.said == ""
     assert "modes" in looked.computed
     assert of_text(text).gain(looked.x, read(text).rate) <= MOST
 
 
-@pytest.mark.parametrize("way", ["draft", "session", "by ear"])
+@pytest.mark.parametrize("method", ["draft", "session", "by ear"])
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
-def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, way: str) -> None:
+def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, method: str) -> None:
     """The force of an undamped spring is a sum of positions. A damped one is stepped beside the
     contact, and what it makes is told, or computed away.
     """
@@ -73,11 +73,11 @@ def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, way: str)
     text = text.replace("{from: s, to: [1]}", "{from: s.x, to: [1]}, {from: s.f, to: [2]}")
     text = text.replace("channels: 1", "channels: 2")
     text = text.replace("K: 50kN/m,", f"K: 50kN/m, Z: {damping},")
-    looked = look(text, way, 2.0)
-    made = of_text(plain).gain(looked.x[:, :1])
-    assert made <= MOST or "created energy" in looked.said
+    looked = look(text, method, 2.0)
+    built = of_text(plain).gain(looked.x[:, :1])
+    assert built <= MOST or "created energy" in looked.said
     if damping == 0.0:
-        assert (looked.said, made <= MOST) == ("", True)
+        assert (looked.said, built <= MOST) == ("", True)
         x, force = looked.x.T
         assert np.abs(force - force[0] / x[0] * x).max() < 1e-9 * np.abs(force).max()
 

@@ -55,10 +55,10 @@ def test_trials_draw_no_more_than_their_allowance() -> None:
 
 @pytest.mark.slow
 def test_a_plan_cut_short_is_the_same_with_any_threads() -> None:
-    one, four = hostile(1), hostile(4)
-    assert any(row.cut_short for row in one.rows())
-    assert (one.hash, one.trials) == (four.hash, four.trials)
-    assert [row.error_db for row in one.rows()] == [row.error_db for row in four.rows()]
+    first, four = hostile(1), hostile(4)
+    assert any(row.cut_short for row in first.rows())
+    assert (first.hash, first.trials) == (four.hash, four.trials)
+    assert [row.error_db for row in first.rows()] == [row.error_db for row in four.rows()]
 
 
 @pytest.mark.slow

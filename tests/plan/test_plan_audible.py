@@ -31,14 +31,14 @@ def apart(ours: np.ndarray, theirs: np.ndarray, rate: float) -> tuple[float, flo
     fade = np.ones(len(theirs))
     n_faded = len(theirs) // 4
     fade[-n_faded:] = np.cos(0.5 * np.pi * (np.arange(n_faded) + 0.5) / n_faded) ** 2
-    for own, exact in zip((ours - ours.mean(0)).T, (theirs - theirs.mean(0)).T, strict=True):
+    for item, exact in zip((ours - ours.mean(0)).T, (theirs - theirs.mean(0)).T, strict=True):
         for f in strongest(exact, rate):
-            partial = compare(own, exact, f, rate) if f <= 5000.0 else None
+            partial = compare(item, exact, f, rate) if f <= 5000.0 else None
             cents.append(0.0 if partial is None else abs(partial.cents))
-        centres, ours_db = third_octaves(own * fade, rate)
+        centres, ours_db = third_octaves(item * fade, rate)
         _, theirs_db = third_octaves(exact * fade, rate)
-        heard = is_heard(centres, theirs_db) & (centres < 19e3)
-        levels.append(float(np.abs(ours_db - theirs_db)[heard].max()))
+        listened = is_heard(centres, theirs_db) & (centres < 19e3)
+        levels.append(float(np.abs(ours_db - theirs_db)[listened].max()))
     return max(cents), max(levels)
 
 
@@ -49,16 +49,16 @@ def test_by_ear_pitches_and_third_octaves_are_right_or_said_not_to_be(name: str)
     assert piece is not None
     ready = prepare(piece)
     exact = reference.solve(read(text), ready.n_frames).sound
-    made = planning.make(ready.network, ready.timeline, Accuracy())
-    rows = [row for row in made.plan.rows() if row.audible is not None]
+    built = planning.make(ready.network, ready.timeline, Accuracy())
+    rows = [row for row in built.plan.rows() if row.audible is not None]
     assert rows
     stated = np.max([row.audible for row in rows if row.audible is not None], axis=0)
-    simulation = _core.Simulation(ready.network, ready.timeline, plan=made.plan)
+    simulation = _core.Simulation(ready.network, ready.timeline, plan=built.plan)
     sound = np.empty(exact.shape)
     simulation.process(sound)
     cents, level = apart(sound, exact, piece.rate)
-    assert bool(made.notes) == bool((stated > _core.LEAST_HEARD).any())
-    if not made.notes:
+    assert bool(built.notes) == bool((stated > _core.LEAST_HEARD).any())
+    if not built.notes:
         assert cents <= 3.5
         assert level <= 1.2
 
@@ -71,10 +71,10 @@ def test_a_steep_bow_by_ear_is_the_bow_and_no_chatter_of_the_method(name: str):
     ready = prepare(piece)
     # A chatter of the method begins at once: 50 ms show it. The reference of all 0.4 s takes 34 s.
     exact = reference.solve(read(text), ready.n_frames // 8).sound
-    made = planning.make(ready.network, ready.timeline, Accuracy())
-    assert not made.notes
+    built = planning.make(ready.network, ready.timeline, Accuracy())
+    assert not built.notes
     sound = np.empty(exact.shape)
-    _core.Simulation(ready.network, ready.timeline, plan=made.plan).process(sound)
+    _core.Simulation(ready.network, ready.timeline, plan=built.plan).process(sound)
     assert waveform_db(sound, exact) < -30.0
 
 
@@ -98,9 +98,9 @@ def test_a_bow_that_is_far_off_once_a_frame_is_computed_between_frames_by_ear():
     piece = load("scene.yaml", text=BOWED).piece
     assert piece is not None
     ready = prepare(piece)
-    made = planning.make(ready.network, ready.timeline, Accuracy())
-    assert not made.notes
-    simulation = _core.Simulation(ready.network, ready.timeline, plan=made.plan)
+    built = planning.make(ready.network, ready.timeline, Accuracy())
+    assert not built.notes
+    simulation = _core.Simulation(ready.network, ready.timeline, plan=built.plan)
     sound = np.empty((ready.n_frames, simulation.n_out))
     simulation.process(sound)
     # CA at 64 times the rate is another method; at 8 times it is still 10 dB off in a third octave.
@@ -135,12 +135,12 @@ def held(falls: str, accuracy: Accuracy) -> tuple[_core.Plan, np.ndarray]:
     piece = load("scene.yaml", text=HELD.format(falls=falls)).piece
     assert piece is not None
     ready = prepare(piece)
-    made = planning.make(ready.network, ready.timeline, accuracy)
-    assert not made.notes
-    simulation = _core.Simulation(ready.network, ready.timeline, plan=made.plan)
+    built = planning.make(ready.network, ready.timeline, accuracy)
+    assert not built.notes
+    simulation = _core.Simulation(ready.network, ready.timeline, plan=built.plan)
     sound = np.empty((ready.n_frames, simulation.n_out))
     simulation.process(sound)
-    return made.plan, sound[:, 0]
+    return built.plan, sound[:, 0]
 
 
 def test_a_strike_that_friction_stops_within_a_frame_is_heard():
@@ -176,7 +176,7 @@ def row(*errors: float, spectral: float | None = None, cut_short: bool = False) 
 
 
 @pytest.mark.parametrize(
-    ("heard", "cents", "is_said"),
+    ("listened", "cents", "is_said"),
     [
         ((2.9, 0.029, 0.9, 0.4e-3, 1.9e-3, 0.4), None, False),
         ((3.1,), None, True),
@@ -190,15 +190,15 @@ def row(*errors: float, spectral: float | None = None, cut_short: bool = False) 
     ],
 )
 def test_what_is_heard_of_an_error_is_said(
-    heard: tuple[float, ...], cents: float | None, is_said: bool
+    listened: tuple[float, ...], cents: float | None, is_said: bool
 ):
     plan = cast(
-        _core.Plan, SimpleNamespace(rows=lambda: [row(*heard), row(9, 9, 9, cut_short=True)])
+        _core.Plan, SimpleNamespace(rows=lambda: [row(*listened), row(9, 9, 9, cut_short=True)])
     )
-    said = planning._missed_by_ear(plan, cents)
-    assert len(said) == is_said
+    text = planning._missed_by_ear(plan, cents)
+    assert len(text) == is_said
     if is_said:
-        assert said[0].startswith("bell: over the first 0.5 s pitches are off by up to ")
+        assert text[0].startswith("bell: over the first 0.5 s pitches are off by up to ")
 
 
 @pytest.mark.parametrize(
@@ -225,10 +225,10 @@ def test_the_end_of_planning_is_said_where_the_error_is_not_known_to_be_allowed(
 @pytest.mark.parametrize(("spectral", "is_said"), [(1.9, False), (3.3, True)])
 def test_another_spectrum_of_a_chaotic_motion_is_said(spectral: float, is_said: bool):
     plan = cast(_core.Plan, SimpleNamespace(rows=lambda: [row(0, 0, 0, spectral=spectral)]))
-    said = planning._missed_by_ear(plan, None)
-    assert len(said) == is_said
+    text = planning._missed_by_ear(plan, None)
+    assert len(text) == is_said
     if is_said:
-        assert said[0].startswith("bell: after the first 0.5 s the motion is chaotic")
+        assert text[0].startswith("bell: after the first 0.5 s the motion is chaotic")
 
 
 def test_the_table_shows_it_and_the_cache_keeps_it(

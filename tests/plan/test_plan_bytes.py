@@ -58,9 +58,9 @@ def simulation(threads: int = 1, **wishes: Any) -> _core.Simulation:
 def told(block: int, threads: int) -> tuple[str, bool]:
     """A hash of the sound and of the plan, and whether there is a sound."""
     out = play(simulation(threads, error_db=-60.0), N, block)
-    made = planned(error_db=-60.0)[-1]
-    rows = [(r.parts, r.what, r.modes, r.left_out_db, r.cost) for r in made.rows()]
-    known = repr(rows) + made.hash
+    built = planned(error_db=-60.0)[-1]
+    rows = [(r.parts, r.what, r.modes, r.left_out_db, r.cost) for r in built.rows()]
+    known = repr(rows) + built.hash
     sha256 = hashlib.sha256(out.tobytes() + known.encode()).hexdigest()
     return sha256, bool(np.abs(out).max() > 0.0)
 
@@ -84,14 +84,14 @@ def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
     """Also in another simulation of the same plan, and played by more threads in other blocks."""
     sim = simulation(**wishes)
     play(sim, first, 64)
-    kept = sim.snapshot()
+    saved = sim.snapshot()
     then = play(sim, 3000)
-    sim.restore(kept)
+    sim.restore(saved)
     assert sim.frame == first
     assert play(sim, 3000, 997).tobytes() == then.tobytes()
     other = simulation(**wishes)
     play(other, 77)
-    other.restore(kept)
+    other.restore(saved)
     assert play(other, 3000, 1).tobytes() == then.tobytes()
 
 

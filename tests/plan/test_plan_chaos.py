@@ -61,24 +61,24 @@ def scene(gong: str = TAMTAM, impulse: float = HARD) -> NetworkAndTimeline:
     return Score(piece).at(RATE)
 
 
-def error_of(of: NetworkAndTimeline, **budget: float) -> _core.PlanRow:
+def error_of(source: NetworkAndTimeline, **budget: float) -> _core.PlanRow:
     """The row of the gong that has an error."""
-    rows = _core.Plan(of.network, of.timeline, **budget).rows()
+    rows = _core.Plan(source.network, source.timeline, **budget).rows()
     return next(row for row in rows if row.error_db is not None)
 
 
 def finer(plan: _core.Plan) -> list[_core.IslandChoice]:
     """The choices of a plan at twice the rate: contacts at the same instants."""
     return [
-        own._replace(
-            oversampling=2 * own.oversampling, contact_substeps=max(1, own.contact_substeps // 2)
+        item._replace(
+            oversampling=2 * item.oversampling, contact_substeps=max(1, item.contact_substeps // 2)
         )
-        for own in plan.choices()
+        for item in plan.choices()
     ]
 
 
-def play(of: NetworkAndTimeline, plan: _core.Plan) -> metrics.Floats:
-    simulation = _core.Simulation(of.network, of.timeline, plan=plan)
+def play(source: NetworkAndTimeline, plan: _core.Plan) -> metrics.Floats:
+    simulation = _core.Simulation(source.network, source.timeline, plan=plan)
     sound = np.empty((round((STRUCK + PILOT) * RATE), simulation.n_out))
     simulation.process(sound)
     return sound
@@ -108,18 +108,18 @@ def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
     # The same figure by numpy's transform, of the bands that a pilot is long enough for.
     first = metrics.onset(theirs[: until * 8])
     assert first is not None
-    heard = [sound[first:] - sound[first:].mean(axis=0) for sound in (ours, theirs)]
-    size = np.linalg.norm(heard[1], axis=0)
-    levels = [metrics.third_octaves(sound / size, RATE) for sound in heard]
+    listened = [sound[first:] - sound[first:].mean(axis=0) for sound in (ours, theirs)]
+    size = np.linalg.norm(listened[1], axis=0)
+    levels = [metrics.third_octaves(sound / size, RATE) for sound in listened]
     wide = 0.2316 * levels[0][0] * len(ours[first:]) / RATE >= 8.0
     apart = np.abs(levels[0][1] - levels[1][1])[wide & (levels[1][1] > levels[1][1].max() - 60)]
     assert row.spectral_db == pytest.approx(float(apart.mean()), abs=0.3)
 
 
-@pytest.mark.parametrize("heard", few(HEARD, ["position"]))
-def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(heard: str):
+@pytest.mark.parametrize("listened", few(HEARD, ["position"]))
+def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(listened: str):
     for impulse in (HARD, 10.0 * HARD):
-        row = error_of(scene(HEARD[heard], impulse), error_db=ASKED_DB)
+        row = error_of(scene(HEARD[listened], impulse), error_db=ASKED_DB)
         assert row.spectral_db is None
 
 
@@ -181,10 +181,10 @@ def test_it_is_said_and_kept(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     lines = records(capsys)
     (row,) = (line for line in lines if line["event"] == "plan_row")
     assert row["spectral_db"] > 0.0
-    said = f"over {row['error_over_s']:.2g} s, then {row['spectral_db']:.1f} dB by spectrum"
+    text = f"over {row['error_over_s']:.2g} s, then {row['spectral_db']:.1f} dB by spectrum"
     assert app.run(["plan", "a.yaml"]) == 0
     shown = capsys.readouterr()
-    assert f"{row['error_db']:.0f} dB {said}" in shown.out
+    assert f"{row['error_db']:.0f} dB {text}" in shown.out
     assert "(from the cache)" in shown.out
     assert "W403" in shown.err
     assert f"the spectra agree within {row['spectral_db']:.1f} dB" in shown.err

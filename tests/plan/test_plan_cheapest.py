@@ -19,9 +19,9 @@ SCENES = [
 @pytest.mark.parametrize(("family", "seed"), few(SCENES, 3))
 def test_no_plain_setting_is_much_cheaper(family: str, seed: int):
     text = random_scenes.text(family, seed)
-    found = audit.look(f"{family}-{seed}", text, (-40.0, -60.0, -80.0))
-    for plan in found.plans:
-        spent = found.overspending(plan)
+    result = audit.look(f"{family}-{seed}", text, (-40.0, -60.0, -80.0))
+    for plan in result.plans:
+        spent = result.overspending(plan)
         assert spent is None or spent <= SPENT, (plan, spent)
         assert plan.is_met or plan.warned, plan
         assert plan.excess <= 1.5, plan
@@ -46,9 +46,9 @@ OTHER_WAYS = [
 @pytest.mark.parametrize(("family", "seed", "budget"), OTHER_WAYS)
 def test_a_way_that_the_search_does_not_come_to_is_found(family: str, seed: int, budget: float):
     text = random_scenes.text(family, seed)
-    found = audit.look(f"{family}-{seed}", text, (budget,))
-    (plan,) = found.plans
-    spent = found.overspending(plan)
+    result = audit.look(f"{family}-{seed}", text, (budget,))
+    (plan,) = result.plans
+    spent = result.overspending(plan)
     assert plan.is_met, plan
     assert not plan.warned, plan
     assert spent is not None, plan
@@ -58,15 +58,15 @@ def test_a_way_that_the_search_does_not_come_to_is_found(family: str, seed: int,
 @pytest.mark.parametrize("seed", [126, 182, 190])
 def test_a_law_with_a_kink_is_not_exact_because_two_runs_agree(seed: int):
     """A rope's frame is divided no more often than its deviation asks, whatever the substeps."""
-    found = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
-    (plan,) = found.plans
+    result = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
+    (plan,) = result.plans
     assert plan.real <= -80.0 or plan.warned, plan
 
 
 def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
     """A plate that hardens much: one step a frame and two are -26 dB apart, and both are wrong."""
-    found = audit.look("hard-532", random_scenes.text("hard", 532), (-40.0,), plain=False)
-    (plan,) = found.plans
+    result = audit.look("hard-532", random_scenes.text("hard", 532), (-40.0,), plain=False)
+    (plan,) = result.plans
     assert plan.is_met or plan.warned, plan
     assert plan.excess <= 1.5, plan
     assert plan.real < -25.0, plan
@@ -74,10 +74,10 @@ def test_two_rough_runs_of_a_mesh_that_agree_are_not_believed():
 
 def test_three_runs_whose_change_does_not_fall_are_not_believed():
     """Bristles once a step by ear: each doubling changes as much as the one before."""
-    found = audit.look(
+    result = audit.look(
         "bristle-727", random_scenes.text("bristle", 727), (audit.BY_EAR,), plain=False
     )
-    (plan,) = found.plans
+    (plan,) = result.plans
     assert plan.excess <= 1.5, plan
 
 
@@ -157,7 +157,7 @@ def test_a_way_is_the_same_when_it_is_written_and_recalled(family: str, seed: in
     assert np.array_equal(sound, pinned)
     store = Store()
     for n_least in (0, 1):
-        made = _core.Plan(stage.network, stage.timeline, error_db=error, store=store)
+        built = _core.Plan(stage.network, stage.timeline, error_db=error, store=store)
         assert store.n_found >= n_least
-        assert told(made) == told(plan)
-        assert made.choices() == plan.choices()
+        assert told(built) == told(plan)
+        assert built.choices() == plan.choices()

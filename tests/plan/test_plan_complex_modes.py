@@ -178,18 +178,18 @@ def test_fewer_modes_are_computed_where_that_is_enough():
     strikes = "strikes:\n  hit: {to: s.m59, at: 0.001s, impulse: 1e-4Ns}\n"
     text = score(modules, "{x: {SOX: m30}}", strikes)
     stage = ready(text)
-    kept = []
+    saved = []
     for budget in (-10.0, -30.0, -120.0):
         plan = _core.Plan(stage.network, stage.timeline, error_db=budget)
         (row,) = plan.rows()
         assert row.what == "complex modes"
         assert row.modes is not None
-        kept.append(row.modes[0])
+        saved.append(row.modes[0])
         sound = played(text, error_db=budget)
         exact = solve(read(text), len(sound)).sound
-        assert audit.error_db(sound, exact, RATE) <= (budget if kept[-1] < n else EXACT_DB)
-    assert kept[0] <= n // 2
-    assert kept[-1] == n
+        assert audit.error_db(sound, exact, RATE) <= (budget if saved[-1] < n else EXACT_DB)
+    assert saved[0] <= n // 2
+    assert saved[-1] == n
 
 
 def test_a_network_that_is_the_truth_is_stepped_as_it_is():

@@ -114,8 +114,8 @@ def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict
     n = round(0.45 * RATE)
     rough, fine = (plain(scene, RATE * s, n * s)[::s] for s in (32, 64))
     assert error_db(rough, fine) < -65.0
-    most = wishes.get("error_db", -50.0)  # by ear no waveform is promised
-    assert error_db(render(scene, RATE, n, **wishes), fine) < most
+    limit = wishes.get("error_db", -50.0)  # by ear no waveform is promised
+    assert error_db(render(scene, RATE, n, **wishes), fine) < limit
 
 
 def test_what_nothing_moves_gives_no_contact_way():

@@ -27,8 +27,8 @@ def taps(scene: Scene, mats: list[Mat], *held: Mat) -> None:
 def strikes(scene: Scene, mats: list[Mat]) -> None:
     """Between frames, on one, just before one, two in one frame, one on what has been struck."""
     when = (0.0, 0.013579, 100.999999 / RATE, 0.05000011, 0.05000013, 0.1234567, 0.2)
-    for i, at in enumerate(when):
-        scene.strike(mats[(3 * i + 1) % len(mats)], at, impulse=1e-4 * (-1) ** i * (1 + i % 3))
+    for i, index in enumerate(when):
+        scene.strike(mats[(3 * i + 1) % len(mats)], index, impulse=1e-4 * (-1) ** i * (1 + i % 3))
     scene.strike(mats[1], 0.0987, impulse=3e-4)
 
 
@@ -169,8 +169,8 @@ def test_a_body_beside_a_contact_that_stays_open_is_exact():
     hammer = scene.cel("m", M=8e-3, K=60.0, Z=0.1, V0=0.1)
     scene.but("b", hammer, mats[5], K=1e4, gap=1.0)
     scene.ref("air", hammer, scene.sol("wall"), K=10.0)
-    found = plan(scene, RATE, method="modal").rows()
-    assert [(row.what, row.n_mat) for row in found] == [("stepped", 1), ("modes", 40)]
+    rows = plan(scene, RATE, method="modal").rows()
+    assert [(row.what, row.n_mat) for row in rows] == [("stepped", 1), ("modes", 40)]
     truth = modes.heard(alone, modes.exact(alone, RATE, N))
     assert error_db(planned(scene, RATE, N, method="modal"), truth) < EXACT_DB
 
@@ -178,11 +178,11 @@ def test_a_body_beside_a_contact_that_stays_open_is_exact():
 def test_a_cell_that_a_contact_might_touch_takes_strikes_exactly():
     """Though it is stepped: what a contact does is added to a motion that is its own."""
     alone, scene = Scene(), Scene()
-    for one in (alone, scene):
-        one.part("bell")
-        bell = one.cel("m", M=0.011, f=1473.0, t60=0.16)
-        strikes(one, [bell, bell])
-        one.listen("o", positions=[(bell, 1.0)])
+    for item in (alone, scene):
+        item.part("bell")
+        bell = item.cel("m", M=0.011, f=1473.0, t60=0.16)
+        strikes(item, [bell, bell])
+        item.listen("o", positions=[(bell, 1.0)])
     hammer = scene.cel("h", M=2e-3, K=10.0, V0=0.01)
     scene.but("b", hammer, bell, K=1e4, gap=1.0)
     assert how(scene, RATE, error_db=-60.0) == [("bell", "stepped")]

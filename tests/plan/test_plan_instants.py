@@ -46,10 +46,10 @@ def test_a_throw_lands_at_the_frame_of_the_score(oversampling: int):
     ids=["throws", "throws-and-paths", "grains", "grains-every-frame"],
 )
 def test_a_key_moves_alike_at_every_oversampling(
-    oversampling: int, rate: float, curves: list[str], manner: dict[str, float], most: float
+    oversampling: int, rate: float, curves: list[str], manner: dict[str, float], limit: float
 ):
     once = played(1, curves, rate, **manner)
-    assert np.abs(played(oversampling, curves, rate, **manner) - once).max() < most * RATE / rate
+    assert np.abs(played(oversampling, curves, rate, **manner) - once).max() < limit * RATE / rate
 
 
 @pytest.mark.parametrize("oversampling", [1, 2, 4])

@@ -80,12 +80,12 @@ def planned(text: str, store: Records | None) -> Planned:
     return planning.make(ready.network, ready.timeline, piece.accuracy, store=store)
 
 
-def told(made: Planned) -> tuple[object, ...]:
+def told(built: Planned) -> tuple[object, ...]:
     """All that a plan says of itself."""
-    plan = made.plan
+    plan = built.plan
     names = [name for name in dir(_core.PlanRow) if not name.startswith("_")]
     rows = [[getattr(row, name) for name in names] for row in plan.rows()]
-    return plan.hash, rows, plan.choices(), plan.stay(), made.notes
+    return plan.hash, rows, plan.choices(), plan.stay(), built.notes
 
 
 @cache
@@ -117,20 +117,20 @@ EDITS = [
 def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> None:
     edited = SCORE.replace(old, new)
     assert edited != SCORE
-    first, kept = plan_of_score()
-    store = Records(kept)
-    made, fresh = planned(edited, store), planned(edited, None)
-    assert told(made) == told(fresh)
-    assert made.plan.trials == pytest.approx(fresh.plan.trials, rel=1e-9)
+    first, saved = plan_of_score()
+    store = Records(saved)
+    built, fresh = planned(edited, store), planned(edited, None)
+    assert told(built) == told(fresh)
+    assert built.plan.trials == pytest.approx(fresh.plan.trials, rel=1e-9)
     # Two pilots of three are known; how long errors hold depends on what others leave to spend.
     assert len(store.new) <= 5
     assert told(planned(SCORE, store)) == first
 
 
 def test_a_plan_of_what_is_known_is_that_from_scratch() -> None:
-    first, kept = plan_of_score()
+    first, saved = plan_of_score()
     assert told(planned(SCORE, None)) == first
-    store = Records(kept)
+    store = Records(saved)
     again = planned(SCORE, store)
     assert (told(again), again.is_kept, store.new) == (first, True, [])
 
@@ -154,10 +154,10 @@ def test_where_the_allowance_ends_the_plan_is_that_from_scratch(share: float) ->
     _, edited = _of(SCORE.replace("ada: [{at: 1|1, play: knock}", "ada: [{at: 1|1.1, play: lean}"))
     store = Records()
     for played in (timeline, edited, timeline, edited):
-        kept = _core.Plan(network, played, error_db=-60.0, store=store, share=share)
+        saved = _core.Plan(network, played, error_db=-60.0, store=store, share=share)
         fresh = _core.Plan(network, played, error_db=-60.0, share=share)
-        assert told(Planned(kept, Accuracy())) == told(Planned(fresh, Accuracy()))
-        assert kept.trials == pytest.approx(fresh.trials, rel=1e-9)
+        assert told(Planned(saved, Accuracy())) == told(Planned(fresh, Accuracy()))
+        assert saved.trials == pytest.approx(fresh.trials, rel=1e-9)
 
 
 def _of(text: str) -> tuple[_core.Network, _core.Timeline]:
@@ -171,13 +171,13 @@ _SHORT = (0, 6, 9, 21)
 
 @pytest.mark.parametrize("seed", few(range(24), _SHORT))
 def test_scores_by_chance_are_planned_as_from_scratch(seed: int) -> None:
-    made = random_scores.Score(seed)
+    built = random_scores.Score(seed)
     store = Records()
-    first = planned(made.text, store)
-    assert told(planned(made.text, store)) == told(first)
-    assert told(planned(made.text, None)) == told(first)
+    first = planned(built.text, store)
+    assert told(planned(built.text, store)) == told(first)
+    assert told(planned(built.text, None)) == told(first)
     for old, new in (("impulse: 1mNs", "impulse: 2mNs"), ("4mm@40ms", "5mm@40ms")):
-        edited = made.text.replace(old, new)
+        edited = built.text.replace(old, new)
         assert told(planned(edited, store)) == told(planned(edited, None))
 
 

@@ -152,8 +152,8 @@ def test_a_coupling_between_two_points_is_heard_to_come_and_go(wishes: dict[str,
     network.listen("f", forces=[(link, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     timeline.couple(link, 0.05, 0.1)
-    found = _core.Plan(network, timeline, **wishes)
-    planned = play(_core.Simulation(network, timeline, plan=found), N)[:, 0]
+    result = _core.Plan(network, timeline, **wishes)
+    planned = play(_core.Simulation(network, timeline, plan=result), N)[:, 0]
     assert planned.tobytes() == play(_core.Simulation(network, timeline), N)[:, 0].tobytes()
     assert (planned[0], planned[-1]) == (0.0, 0.0)
     assert abs(planned[int(0.08 * RATE)]) == pytest.approx(0.6)

@@ -34,9 +34,9 @@ class Found:
     how: list[tuple[str, int, object]]
 
 
-def db(y: np.ndarray, x: np.ndarray, heard: np.ndarray) -> float:
-    sounds = np.linalg.norm(x - x.mean(axis=0), axis=0)[heard]
-    worst = float((np.linalg.norm(y - x, axis=0)[heard] / sounds).max())
+def db(y: np.ndarray, x: np.ndarray, listened: np.ndarray) -> float:
+    sounds = np.linalg.norm(x - x.mean(axis=0), axis=0)[listened]
+    worst = float((np.linalg.norm(y - x, axis=0)[listened] / sounds).max())
     return 20.0 * float(np.log10(max(worst, 1e-15)))
 
 
@@ -44,31 +44,31 @@ def reference(scene: Scene) -> tuple[np.ndarray, np.ndarray, float]:
     """The finest run of the plain scheme, which outputs it sounds in, and how sure it is [dB]."""
     coarse, rough, fine = (plain(scene, RATE * s, N * s)[::s] for s in TIMES)
     loud = np.linalg.norm(fine - fine.mean(axis=0), axis=0)
-    heard = loud > SILENT * loud.max()
+    listened = loud > SILENT * loud.max()
     # A bounce that comes out otherwise in a finer run shows here; a lucky doubling does not count.
-    sure = max(db(rough, fine, heard), db(coarse, rough, heard) - ORDER_DB)
-    return fine, heard, sure
+    sure = max(db(rough, fine, listened), db(coarse, rough, listened) - ORDER_DB)
+    return fine, listened, sure
 
 
 def look(seed: int, *, even: bool) -> Found:
     scene = chance.scene(seed, even=even)
-    fine, heard, sure = reference(scene)
+    fine, listened, sure = reference(scene)
     network, timeline = scene.build(_core, RATE)
     plan = _core.Plan(network, timeline, error_db=BUDGET_DB)
     planned = play(_core.Simulation(network, timeline, plan=plan, threads=1), N)
     rows = plan.rows()
-    said = max((row.error_db for row in rows if row.error_db is not None), default=-inf)
+    output = max((row.error_db for row in rows if row.error_db is not None), default=-inf)
     how = [(row.what, row.n_mat, row.modes) for row in rows]
-    return Found(db(planned, fine, heard), said, sure, how)
+    return Found(db(planned, fine, listened), output, sure, how)
 
 
 def check(seed: int, *, even: bool) -> None:
     """Within the budget, or about as far from it as the plan says, or as nobody knows."""
-    found = look(seed, even=even)
-    least = max(BUDGET_DB, found.sure)
-    if found.said > BUDGET_DB:
-        least = max(least, found.said + ESTIMATE_DB)
-    assert found.error <= least, f"seed {seed}: {found}"
+    result = look(seed, even=even)
+    least = max(BUDGET_DB, result.sure)
+    if result.said > BUDGET_DB:
+        least = max(least, result.said + ESTIMATE_DB)
+    assert result.error <= least, f"seed {seed}: {result}"
 
 
 @pytest.mark.slow
@@ -98,7 +98,7 @@ def test_most_scenes_can_be_told_from_their_reference():
     outside = 0
     for seed in range(12):
         scene = chance.scene(seed)
-        fine, heard, sure = reference(scene)
+        fine, listened, sure = reference(scene)
         assert sure < BUDGET_DB - 10.0
-        outside += db(plain(scene, RATE, N), fine, heard) > BUDGET_DB
+        outside += db(plain(scene, RATE, N), fine, listened) > BUDGET_DB
     assert outside >= 6

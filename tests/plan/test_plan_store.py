@@ -159,19 +159,19 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: P
 def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
-    one = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it is not linear")
+    first = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it is not linear")
     stranger = plans / "notes.txt"
     plans.mkdir(parents=True)
     stranger.write_text("mine")
-    for at, key in enumerate("abcd"):
-        store.put(key, one)
+    for index, key in enumerate("abcd"):
+        store.put(key, first)
         store.forget()
         newest = max(plans.glob("*.json"), key=lambda path: path.stat().st_mtime_ns)
-        os.utime(newest, (at, at))
+        os.utime(newest, (index, index))
         if key == "c":
             assert store.get("a") is not None  # used: it stays
     assert [store.get(key) is not None for key in "abcd"] == [True, False, True, True]
-    assert store.get("d") == one
+    assert store.get("d") == first
     monkeypatch.setattr(plan_store, "_BYTES_MAX", 10)
     PlanStore(plans).forget()
     assert list(plans.iterdir()) == [stranger]

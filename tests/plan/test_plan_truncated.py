@@ -16,16 +16,16 @@ BUDGETS = (-40.0, -60.0, -80.0)
 
 
 def string(
-    struck: tuple[int, ...] = (7,), heard: tuple[int, ...] = (26,), t60: float = 2.0, **kw: float
+    struck: tuple[int, ...] = (7,), listened: tuple[int, ...] = (26,), t60: float = 2.0, **kw: float
 ) -> Scene:
     """Strikes a twentieth of a second apart, between frames; an output a point."""
     scene = Scene()
     scene.part("string")
     mats = bodies.string(scene, "s", masses=100, M=8e-3, f=110.0, t60=t60, **kw)
-    for i, at in enumerate(struck):
-        scene.strike(mats[at], 0.0123456 + 0.0512345 * i, impulse=1e-4 * (1 + i % 2))
-    for at in heard:
-        scene.listen(f"o{at}", positions=[(mats[at], 1.0)])
+    for i, index in enumerate(struck):
+        scene.strike(mats[index], 0.0123456 + 0.0512345 * i, impulse=1e-4 * (1 + i % 2))
+    for index in listened:
+        scene.listen(f"o{index}", positions=[(mats[index], 1.0)])
     return scene
 
 
@@ -66,7 +66,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "stiff": lambda: string(stiffness=0.05),
     "fades soon": lambda: string(t60=0.4),
     "rings long": lambda: string(t60=8.0),
-    "two outputs": lambda: string(heard=(26, 50)),
+    "two outputs": lambda: string(listened=(26, 50)),
     "many strikes": lambda: string(struck=tuple(7 + 4 * i for i in range(16))),
     "one place, again and again": lambda: string(struck=(7,) * 12),
     "bent": bent,
@@ -97,21 +97,21 @@ def heard(name: str, db: float) -> tuple[int, float | None, float, float]:
 
 @pytest.mark.parametrize("name", few(SCENES, 4))
 def test_what_is_left_out_stays_below_the_budget(name: str):
-    kept = []
+    saved = []
     for db in BUDGETS:
         modes, _, early, late = heard(name, db)
         assert early <= db
         assert late <= db
-        kept.append(modes)
-    assert kept == sorted(kept)
-    assert kept[0] < kept[-1]
+        saved.append(modes)
+    assert saved == sorted(saved)
+    assert saved[0] < saved[-1]
 
 
 @pytest.mark.parametrize("name", few(SCENES, 4))
 def test_a_plan_says_how_loud_the_rest_would_have_been(name: str):
     """The worst of spans from 0.1 s to 1 s, so it is never less than what was measured over two."""
     for db in BUDGETS:
-        _, said, early, late = heard(name, db)
-        assert said is not None
-        assert max(early, late) - 1.0 < said <= db
-        assert said < max(early, late) + 11.0
+        _, text, early, late = heard(name, db)
+        assert text is not None
+        assert max(early, late) - 1.0 < text <= db
+        assert text < max(early, late) + 11.0

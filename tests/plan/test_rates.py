@@ -34,8 +34,8 @@ def test_a_key_goes_at_the_rate_of_gestures_or_at_its_own():
     plain = piece(HEAD + KEYS + REST)
     assert (plain.keys["k1"].every, plain.instruments["bell"].every) == (1, 1)
     assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST).keys["k1"].every == 10
-    own = KEYS.replace("M: 400g", "rate: 8820Hz, M: 400g")
-    assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + own + REST).keys["k1"].every == 5
+    single = KEYS.replace("M: 400g", "rate: 8820Hz, M: 400g")
+    assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + single + REST).keys["k1"].every == 5
     faster = piece(HEAD + "rates: {audio: 96kHz, gesture: 4kHz}\n" + KEYS + REST)
     assert faster.keys["k1"].every == 24
     bell = piece(HEAD + KEYS + REST.replace("{modules: {m:", "{rate: 22050Hz, modules: {m:"))
@@ -62,9 +62,9 @@ def test_a_rate_that_is_no_whole_fraction_is_refused_with_the_nearest(
         more = REST.replace("{modules: {m:", f"{{rate: {rate}, modules: {{m:")
         return HEAD + rates + key + (more if where == "instrument" else REST)
 
-    found = check(text(rate)).diagnostics
-    assert [(d.code, d.suggestion) for d in found] == [("E311", nearest)]
-    assert found[0].place.length == len(rate)
+    result = check(text(rate)).diagnostics
+    assert [(d.code, d.suggestion) for d in result] == [("E311", nearest)]
+    assert result[0].place.length == len(rate)
     assert not check(text(nearest)).diagnostics
 
 
@@ -81,8 +81,8 @@ def test_a_staged_key_is_slow_and_sounds_alike():
     assert plan is not None
     (row,) = [row for row in plan.rows() if row.what == "e4"]
     assert (row.parts, row.macrostep, row.preserved) == (["k1"], 10, True)
-    one, other = heard(slow), heard(HEAD + KEYS + REST)
-    assert 0.0 < np.abs(one - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
+    first, other = heard(slow), heard(HEAD + KEYS + REST)
+    assert 0.0 < np.abs(first - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
 
 
 def test_what_goes_at_the_audio_rate_all_the_same_is_told():
@@ -158,5 +158,5 @@ def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.fixture
-def folder(own_folder: Path) -> None:
+def folder(work_folder: Path) -> None:
     Path("s.yaml").write_text(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST)

@@ -47,9 +47,9 @@ def slow_rows(made: Stage) -> list[_core.PlanRow]:
     return [row for row in made.plan.rows() if row.macrostep is not None]
 
 
-def played(made: Stage) -> np.ndarray:
-    out = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(out)
+def played(built: Stage) -> np.ndarray:
+    out = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(out)
     return out[:, 0]
 
 
@@ -76,10 +76,10 @@ def rope(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
         return f"{{REF: {{between: [{a}, {b}], K: {link.K}, rest: {link.rest!r}}}}}"
 
     def point(i: int) -> str:
-        at = x0[i].tolist()
+        position = x0[i].tolist()
         if mass[i] == 0:
-            return f"{{SOL: {{X0: {at}}}}}"
-        return f"{{MAS: {{M: {mass[i]}kg, X0: {at}, V0: {v0[i].tolist()}}}}}"
+            return f"{{SOL: {{X0: {position}}}}}"
+        return f"{{MAS: {{M: {mass[i]}kg, X0: {position}, V0: {v0[i].tolist()}}}}}"
 
     rope = [f"      m{i}: {point(i)}" for i in range(4)]
     rope += [f"      s{i}: {spring(links[i], f'm{i}', f'm{i + 1}')}" for i in range(3)]
@@ -104,15 +104,15 @@ def test_it_is_heard_as_dop853_says() -> None:
     """By the second order of its own step, and no farther off than its plan says."""
     errors = []
     for every in (40, 20):
-        text, given, links = rope(RATE // every)
-        made = staged(text)
-        (row,) = slow_rows(made)
+        text, arguments, links = rope(RATE // every)
+        built = staged(text)
+        (row,) = slow_rows(built)
         assert (row.parts, row.macrostep, row.what) == (["rope"], every, "stepped")
         assert row.error_s is not None
-        n = min(made.n_frames, int(row.error_s * RATE))
+        n = min(built.n_frames, int(row.error_s * RATE))
         when = np.arange(n) / RATE
-        exact = matter.solve(**given, links=links, when=when, gravity=G)
-        errors.append(decibels(played(made)[:n], exact[:, 4, 1]))
+        exact = matter.solve(**arguments, links=links, when=when, gravity=G)
+        errors.append(decibels(played(built)[:n], exact[:, 4, 1]))
         assert row.error_db is not None
         assert errors[-1] < row.error_db + 1.5  # which is of a longer time
         assert row.guarantee == "tried"
@@ -121,25 +121,25 @@ def test_it_is_heard_as_dop853_says() -> None:
 
 
 def test_the_sound_is_as_far_off_as_the_plan_says() -> None:
-    made, plain = staged(FLAG), staged(FLAG.replace("rates: {motion: 2kHz}\n", ""))
-    (row,) = slow_rows(made)
+    built, plain = staged(FLAG), staged(FLAG.replace("rates: {motion: 2kHz}\n", ""))
+    (row,) = slow_rows(built)
     assert row.parts == ["flag"]
     assert row.offered
-    assert made.plan is not None
+    assert built.plan is not None
     assert plain.plan is not None
     assert not slow_rows(plain)
-    cost = [sum(row.cost for row in own.plan.rows()) for own in (made, plain) if own.plan]
+    cost = [sum(row.cost for row in own.plan.rows()) for own in (built, plain) if own.plan]
     assert cost[0] < 0.7 * cost[1]
     assert row.error_db is not None
     assert row.error_db <= -60  # by ear
     # Each plan has an error of what is heard too.
-    rows = [one for own in (made, plain) if own.plan for one in own.plan.rows()]
+    rows = [one for own in (built, plain) if own.plan for one in own.plan.rows()]
     errors = [10 ** (one.error_db / 20) for one in rows if one.error_db is not None]
-    assert decibels(played(made), played(plain)) < 20 * np.log10(sum(errors)) + 1.5
-    assert not [one for one in made.diagnostics if one.code == "N403"]
+    assert decibels(played(built), played(plain)) < 20 * np.log10(sum(errors)) + 1.5
+    assert not [one for one in built.diagnostics if one.code == "N403"]
 
 
-def test_it_is_the_same_on_any_thread_count_seen_or_not_and_from_a_plan(own_folder: Path) -> None:
+def test_it_is_the_same_on_any_thread_count_seen_or_not_and_from_a_plan(work_folder: Path) -> None:
     Path("s.yaml").write_text(FLAG)
     assert app.run(["plan", "s.yaml", "-o", "p.json"]) == 0
     sounds = []
@@ -161,7 +161,7 @@ def positions(name: str) -> np.ndarray:
         return held["space_positions"]
 
 
-def test_its_points_are_seen_where_they_are(own_folder: Path) -> None:
+def test_its_points_are_seen_where_they_are(work_folder: Path) -> None:
     for name, text in {"slow": FLAG, "each": FLAG.replace("rates: {motion: 2kHz}\n", "")}.items():
         Path(f"{name}.yaml").write_text(text)
         how = ergon.FileOptions(force=True, motion=True, see="all")
@@ -171,12 +171,12 @@ def test_its_points_are_seen_where_they_are(own_folder: Path) -> None:
     assert 0 < np.abs(each - slow).max() < 2e-2 * moved
 
 
-def test_what_would_be_heard_goes_more_often(own_folder: Path, capsys: Capture) -> None:
+def test_what_would_be_heard_goes_more_often(work_folder: Path, capsys: Capture) -> None:
     """The more exact the sound is to be, the more often; a tight budget leaves it at each frame."""
     often = []
     for asked in (-30, -60, -90):
-        made = staged(f"{FLAG}accuracy: {{error: {asked}dB}}\n")
-        rows = slow_rows(made)
+        built = staged(f"{FLAG}accuracy: {{error: {asked}dB}}\n")
+        rows = slow_rows(built)
         often.append(rows[0].macrostep if rows else 1)
         assert all(row.error_db is not None and row.error_db <= asked for row in rows)
     assert often == sorted(often, reverse=True)
@@ -203,5 +203,5 @@ def test_what_would_be_heard_goes_more_often(own_folder: Path, capsys: Capture) 
 )
 def test_what_is_heard_or_too_stiff_goes_at_each_frame(text: str) -> None:
     assert not slow_rows(staged(text))
-    (said,) = (one for one in staged(text, is_seen=True).diagnostics if one.code == "N403")
-    assert "no part goes at the rate of motion" in said.message
+    (message,) = (one for one in staged(text, is_seen=True).diagnostics if one.code == "N403")
+    assert "no part goes at the rate of motion" in message.message

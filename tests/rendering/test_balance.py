@@ -12,16 +12,16 @@ RATE = 44_100
 def frames(n: int) -> np.ndarray:
     """Two outputs: a tone that fades, and one that comes late."""
     t = np.arange(n) / RATE
-    one = 1e-3 * np.sin(2 * np.pi * 440 * t) * np.exp(-t)
+    first = 1e-3 * np.sin(2 * np.pi * 440 * t) * np.exp(-t)
     two = np.where(t > 3, 4e-4 * np.sin(2 * np.pi * 1234 * t), 0)
-    return np.column_stack([one, two])
+    return np.column_stack([first, two])
 
 
 def mixer(out: int) -> Mixer:
-    own = Mixer(RATE, 2, 2)
-    own.route(out, 0, 0.5)
-    own.route(out, 1, 1.0)
-    return own
+    single = Mixer(RATE, 2, 2)
+    single.route(out, 0, 0.5)
+    single.route(out, 1, 1.0)
+    return single
 
 
 @pytest.mark.parametrize("out", [0, 1])
@@ -31,15 +31,15 @@ def test_it_is_what_a_meter_reads_after_the_gain(out, block, gain):
     """The gates of BS.1770 are absolute: they are applied when the gain is known."""
     sound, start, stop = frames(6 * RATE), RATE // 2, 5 * RATE + 777
     balance = Balance("bell", mixer(out), RATE, 2, start, stop)
-    for at in range(0, len(sound), block):
-        balance.take(sound[at : at + block])
+    for index in range(0, len(sound), block):
+        balance.take(sound[index : index + block])
     mixed = np.zeros_like(sound)
     mixer(out).process(sound, mixed)
     meter = Meter(RATE, 2)
     meter.process(np.ascontiguousarray(mixed[start:stop] * gain))
-    found = balance.level(gain)
-    assert found.peak == pytest.approx(meter.peak, rel=1e-12)
-    assert found.loudness == pytest.approx(meter.loudness, abs=0.02)
+    result = balance.level(gain)
+    assert result.peak == pytest.approx(meter.peak, rel=1e-12)
+    assert result.loudness == pytest.approx(meter.loudness, abs=0.02)
 
 
 def test_silence():
@@ -60,10 +60,10 @@ def test_silence():
 )
 def test_one_that_hides_all_others(levels: list[float], loudest: int | None):
     each = [InstrumentLevel(f"i{at}", 0.1, level) for at, level in enumerate(levels)]
-    found = dominant_instrument(each)
+    result = dominant_instrument(each)
     if loudest is None:
-        assert found is None
+        assert result is None
     else:
-        assert found is not None
-        assert found[0] is each[loudest]
-        assert found[1] == pytest.approx(levels[loudest] - sorted(levels)[-2])
+        assert result is not None
+        assert result[0] is each[loudest]
+        assert result[1] == pytest.approx(levels[loudest] - sorted(levels)[-2])

@@ -15,8 +15,8 @@ QUICK = {"drum-machine", "evening-raga", "interlocking"}
 
 
 @pytest.mark.parametrize("name", few(PIECES, QUICK))
-def test_render_bundled_piece(name: str, own_folder: Path):
-    made = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
-    assert len(made.frames) <= SECONDS * made.rate
-    assert np.isfinite(made.frames).all()
-    assert np.abs(made.frames).max() > 1e-3
+def test_render_bundled_piece(name: str, work_folder: Path):
+    built = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
+    assert len(built.frames) <= SECONDS * built.rate
+    assert np.isfinite(built.frames).all()
+    assert np.abs(built.frames).max() > 1e-3

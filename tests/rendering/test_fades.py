@@ -41,8 +41,8 @@ def test_the_file_ends_at_80_db_with_the_samples_of_a_longer_one(tmp_path, level
     for tail in ("auto", "4s"):
         for options in ({}, {"threads": 2, "block": 777}):
             out = tmp_path / "out.wav"
-            given = ergon.FileOptions(force=True, **options)
-            ergon.render_to_file(score(tmp_path, tail, master=master), out, given)
+            arguments = ergon.FileOptions(force=True, **options)
+            ergon.render_to_file(score(tmp_path, tail, master=master), out, arguments)
             ends.setdefault(tail, []).append(soundfile.read(out)[0])
     short, long = ends["auto"][0], ends["4s"][0]
     assert np.array_equal(ends["auto"][1], short)

@@ -28,9 +28,9 @@ mix:""",
 
 
 @pytest.fixture(autouse=True)
-def folder(own_folder: Path) -> Path:
-    (own_folder / "bell.yaml").write_text(UNHEARD)
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "bell.yaml").write_text(UNHEARD)
+    return work_folder
 
 
 def render(name: str, *options: str) -> tuple[bytes, bytes]:
@@ -69,10 +69,12 @@ def test_keys_contacts_and_levels_are_told() -> None:
     times, moved = replica.frames()[number]
     hands = replica.records(HANDS, HAND)
     assert len(hands) == len(times)
-    at = replica.names.index("k1") - key["first"]
-    bound = replica.manifest["bound"]["amplitude"] * 0.5 * float(np.ptp(moved[:, at]))
+    position = replica.names.index("k1") - key["first"]
+    bound = replica.manifest["bound"]["amplitude"] * 0.5 * float(np.ptp(moved[:, position]))
     for (_, hand), row in zip(hands, moved, strict=True):
-        assert float(hand["position"][0]) == pytest.approx(row[at], rel=1e-6, abs=1.01 * bound)
+        assert float(hand["position"][0]) == pytest.approx(
+            row[position], rel=1e-6, abs=1.01 * bound
+        )
     # The knock aims at 6 mm; the bell is in its way, and looks fall beside the highest point.
     assert 4e-3 < max(float(hand["position"][0]) for _, hand in hands) < 6.1e-3
     assert not np.isnan(hands[2][1]["asked"][0])
@@ -91,7 +93,7 @@ def test_what_a_gesture_strikes_is_told_as_few_ergons_with_its_impulse(capsys: C
     _, motion = render("a", "--motion")
     replica = Replica(motion)
     key = replica.names.index("k1")
-    told = [
+    output = [
         (t + float(e["dt"]), float(e["impulse"]), int(e["source"]))
         for t, all_ in replica.records(ERGONS, ERGON)
         for e in all_
@@ -105,20 +107,22 @@ def test_what_a_gesture_strikes_is_told_as_few_ergons_with_its_impulse(capsys: C
     assert len(struck) > 10_000
     times = np.array([float(row["time [s]"]) for row in struck])
     impulses = np.array([float(row["sign"] + row["impulse [N·s]"]) for row in struck])
-    at, seen = (np.array(column) for column in list(zip(*told, strict=True))[:2])
+    position, seen = (np.array(column) for column in list(zip(*output, strict=True))[:2])
     assert len(seen) < 1.5 * 60 * (times[-1] - times[0])
     # In each look all that pushed up, and all that pushed down.
     looks = np.arange(0, int(60 * times[-1]) + 2)
     edges = (looks * 44_100 / 60 + 0.5).astype(int) / 44_100 - 1e-7
     for sign in (1.0, -1.0):
-        one = [
+        first = [
             np.histogram(t[sign * p > 0], edges, weights=p[sign * p > 0])[0]
-            for t, p in ((times, impulses), (at, seen))
+            for t, p in ((times, impulses), (position, seen))
         ]
-        np.testing.assert_allclose(one[1], one[0], rtol=1e-5, atol=1e-12)
-        assert np.abs(one[0]).sum() > 0.1
-    sources = {replica.manifest["sources"][source]["line"] for *_, source in told}
-    (knock,) = (at for at, line in enumerate(UNHEARD.splitlines(), 1) if "knock: " in line)
+        np.testing.assert_allclose(first[1], first[0], rtol=1e-5, atol=1e-12)
+        assert np.abs(first[0]).sum() > 0.1
+    sources = {replica.manifest["sources"][source]["line"] for *_, source in output}
+    (knock,) = (
+        position for position, line in enumerate(UNHEARD.splitlines(), 1) if "knock: " in line
+    )
     assert sources == {knock}
 
 
@@ -143,17 +147,17 @@ def test_npz_and_csv_hold_what_the_reader_finds() -> None:
     replica = Replica(motion)
     for name in ("x.npz", "x.csv"):
         assert app.run(["motion", "export", "-q", "a.motion", "-o", name, "--fps", "60"]) == 0
-    with np.load("x.npz") as found:
-        t, moved, names = found["t"], found["displacement"], found["names"]
+    with np.load("x.npz") as raised:
+        t, moved, names = raised["t"], raised["displacement"], raised["names"]
     assert names.tolist() == replica.names
     there = replica.at(t)
     free = [part for part in replica.manifest["parts"] if part["kind"] != "sampled"]
     for part in free:
-        own = slice(part["first"], part["first"] + part["count"])
-        assert np.allclose(moved[:, own], there[:, own], rtol=1e-5, atol=1e-12)
+        single = slice(part["first"], part["first"] + part["count"])
+        assert np.allclose(moved[:, single], there[:, single], rtol=1e-5, atol=1e-12)
     for part, (times, values) in replica.frames().items():
-        own = replica.manifest["parts"][part]
-        columns = slice(own["first"], own["first"] + own["count"])
+        single = replica.manifest["parts"][part]
+        columns = slice(single["first"], single["first"] + single["count"])
         n = min(len(times), len(t))
         # Between frames a reader draws a straight line: instants here are frames but for a sample.
         assert np.abs(moved[:n, columns] - values[:n]).max() <= 0.01 * np.abs(values).max()

@@ -75,9 +75,9 @@ def piece(old: str = "", new: str = "") -> Piece:
 
 
 @pytest.fixture
-def folder(own_folder: Path) -> Path:
-    (own_folder / "s.yaml").write_text(SCORE)
-    return own_folder
+def folder(work_folder: Path) -> Path:
+    (work_folder / "s.yaml").write_text(SCORE)
+    return work_folder
 
 
 def frozen(parts: str = "gong", *more: str) -> dict:
@@ -118,9 +118,9 @@ def test_a_large_bank_sounds_alone_as_among_others(alone: str, threads: int) -> 
         frames = np.zeros((13_000, stage.simulation.n_out))
         stage.simulation.process(frames)
         sounds.append(frames[:, stage.listening.taps(alone)])
-    whole, part = sounds
-    assert np.abs(whole).max() > 0.0
-    np.testing.assert_array_equal(whole, part)
+    complete, part = sounds
+    assert np.abs(complete).max() > 0.0
+    np.testing.assert_array_equal(complete, part)
 
 
 # --- equality -------------------------------------------------------------------------------------
@@ -138,12 +138,12 @@ def test_frozen_and_live_together_are_what_was_played_at_once(
         text = SCORE.replace("    - {from: bell, to: [1, 2], highpass: 20Hz}\n", "")
         Path("s.yaml").write_text(text)
         parts = "sky,gong"
-    whole = played("whole.wav", *start)
+    complete = played("whole.wav", *start)
     frozen(parts)
     again = played("again.wav", "--frozen", "s.frozen", *start)
-    assert 0.05 < np.max(np.abs(whole)) <= 1.0
-    assert all(np.any(whole[:, channel]) for channel in range(3))
-    assert np.array_equal(whole, again)
+    assert 0.05 < np.max(np.abs(complete)) <= 1.0
+    assert all(np.any(complete[:, channel]) for channel in range(3))
+    assert np.array_equal(complete, again)
 
 
 def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
@@ -155,27 +155,27 @@ def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
     )
     text = text.replace("strikes:\n", "strikes:\n  one: {to: gong.c, at: 1|1, impulse: 1e-4Ns}\n")
     Path("s.yaml").write_text(text)
-    whole = played("whole.wav")
+    complete = played("whole.wav")
     frozen("sky")
     again = played("again.wav", "--frozen", "s.frozen")
-    assert np.max(np.abs(whole)) > 0.05
-    assert np.max(np.abs(whole - again)) <= 2.0**-24
+    assert np.max(np.abs(complete)) > 0.05
+    assert np.max(np.abs(complete - again)) <= 2.0**-24
 
 
 def test_a_stem_is_what_the_outputs_hear(folder: Path):
-    said = frozen("gong")
-    (stem,) = said["stems"]
-    found, rate = soundfile.read(f"s.frozen/{stem['file']}", dtype="float64")
-    whole = staging.stage(piece(), planned=True)
-    frames = np.zeros((whole.n_frames, whole.simulation.n_out))
-    whole.simulation.process(frames)
+    text = frozen("gong")
+    (stem,) = text["stems"]
+    result, rate = soundfile.read(f"s.frozen/{stem['file']}", dtype="float64")
+    complete = staging.stage(piece(), planned=True)
+    frames = np.zeros((complete.n_frames, complete.simulation.n_out))
+    complete.simulation.process(frames)
     assert (rate, stem["outputs"]) == (44100, [0, 2, 4])
-    assert np.array_equal(found[: whole.n_frames], frames[:, stem["outputs"]])
+    assert np.array_equal(result[: complete.n_frames], frames[:, stem["outputs"]])
     # A real hand's stand-in ends with a tick: the piece is that much longer.
     real = staging.stage(piece("times: 3}", "times: 1}"), real={"remi": None})
     virtual = staging.stage(piece("times: 3}", "times: 1}"))
-    assert 0 <= real.n_frames - virtual.n_frames < len(found) - whole.n_frames
-    assert said["score"] == piece().digest()
+    assert 0 <= real.n_frames - virtual.n_frames < len(result) - complete.n_frames
+    assert text["score"] == piece().digest()
 
 
 def test_what_is_frozen_is_not_computed():
@@ -244,8 +244,8 @@ def test_what_hangs_together_with_nothing_live_is_free():
 def test_what_a_hand_feels_is_refused_with_the_links(
     part: str, old: str, new: str, links: list[str]
 ):
-    found = piece(old, new)
-    (tie,) = ties(found, [part], ["remi"])
+    result = piece(old, new)
+    (tie,) = ties(result, [part], ["remi"])
     assert (tie.player, tie.key) == ("remi", "k")
     assert [link.name for link in tie.links] == links
     text = (SCORE.replace(old, new, 1) if old else SCORE).splitlines()
@@ -267,10 +267,10 @@ def test_one_of_two_that_are_tied_is_refused():
 
 def test_an_output_that_listens_elsewhere():
     """The bell is live, so what also hears it cannot be frozen."""
-    heard = piece("right: {SOX: c}", "right: {SOX: bell.m}")
-    (tie,) = ties(heard, ["gong"], ["remi"])
+    listened = piece("right: {SOX: c}", "right: {SOX: bell.m}")
+    (tie,) = ties(listened, ["gong"], ["remi"])
     assert [link.name for link in tie.links] == ["bell.b"]
-    (tie,) = ties(heard, ["gong"], [])
+    (tie,) = ties(listened, ["gong"], [])
     assert str(tie) == "gong cannot be frozen without bell: both listen to one module"
 
 
@@ -279,17 +279,17 @@ def test_refusals_by_the_commands(folder: Path, capsys: Capture):
         assert app.run(list(asked)) == 2
         return capsys.readouterr().err
 
-    said = refused("render", "s.yaml", "--freeze", "bell,gong")
-    assert "remi can feel it through bell.b (s.yaml:10:7)" in said
+    text = refused("render", "s.yaml", "--freeze", "bell,gong")
+    assert "remi can feel it through bell.b (s.yaml:10:7)" in text
     assert not Path("s.frozen").exists()
     assert "did you mean 'gong'" in refused("render", "s.yaml", "--freeze", "gnog")
     assert "--stems" in refused("render", "s.yaml", "--freeze", "gong", "--stems", "x")
     frozen("gong")
     # Whose hand is real is said when it is played.
-    said = refused(
+    text = refused(
         "duet", "s.yaml", "--frozen", "s.frozen", "--live", "ada=frame+udp://127.0.0.1:9"
     )
-    assert "ada can feel it through gong.b" in said
+    assert "ada can feel it through gong.b" in text
 
 
 # --- another piece, another file ------------------------------------------------------------------
@@ -333,8 +333,8 @@ def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
     ],
 )
 def test_manifests_of_strangers(folder: Path, change: dict):
-    said = frozen("gong")
-    Path("s.frozen/frozen.json").write_text(json.dumps(said | change))
+    text = frozen("gong")
+    Path("s.frozen/frozen.json").write_text(json.dumps(text | change))
     with pytest.raises(exchange.NotFrozenError):
         exchange.read(Path("s.frozen"))
 
@@ -349,15 +349,21 @@ def test_nothing_is_written_over_what_is_not_ours(folder: Path, capsys: Capture)
 
 
 def test_stems_of_outputs_that_are_not_there(folder: Path):
-    whole = staging.stage(piece(), planned=True)
-    for outputs in ([], [whole.simulation.n_out]):
+    complete = staging.stage(piece(), planned=True)
+    for outputs in ([], [complete.simulation.n_out]):
         with pytest.raises(_core.EngineError, match="names no output"):
             _core.Performance(
-                whole.simulation, whole.mixer(), audio="null", frozen=[(Path("x"), 0, 9, outputs)]
+                complete.simulation,
+                complete.mixer(),
+                audio="null",
+                frozen=[(Path("x"), 0, 9, outputs)],
             )
     with pytest.raises(_core.EngineError, match="nowhere"):
         _core.Performance(
-            whole.simulation, whole.mixer(), audio="null", frozen=[(Path("nowhere"), 0, 9, [0])]
+            complete.simulation,
+            complete.mixer(),
+            audio="null",
+            frozen=[(Path("nowhere"), 0, 9, [0])],
         )
 
 
@@ -365,15 +371,15 @@ def test_stems_of_outputs_that_are_not_there(folder: Path):
 def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
     """A hand in another process, in lockstep: what it did, felt and heard, to the bit."""
     frozen("gong,sky")
-    heard, felt = [], []
+    listened, forces = [], []
     for name, more in (("whole", ()), ("again", ("--frozen", "s.frozen"))):
         with emulator("firefader", "--lockstep", *GESTURE) as device:
             asked = ["duet", "s.yaml", "--live", f"remi={device.url}", "--record", f"{name}.take"]
             audio = ["--audio", f"file:{name}.wav", "--gain", "50dB", "-q"]
             assert app.run([*asked, *audio, *more]) == 0
-        heard.append(soundfile.read(f"{name}.wav", dtype="float32")[0])
-        felt.append(_core.read_recording(f"{name}.take").forces())
-    assert np.max(np.abs(heard[0])) > 0.05
-    assert np.min(felt[0]) < -0.1
-    assert np.array_equal(*heard)
-    assert np.array_equal(*felt)
+        listened.append(soundfile.read(f"{name}.wav", dtype="float32")[0])
+        forces.append(_core.read_recording(f"{name}.take").forces())
+    assert np.max(np.abs(listened[0])) > 0.05
+    assert np.min(forces[0]) < -0.1
+    assert np.array_equal(*listened)
+    assert np.array_equal(*forces)

@@ -15,12 +15,12 @@ def ring(f: float, t60: float, amplitude: float = 1.0) -> np.ndarray:
 
 @pytest.mark.parametrize(("f", "t60"), [(110.0, 1.5), (441.3, 0.5), (1234.5, 0.8)])
 def test_a_decaying_tone_with_a_harmonic(f: float, t60: float):
-    found = measures((ring(f, t60) + ring(2 * f, t60, 0.3))[:, None], RATE)
-    assert found.pitch == pytest.approx(f, rel=2e-3)
-    assert found.partial == pytest.approx(f, rel=1e-4)
-    assert found.t60 == pytest.approx(t60, rel=2e-3)
+    result = measures((ring(f, t60) + ring(2 * f, t60, 0.3))[:, None], RATE)
+    assert result.pitch == pytest.approx(f, rel=2e-3)
+    assert result.partial == pytest.approx(f, rel=1e-4)
+    assert result.t60 == pytest.approx(t60, rel=2e-3)
     # Powers 1 and 0.09 at f and 2f.
-    assert found.centroid == pytest.approx(f * (1 + 2 * 0.09) / 1.09, rel=0.03)
+    assert result.centroid == pytest.approx(f * (1 + 2 * 0.09) / 1.09, rel=0.03)
 
 
 def test_two_channels_add_up_and_the_last_blow_counts():
@@ -31,11 +31,11 @@ def test_two_channels_add_up_and_the_last_blow_counts():
 
 def test_what_a_sound_has_not_is_none():
     noise = np.random.default_rng(1).standard_normal((44_100, 2))
-    found = measures(noise, RATE)
-    assert found.pitch is None
-    assert found.t60 is None
+    result = measures(noise, RATE)
+    assert result.pitch is None
+    assert result.t60 is None
     # White noise: the middle of 20 Hz and half the rate.
-    assert found.centroid == pytest.approx(RATE / 4, rel=0.03)
+    assert result.centroid == pytest.approx(RATE / 4, rel=0.03)
     nothing = Measures(None, None, None, None)
     assert measures(np.zeros((1000, 1)), RATE) == nothing
     assert measures(np.zeros((0, 1)), RATE) == nothing

@@ -65,10 +65,10 @@ class Score:
         body.append(f"  chime: {{f: A4, notes: [{', '.join(self.notes)}], {chime}}}")
         body.append("strikes:")
         for name, part in self.parts:
-            for number, at in enumerate(part.times):
+            for number, index in enumerate(part.times):
                 impulse = "1uNs..9uNs, for: 0.5s, rate: 4Hz" if part.kind == "rain" else "2mNs"
                 to = f"{name}.{_STRUCK[part.kind]}"
-                body.append(f"  {name}-{number}: {{to: {to}, at: {at}s, impulse: {impulse}}}")
+                body.append(f"  {name}-{number}: {{to: {to}, at: {index}s, impulse: {impulse}}}")
         body.append("  tune: {to: chime.h, at: 0.3s, notes: A4 C5, every: 1/2, impulse: 2mNs}")
         body.append("render: {tail: 0.5s, bits: float}")
         return "\n".join(body) + "\n"
@@ -143,10 +143,10 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def rendered(
-    score: Score, patch: pytest.MonkeyPatch, *, kept: bool = True, **options: str | int
+    score: Score, patch: pytest.MonkeyPatch, *, saved: bool = True, **options: str | int
 ) -> Render:
     Path("a.yaml").write_text(score.text())
-    patch.setenv("ERGON_CACHE", "on" if kept else "off")
+    patch.setenv("ERGON_CACHE", "on" if saved else "off")
     return ergon.render("a.yaml", RenderOptions(**options))  # type: ignore[arg-type]
 
 
@@ -159,7 +159,7 @@ def check_edits(edits: list[tuple[int, int]], patch: pytest.MonkeyPatch) -> None
     rendered(score, patch)
     for kind, number in edits:
         score = EDITS[kind](score, number)
-        scratch = rendered(score, patch, kept=False)
+        scratch = rendered(score, patch, saved=False)
         assert digest(rendered(score, patch)) == digest(scratch)
 
 
@@ -210,13 +210,13 @@ def test_an_edit_that_changes_no_island_computes_none(
 ) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     rendered(score, monkeypatch)
-    whole = recalled.computed
+    complete = recalled.computed
     # Another route changes the mix, so that islands are recalled one by one.
     louder = score.text().replace("render:", _FADE)
     Path("a.yaml").write_text(louder)
     ergon.render("a.yaml")
     last_stretches = recalled.computed
-    assert last_stretches < whole / 2
+    assert last_stretches < complete / 2
     rendered(edit(score, number), monkeypatch)
     assert len(recalled.all) < 3 or recalled.computed <= last_stretches
 
@@ -224,9 +224,9 @@ def test_an_edit_that_changes_no_island_computes_none(
 def test_a_retuned_part_is_computed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     rendered(score, monkeypatch)
-    whole = recalled.computed
+    complete = recalled.computed
     rendered(retuned(score, 1), monkeypatch)
-    assert 0 < recalled.computed < 0.7 * whole
+    assert 0 < recalled.computed < 0.7 * complete
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_a_known_piece_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         excerpt = rendered(score, monkeypatch, **options)
         assert len(recalled.all) == n_computed
-        assert digest(excerpt) == digest(rendered(score, monkeypatch, kept=False, **options))
+        assert digest(excerpt) == digest(rendered(score, monkeypatch, saved=False, **options))
 
 
 def test_a_known_piece_is_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,8 +278,8 @@ def test_limited_and_normalised_excerpts_are_those_of_the_whole(
     Path("a.yaml").write_text(Score().text().replace("render:", master))
     recalled = Recalled(monkeypatch)
     sounds = []
-    for kept in ("off", "on", "on"):
-        monkeypatch.setenv("ERGON_CACHE", kept)
+    for saved in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", saved)
         ergon.render("a.yaml")
         sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", to="1.3s"))))
     assert len(set(sounds)) == 1
@@ -320,14 +320,14 @@ def test_levels_of_instruments_in_a_part_are_recalled(monkeypatch: pytest.Monkey
     master = "mix: {master: {loudness: -24LUFS}}\nrender:"
     Path("a.yaml").write_text(Score().text().replace("render:", master))
     recalled = Recalled(monkeypatch)
-    found = []
-    for kept in ("off", "on", "on"):
-        monkeypatch.setenv("ERGON_CACHE", kept)
+    result = []
+    for saved in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", saved)
         for name, part in (("part", {"from_": "0.3s", "to": "1.1s"}), ("piece", {})):
             done = ergon.render_to_file("a.yaml", f"{name}.wav", FileOptions(force=True, **part))
-            found.append((done.mix.sha256, done.instruments))
-    assert found[:2] == found[2:4] == found[4:]
-    assert found[0] != found[1]
+            result.append((done.mix.sha256, done.instruments))
+    assert result[:2] == result[2:4] == result[4:]
+    assert result[0] != result[1]
     assert len(recalled.all) == 1
 
 
@@ -337,8 +337,8 @@ def test_what_stands_still_is_faded_as_from_scratch(monkeypatch: pytest.MonkeyPa
     text = "ergon: 1\nrates: {audio: 8kHz}\ninstruments:\n" + still + "render: {tail: 2s}\n"
     Path("a.yaml").write_text(text.replace("render:", _FADE).replace("2s", "2s, bits: float"))
     sounds = []
-    for kept in ("off", "on", "on"):
-        monkeypatch.setenv("ERGON_CACHE", kept)
+    for saved in ("off", "on", "on"):
+        monkeypatch.setenv("ERGON_CACHE", saved)
         sounds.append(ergon.render("a.yaml"))
     assert len(set(map(digest, sounds))) == 1
     assert sounds[0].peak > 0.0

@@ -94,7 +94,7 @@ class Workers:
 
 
 @pytest.fixture(autouse=True)
-def small(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def small(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stretches of 4,096 frames, of islands of any cost."""
     monkeypatch.setenv("ERGON_CACHE", "plans")
     monkeypatch.setattr(stretches, "STRETCH_FRAMES", 4096)
@@ -113,10 +113,10 @@ def job_of(home: PreparedRender) -> Job:
     return cluster.job_of(home.loaded, home.stage, options.rate, options.seed)
 
 
-def frames(of: object, n_frames: int, block: int = 1000) -> NDArray[np.float64]:
-    out = np.zeros((n_frames, of.n_out))  # type: ignore[attr-defined]
-    for at in range(0, n_frames, block):
-        of.process(out[at : at + block])  # type: ignore[attr-defined]
+def frames(source: object, n_frames: int, block: int = 1000) -> NDArray[np.float64]:
+    out = np.zeros((n_frames, source.n_out))  # type: ignore[attr-defined]
+    for index in range(0, n_frames, block):
+        source.process(out[index : index + block])  # type: ignore[attr-defined]
     return out
 
 
@@ -134,9 +134,9 @@ def told(home: PreparedRender) -> str:
 )
 def test_the_samples_of_one_machine(accuracy: str, count: int):
     score = PIECE.format(accuracy=accuracy)
-    one = prepared(score)
-    n_frames = one.stage.n_frames
-    expected = frames(one.stage.simulation, n_frames)
+    first = prepared(score)
+    n_frames = first.stage.n_frames
+    expected = frames(first.stage.simulation, n_frames)
     assert np.abs(expected).max(axis=0).min() > 0.0
     for seed in range(2):
         home = prepared(score)
@@ -146,16 +146,16 @@ def test_the_samples_of_one_machine(accuracy: str, count: int):
         assert workers.n_computed >= n_frames // 4096
         assert shared.n_computed == len(home.stage.simulation.storable()) * n_frames
         # What islands tell of themselves at the end.
-        assert home.stage.simulation.finer() == one.stage.simulation.finer()
-        assert told(home) == told(one)
+        assert home.stage.simulation.finer() == first.stage.simulation.finer()
+        assert told(home) == told(first)
 
 
 @pytest.mark.parametrize("scene", few(SCENES, ("modes",)))
 def test_every_kind_of_body(scene: str):
     score = text(scene).replace("{late}", "3.9")
-    one = prepared(score, draft=False)
-    n_frames = min(one.stage.n_frames, 30_000)
-    expected = frames(one.stage.simulation, n_frames)
+    first = prepared(score, draft=False)
+    n_frames = min(first.stage.n_frames, 30_000)
+    expected = frames(first.stage.simulation, n_frames)
     home = prepared(score)
     shared = RemoteSimulation(home.stage.simulation, Workers(job_of(home), 2), None, n_frames)
     assert (frames(shared, n_frames) == expected).all()
@@ -164,20 +164,20 @@ def test_every_kind_of_body(scene: str):
 def test_options_of_the_render_go_with_it():
     score = PIECE.format(accuracy="{error: -50dB}")
     for options in ({"seed": 7, "rate": 22_050.0}, {"draft": True}, {"method": "ca"}):
-        one, home = prepared(score, **options), prepared(score, **options)
+        first, home = prepared(score, **options), prepared(score, **options)
         shared = RemoteSimulation(
-            home.stage.simulation, Workers(job_of(home), 2), None, one.stage.n_frames
+            home.stage.simulation, Workers(job_of(home), 2), None, first.stage.n_frames
         )
-        n_frames = one.stage.n_frames
-        assert (frames(shared, n_frames) == frames(one.stage.simulation, n_frames)).all(), options
+        n_frames = first.stage.n_frames
+        assert (frames(shared, n_frames) == frames(first.stage.simulation, n_frames)).all(), options
 
 
 def test_what_arrived_is_computed_once(tmp_path: Path):
     """A render that ends in the middle goes on from there, and by fewer requests."""
     score = PIECE.format(accuracy="{error: -50dB}")
-    one = prepared(score)
-    n_frames = one.stage.n_frames
-    expected = frames(one.stage.simulation, n_frames)
+    single = prepared(score)
+    n_frames = single.stage.n_frames
+    expected = frames(single.stage.simulation, n_frames)
     store = StretchStore(tmp_path / "stretches")
     first, second = (prepared(score) for _ in range(2))
     workers = Workers(job_of(first), 2)
@@ -193,19 +193,19 @@ def test_what_arrived_is_computed_once(tmp_path: Path):
 def test_what_diverges_is_told_as_by_one_machine():
     score = PIECE.format(accuracy="{method: ca}").replace("q: 4e6N/m3", "q: 1e17N/m3")
     score = score.replace("render:", "  b: {to: [bell.m], at: 0.3s, impulse: 10Ns}\nrender:")
-    said = []
+    messages = []
     for is_shared in (False, True):
         home = prepared(score)
-        of: object = home.stage.simulation
+        source: object = home.stage.simulation
         if is_shared:
             workers = Workers(job_of(home), 2)
             n_frames = home.stage.n_frames
-            of = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
-        with pytest.raises(Exception, match="diverged") as found:
-            frames(of, home.stage.n_frames)
-        said.append(str(found.value))
-    assert "0.300 s" in said[0]
-    assert said[0] == said[1]
+            source = RemoteSimulation(home.stage.simulation, workers, None, n_frames)
+        with pytest.raises(Exception, match="diverged") as raised:
+            frames(source, home.stage.n_frames)
+        messages.append(str(raised.value))
+    assert "0.300 s" in messages[0]
+    assert messages[0] == messages[1]
 
 
 def _other_key(job: Job, request: Request) -> None:
@@ -243,7 +243,7 @@ def _a_way_out(job: Job, request: Request) -> None:
         (_a_way_out, "'../evil.yaml' is not a file of this score"),
     ],
 )
-def test_what_differs_is_refused(change: Callable[[Job, Request], None], said: str):
+def test_what_differs_is_refused(change: Callable[[Job, Request], None], message: str):
     home = prepared(PIECE.format(accuracy="{error: -50dB}"))
     job = job_of(home)
     workers = Workers(job, 1)
@@ -255,7 +255,7 @@ def test_what_differs_is_refused(change: Callable[[Job, Request], None], said: s
 
     workers.submit = changed  # type: ignore[method-assign]
     shared = RemoteSimulation(home.stage.simulation, workers, None, home.stage.n_frames)
-    with pytest.raises(ClusterError, match=f"worker .*: .*{re.escape(said)}"):
+    with pytest.raises(ClusterError, match=f"worker .*: .*{re.escape(message)}"):
         frames(shared, 5000)
 
 

@@ -120,11 +120,11 @@ def test_blocks_and_threads_change_no_byte(tmp_path: Path, level: Level) -> None
 
 @pytest.mark.parametrize("level", [Level(), Level(limit=0.01)])
 def test_a_part_is_cut_from_the_whole(tmp_path: Path, level: Level) -> None:
-    whole, part = tmp_path / "whole.wav", tmp_path / "part.wav"
-    render(Stage(), order(whole, "float", level), quiet)
+    complete, part = tmp_path / "whole.wav", tmp_path / "part.wav"
+    render(Stage(), order(complete, "float", level), quiet)
     stage = Stage()
     render(stage, order(part, "float", level, start=1234, stop=5000, block=100), quiet)
-    want, _ = soundfile.read(whole)
+    want, _ = soundfile.read(complete)
     have, _ = soundfile.read(part)
     np.testing.assert_array_equal(have, want[1234:5000])
     assert stage.simulation.frame <= 5000 + 1000  # not to the end

@@ -70,13 +70,13 @@ render: {{tail: 0.3s, bits: float}}
 
 
 def text(scene: str, last: str = "knock", late: float = 3.9) -> str:
-    accuracy, struck, body, heard, port = SCENES[scene]
+    accuracy, struck, body, listened, port = SCENES[scene]
     return SCORE.format(
         accuracy=accuracy or "{error: -50dB}",
         name=struck.split(".")[1],
         body=body,
         port=port,
-        heard=heard,
+        heard=listened,
         struck=struck,
         last=last,
         late=late,
@@ -112,9 +112,9 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Counted:
     return Counted(monkeypatch)
 
 
-def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, kept: bool, **options: object) -> str:
+def sound(score: str, monkeypatch: pytest.MonkeyPatch, *, saved: bool, **options: object) -> str:
     Path("a.yaml").write_text(score)
-    monkeypatch.setenv("ERGON_CACHE", "on" if kept else "plans")
+    monkeypatch.setenv("ERGON_CACHE", "on" if saved else "plans")
     frames = ergon.render("a.yaml", RenderOptions(**options)).frames  # type: ignore[arg-type]
     return hashlib.sha256(frames.tobytes()).hexdigest()
 
@@ -124,11 +124,11 @@ def test_an_edit_recalls_what_it_does_not_change(
     scene: str, counted: Counted, monkeypatch: pytest.MonkeyPatch
 ):
     versions = [text(scene), text(scene, last="toss"), text(scene, late=4.1)]
-    scratch = [sound(version, monkeypatch, kept=False) for version in versions]
+    scratch = [sound(version, monkeypatch, saved=False) for version in versions]
     assert len(set(scratch)) == 3, "the edits are heard"
     plain, *edits = versions
-    kept = [sound(version, monkeypatch, kept=True) for version in (plain, plain, *edits)]
-    assert kept == [scratch[0], *scratch]
+    saved = [sound(version, monkeypatch, saved=True) for version in (plain, plain, *edits)]
+    assert saved == [scratch[0], *scratch]
     first, again, *edited = counted.recalled
     assert first == 0
     assert again > 0
@@ -164,10 +164,10 @@ render: {{tail: 0.3s, bits: float}}
 @pytest.mark.slow
 def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     versions = [BETWEEN.format(late=late) for late in (1.4, 1.4, 1.5)]
-    scratch = [sound(version, monkeypatch, kept=False) for version in versions]
+    scratch = [sound(version, monkeypatch, saved=False) for version in versions]
     assert scratch[0] != scratch[2]
-    kept = [sound(version, monkeypatch, kept=True) for version in versions]
-    assert kept == scratch
+    saved = [sound(version, monkeypatch, saved=True) for version in versions]
+    assert saved == scratch
     first, again, edited = counted.recalled
     assert first == 0
     assert again > edited > 0.5 * again
@@ -195,19 +195,19 @@ players: {ada: {key: k1}, remi: {key: k2}}
 parts: {ada: [{at: 1|1, play: %s}], remi: [{at: 1|1.5, play: knock}]}
 render: {tail: 0.5s, bits: float}
 """
-    sound(two % "knock", monkeypatch, kept=True)
-    scratch = sound(two % "lean", monkeypatch, kept=False)
-    assert sound(two % "lean", monkeypatch, kept=True) == scratch
-    sound(two % "lean", monkeypatch, kept=True)
+    sound(two % "knock", monkeypatch, saved=True)
+    scratch = sound(two % "lean", monkeypatch, saved=False)
+    assert sound(two % "lean", monkeypatch, saved=True) == scratch
+    sound(two % "lean", monkeypatch, saved=True)
     _, edited, again = counted.recalled
     assert edited == again / 2  # all of what remi plays
 
 
 def test_threads_and_blocks_recall_the_same(counted: Counted, monkeypatch: pytest.MonkeyPatch):
     score = text("hardening")
-    scratch = sound(score, monkeypatch, kept=False)
+    scratch = sound(score, monkeypatch, saved=False)
     for options in ({"threads": 2}, {"block": 1000}, {"block": 10_000, "threads": 3}):
-        assert sound(score, monkeypatch, kept=True, **options) == scratch
+        assert sound(score, monkeypatch, saved=True, **options) == scratch
     assert counted.recalled[1] == counted.recalled[2] > 0
 
 
@@ -218,11 +218,11 @@ def test_random_scores_sound_as_from_scratch(
 ):
     score = random_scores.score(seed)
     try:
-        scratch = sound(score, monkeypatch, kept=False)
+        scratch = sound(score, monkeypatch, saved=False)
     except ergon.ErgonError:
         pytest.skip("this score is refused")
-    assert sound(score, monkeypatch, kept=True) == scratch
-    assert sound(score, monkeypatch, kept=True) == scratch
+    assert sound(score, monkeypatch, saved=True) == scratch
+    assert sound(score, monkeypatch, saved=True) == scratch
 
 
 KILLED = """\
@@ -251,12 +251,12 @@ def test_a_render_that_was_killed_goes_on_where_it_was(
     counted: Counted, monkeypatch: pytest.MonkeyPatch, puts: int
 ):
     score = text("hardening")
-    scratch = sound(score, monkeypatch, kept=False)
+    scratch = sound(score, monkeypatch, saved=False)
     monkeypatch.setenv("ERGON_CACHE", "on")
     done = subprocess.run([sys.executable, "-c", KILLED, str(puts)], timeout=PATIENCE)
     assert done.returncode == -signal.SIGKILL
     assert not Path("a.wav").exists()
-    assert sound(score, monkeypatch, kept=True) == scratch
+    assert sound(score, monkeypatch, saved=True) == scratch
     assert (counted.recalled[-1] > 0) == (puts > 1)
 
 
@@ -271,11 +271,11 @@ def test_what_is_damaged_counts_as_none(tmp_path: Path):
     assert known.state == b"state"
     assert known.sound.tolist() == stretch.sound.tolist()
     (path,) = tmp_path.iterdir()
-    whole = path.read_bytes()
-    for at in range(len(whole)):
-        path.write_bytes(whole[:at])
+    complete = path.read_bytes()
+    for index in range(len(complete)):
+        path.write_bytes(complete[:index])
         assert store.get(key) is None
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        path.write_bytes(complete[:index] + bytes([complete[index] ^ 1]) + complete[index + 1 :])
         assert store.get(key) is None
 
 
@@ -285,7 +285,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(
 ):
     (tmp_path / "cache").write_text("a file where the folder would be")
     score = text("modes")
-    assert sound(score, monkeypatch, kept=True) == sound(score, monkeypatch, kept=False)
+    assert sound(score, monkeypatch, saved=True) == sound(score, monkeypatch, saved=False)
     assert counted.recalled == [0]
 
 
@@ -294,5 +294,5 @@ def test_the_least_recently_used_go_first(tmp_path: Path):
     for index in range(10):
         store.put(f"{index:064}", np.zeros(20), b"")
     store.forget()
-    kept = [index for index in range(10) if store.get(f"{index:064}") is not None]
-    assert 1 <= len(kept) <= 5
+    saved = [index for index in range(10) if store.get(f"{index:064}") is not None]
+    assert 1 <= len(saved) <= 5

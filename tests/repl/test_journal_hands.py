@@ -136,8 +136,8 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")
     moving = {"stiffness": 900.0, "sine": 5e-3}
-    with paced(hertz=2.0, **moving) as one, paced(hertz=3.0, **moving) as two:
-        boards = [Board(one.url, ((0, "remi"),)), Board(two.url, ((0, "zoe"),))]
+    with paced(hertz=2.0, **moving) as first, paced(hertz=3.0, **moving) as two:
+        boards = [Board(first.url, ((0, "remi"),)), Board(two.url, ((0, "zoe"),))]
         config = PlaybackConfig(
             audio=f"file:{folder / 'heard.wav'}",
             gain=GAIN,
@@ -152,7 +152,7 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
             real={"remi": None, "zoe": None},
             hands=folder / "session.take",
         )
-        hands = (JournalHand("remi", "k2", one.url, 0), JournalHand("zoe", "k3", two.url, 0))
+        hands = (JournalHand("remi", "k2", first.url, 0), JournalHand("zoe", "k3", two.url, 0))
         opening = SessionStart(
             texts,
             0.0,
@@ -166,9 +166,9 @@ def playing(folder: Path, text: str = SCORE) -> Iterator[Played]:
         journal.append("session", **opening.fields())
         with closing(session):
             try:
-                yield Played(session, [one, two], folder)
+                yield Played(session, [first, two], folder)
             finally:
-                for board in (one, two):
+                for board in (first, two):
                     board.come()
                     board.free()  # what ends waits for replies
 
@@ -184,47 +184,47 @@ def sound(path: Path) -> np.ndarray:
 
 
 def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: Path):
-    with playing(tmp_path) as own:
-        own.run(0.3)
-        own.ok("play")
-        own.run(1.0)
-        own.ok("ada plays lean every 2 now")
-        own.ok("record remi as solo now")
-        own.run(1.0)
-        own.ok("record off now")
-        own.run(1.0)
-        own.ok("set bell.m.K x1.3 over 1bar")
-        own.ok("guide remi ada K=60N/m now")
-        own.run(2.5)
-        own.ok("play from 3|1")
-        own.run(0.7)
-        own.session.panic()
-        until(lambda: own.session.stops.panicked, "the panic")
-        own.run(0.5)
-        own.ok("release")
-        own.ok("play from 2|1")
-        own.run(1.5)
-        own.ok("stop")
-        own.take_effect()
-        own.run(0.2)
-        own.ok("play")
-        own.run(0.5)
-        own.ok("undo")
-        own.run(0.5)
-        lost = own.boards[1]
-        own.lose(lost, "zoe")
-        own.run(0.5)
-        own.find(lost)
-        own.run(1.0)
+    with playing(tmp_path) as player_session:
+        player_session.run(0.3)
+        player_session.ok("play")
+        player_session.run(1.0)
+        player_session.ok("ada plays lean every 2 now")
+        player_session.ok("record remi as solo now")
+        player_session.run(1.0)
+        player_session.ok("record off now")
+        player_session.run(1.0)
+        player_session.ok("set bell.m.K x1.3 over 1bar")
+        player_session.ok("guide remi ada K=60N/m now")
+        player_session.run(2.5)
+        player_session.ok("play from 3|1")
+        player_session.run(0.7)
+        player_session.session.panic()
+        until(lambda: player_session.session.stops.panicked, "the panic")
+        player_session.run(0.5)
+        player_session.ok("release")
+        player_session.ok("play from 2|1")
+        player_session.run(1.5)
+        player_session.ok("stop")
+        player_session.take_effect()
+        player_session.run(0.2)
+        player_session.ok("play")
+        player_session.run(0.5)
+        player_session.ok("undo")
+        player_session.run(0.5)
+        lost = player_session.boards[1]
+        player_session.lose(lost, "zoe")
+        player_session.run(0.5)
+        player_session.find(lost)
+        player_session.run(1.0)
     done = rendered(tmp_path)
     assert done.returncode == 0, done.stderr
     assert "warning" not in done.stderr
     played, again = sound(tmp_path / "heard.wav"), sound(tmp_path / "again.wav")
     # The last frames fall silent, for the session ends.
-    heard = min(len(played), len(again)) - 4 * 1024
-    assert heard > 10 * 44_100
-    differs = np.flatnonzero(np.any(played[:heard] != again[:heard], axis=1))
-    assert not len(differs), (len(differs), differs[:3], heard)
+    listened = min(len(played), len(again)) - 4 * 1024
+    assert listened > 10 * 44_100
+    differs = np.flatnonzero(np.any(played[:listened] != again[:listened], axis=1))
+    assert not len(differs), (len(differs), differs[:3], listened)
     assert np.abs(played[:, 0]).max() > 0.01
     assert np.abs(played[:, 1]).max() > 0.01
     events = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
@@ -240,14 +240,14 @@ def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: 
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short session with hands."""
     folder = tmp_path_factory.mktemp("short")
-    with playing(folder) as own:
-        own.ok("play")
-        own.run(0.5)
+    with playing(folder) as player_session:
+        player_session.ok("play")
+        player_session.run(0.5)
         # A recording is written a few times a second of the wall clock: what follows is a chunk of
         # its own.
         take = folder / "session.take"
         until(lambda: len(_core.read_recording(take).ticks()) >= 450, "the recording on the disk")
-        own.run(0.1)
+        player_session.run(0.1)
     return folder
 
 
@@ -267,13 +267,13 @@ def written(folder: Path, events: list[dict]) -> None:
 def test_a_score_without_the_player_of_a_device_is_refused_by_a_sentence(tmp_path: Path):
     """It was an internal error; what plays goes on."""
     (tmp_path / "other.yaml").write_text(SCORE.replace("remi", "ines"), encoding="utf-8")
-    with playing(tmp_path) as own:
-        own.run(0.2)
-        reply = own.session.submit(f"load {tmp_path / 'other.yaml'} now")
+    with playing(tmp_path) as player_session:
+        player_session.run(0.2)
+        reply = player_session.session.submit(f"load {tmp_path / 'other.yaml'} now")
         assert not reply.taken
         assert "'remi' plays on a device, and this score has no player" in reply.text
-        own.ok("play")
-        own.run(0.2)
+        player_session.ok("play")
+        player_session.run(0.2)
 
 
 def test_the_journal_names_device_key_and_frame_of_each_hand(short: Path, tmp_path: Path):
@@ -325,10 +325,10 @@ def test_what_was_cut_is_not_called_whole(short: Path, tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert "session.jsonl has no end" in done.stderr
     assert "session.take: " in done.stderr
-    whole, cut = sound(tmp_path / "again.wav"), sound(short / "heard.wav")
-    n = min(len(whole), len(cut)) - 4 * 1024
+    complete, cut = sound(tmp_path / "again.wav"), sound(short / "heard.wav")
+    n = min(len(complete), len(cut)) - 4 * 1024
     assert n > 8 * 1024
-    assert np.array_equal(whole[:n], cut[:n])
+    assert np.array_equal(complete[:n], cut[:n])
 
 
 @pytest.mark.parametrize(

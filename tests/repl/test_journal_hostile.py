@@ -77,9 +77,9 @@ class Sandbox:
         self.is_watched = False
         sys.addaudithook(self._heard)  # stays as long as the process; it looks where it is asked to
 
-    def _heard(self, event: str, given: tuple[Any, ...]) -> None:
-        if self.is_watched and event == "open" and isinstance(given[0], str | bytes):
-            real = os.path.realpath(os.fsdecode(given[0]))
+    def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self.is_watched and event == "open" and isinstance(arguments[0], str | bytes):
+            real = os.path.realpath(os.fsdecode(arguments[0]))
             if real.startswith((str(self.outside), "/etc/", "/dev/")):
                 self.opened.append(real)
 
@@ -95,8 +95,8 @@ class Sandbox:
         (self.inside / "score.yaml").write_text(SCORE)
         (self.inside / "keys.yaml").write_text(KEYS)
         for path in sorted(self.inside.rglob("*"), reverse=True):
-            own = ("score.yaml", "keys.yaml", "session.jsonl")
-            if path.is_symlink() or (path.parent == self.inside and path.name in own):
+            player_session = ("score.yaml", "keys.yaml", "session.jsonl")
+            if path.is_symlink() or (path.parent == self.inside and path.name in player_session):
                 continue
             if path.is_dir():
                 path.rmdir()
@@ -231,8 +231,8 @@ def hostile(chance: random.Random, box: Sandbox) -> bytes:
             events.remove(chance.choice(events)) if len(events) > 1 else None
     data = bytearray(written(events))
     for _ in range(chance.choice((0, 0, 0, 0, 0, 0, 1, 3))):
-        at = chance.randrange(len(data) + 1)
-        data[at : at + chance.randrange(3)] = chance.choice(
+        index = chance.randrange(len(data) + 1)
+        data[index : index + chance.randrange(3)] = chance.choice(
             (b"\0", b"\xff", b"\n", b"{", b"[" * 3000, b"1e999", b"NaN", b'"', b"\xed\xa0\x80")
         )
     return bytes(data[: chance.randrange(len(data))] if chance.randrange(20) == 0 else data)

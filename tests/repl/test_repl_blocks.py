@@ -29,112 +29,112 @@ end"""
 
 
 @pytest.fixture
-def own(tmp_path):
-    own = Stepped(EMPTY, tmp_path)
-    yield own
-    own.close()
+def stepped(tmp_path):
+    player_session = Stepped(EMPTY, tmp_path)
+    yield player_session
+    player_session.close()
 
 
-def _runs(own):
+def _runs(stepped):
     """The beats on which blocks took effect, from the journal."""
-    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    rows = [json.loads(line) for line in stepped.journal.read_text().splitlines()]
     lines = {row["number"] for row in rows if row["event"] == "line" and not row.get("typed", True)}
     return [row["beat"] for row in rows if row["event"] == "commit" and row["number"] in lines]
 
 
-def test_a_block_is_written_in_the_score_and_its_name_runs_it(own):
-    own.ok(FILL)
-    assert own.session.schedule.head.piece.blocks == {
+def test_a_block_is_written_in_the_score_and_its_name_runs_it(stepped):
+    stepped.ok(FILL)
+    assert stepped.session.schedule.head.piece.blocks == {
         "fill": ("ada plays knock every 1/2 times 2", "ada do scale 1.2")
     }
-    assert own.ok("show fill").lines[0].endswith("fill:")
-    assert own.ok("history").lines[-1].endswith("  def fill: …")
-    own.ok("play")
-    own.run(0.5)
-    assert own.ok("fill").text == "ok 2|1"
-    own.run(3.0)
-    assert np.abs(own.sound).max() > 1e-6
-    assert own.ok("undo").taken
-    own.run(3.0)
-    assert "knock" not in str(own.session.schedule.head.piece.parts)
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    assert stepped.ok("show fill").lines[0].endswith("fill:")
+    assert stepped.ok("history").lines[-1].endswith("  def fill: …")
+    stepped.ok("play")
+    stepped.run(0.5)
+    assert stepped.ok("fill").text == "ok 2|1"
+    stepped.run(3.0)
+    assert np.abs(stepped.sound).max() > 1e-6
+    assert stepped.ok("undo").taken
+    stepped.run(3.0)
+    assert "knock" not in str(stepped.session.schedule.head.piece.parts)
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_block_runs_every_so_often_until_it_is_stopped(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("play")
-    own.run(0.1)
-    assert own.ok("fill every 2bar").taken  # from bar 2 on
-    own.run(9.0)  # 2 s a bar
-    assert _runs(own) == [12.0]
-    assert own.ok("show").lines[-1] == "fill: every 2bar"
-    own.run(4.0)
-    assert _runs(own) == [12.0, 20.0]
-    own.ok("stop fill")
-    own.run(9.0)
-    assert _runs(own) == [12.0, 20.0]
-    assert own.ok("show").lines[-1] != "fill: every 2bar"
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
-    assert np.abs(own.sound).max() > 1e-6
+def test_a_block_runs_every_so_often_until_it_is_stopped(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("play")
+    stepped.run(0.1)
+    assert stepped.ok("fill every 2bar").taken  # from bar 2 on
+    stepped.run(9.0)  # 2 s a bar
+    assert _runs(stepped) == [12.0]
+    assert stepped.ok("show").lines[-1] == "fill: every 2bar"
+    stepped.run(4.0)
+    assert _runs(stepped) == [12.0, 20.0]
+    stepped.ok("stop fill")
+    stepped.run(9.0)
+    assert _runs(stepped) == [12.0, 20.0]
+    assert stepped.ok("show").lines[-1] != "fill: every 2bar"
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
+    assert np.abs(stepped.sound).max() > 1e-6
 
 
-def test_a_block_runs_where_a_condition_holds(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("when bar % 4 == 3 fill now")
-    own.ok("play")
-    own.run(24.5)
-    assert _runs(own) == [8.0, 24.0, 40.0]
-    own.ok("when beat == 2 and bar < 15 fill now")  # in place of the other
-    own.run(6.0)
-    assert _runs(own) == [8.0, 24.0, 40.0, 49.0 + 0.0, 53.0]
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+def test_a_block_runs_where_a_condition_holds(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("when bar % 4 == 3 fill now")
+    stepped.ok("play")
+    stepped.run(24.5)
+    assert _runs(stepped) == [8.0, 24.0, 40.0]
+    stepped.ok("when beat == 2 and bar < 15 fill now")  # in place of the other
+    stepped.run(6.0)
+    assert _runs(stepped) == [8.0, 24.0, 40.0, 49.0 + 0.0, 53.0]
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_line_typed_before_the_beat_stops_a_run_that_is_queued(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("play")
-    own.ok("fill every 1bar now")
-    own.run(1.5)  # the run of 2|1 is queued
-    assert any(one.line == "run fill" for one in own.session.schedule.waiting)
-    own.ok("stop fill")  # on 2|1
-    own.run(3.0)
-    assert _runs(own) == []
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+def test_a_line_typed_before_the_beat_stops_a_run_that_is_queued(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("play")
+    stepped.ok("fill every 1bar now")
+    stepped.run(1.5)  # the run of 2|1 is queued
+    assert any(one.line == "run fill" for one in stepped.session.schedule.waiting)
+    stepped.ok("stop fill")  # on 2|1
+    stepped.run(3.0)
+    assert _runs(stepped) == []
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_runs_are_not_in_the_history_and_undo_ends_the_rule(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("play")
-    own.ok("fill every 1bar now")
-    own.run(7.0)
-    assert len(_runs(own)) == 3
-    assert [line.split("  ")[-1] for line in own.ok("history").lines] == [
+def test_runs_are_not_in_the_history_and_undo_ends_the_rule(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("play")
+    stepped.ok("fill every 1bar now")
+    stepped.run(7.0)
+    assert len(_runs(stepped)) == 3
+    assert [line.split("  ")[-1] for line in stepped.ok("history").lines] == [
         "(the score)",
         "def fill: ada plays knock times 1",
         "fill every 1bar now",
     ]
-    own.ok("undo")
-    own.run(5.0)
-    assert len(_runs(own)) <= 4
-    assert not own.session.schedule.head.rules
-    own.ok("redo")
-    own.run(3.0)
-    assert len(_runs(own)) >= 4
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    stepped.ok("undo")
+    stepped.run(5.0)
+    assert len(_runs(stepped)) <= 4
+    assert not stepped.session.schedule.head.rules
+    stepped.ok("redo")
+    stepped.run(3.0)
+    assert len(_runs(stepped)) >= 4
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_resumed_session_goes_on_with_its_rules(own):
-    own.ok(FILL)
-    own.ok("play")
-    own.ok("when bar % 2 == 0 fill now")
-    own.run(5.0)
-    own.close()
-    again = Stepped.resumed(own.journal)
+def test_a_resumed_session_goes_on_with_its_rules(stepped):
+    stepped.ok(FILL)
+    stepped.ok("play")
+    stepped.ok("when bar % 2 == 0 fill now")
+    stepped.run(5.0)
+    stepped.close()
+    again = Stepped.resumed(stepped.journal)
     assert again.ok("show").lines[-1] == "fill: when bar % 2 == 0"
     again.ok("play")
     again.run(6.0)
@@ -146,47 +146,47 @@ def test_a_resumed_session_goes_on_with_its_rules(own):
     third.close()
 
 
-def test_a_jump_and_a_stop_leave_no_run_behind(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("play")
-    own.ok("fill every 1bar now")
-    own.run(3.5)
-    own.ok("stop")
-    own.run(3.0)
-    assert not own.session.schedule.waiting
-    own.ok("play from 1|3")
-    own.run(5.0)
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
-    assert _runs(own)[-1] == pytest.approx(8.0, abs=0.01)
+def test_a_jump_and_a_stop_leave_no_run_behind(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("play")
+    stepped.ok("fill every 1bar now")
+    stepped.run(3.5)
+    stepped.ok("stop")
+    stepped.run(3.0)
+    assert not stepped.session.schedule.waiting
+    stepped.ok("play from 1|3")
+    stepped.run(5.0)
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
+    assert _runs(stepped)[-1] == pytest.approx(8.0, abs=0.01)
 
 
-def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(own):
-    own.ok(FILL)
-    own.ok("def soft: ada plays (knock lean)*2 every 1")
-    own.ok("fill every 1bar")
-    own.ok("rename knock tap")
-    own.ok("rename ada mia")
-    own.ok("rename fill tutti")
-    own.run(0.1)
-    head = own.session.schedule.head
+def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(stepped):
+    stepped.ok(FILL)
+    stepped.ok("def soft: ada plays (knock lean)*2 every 1")
+    stepped.ok("fill every 1bar")
+    stepped.ok("rename knock tap")
+    stepped.ok("rename ada mia")
+    stepped.ok("rename fill tutti")
+    stepped.run(0.1)
+    head = stepped.session.schedule.head
     assert head.piece.blocks == {
         "tutti": ("mia plays tap every 1/2 times 2", "mia do scale 1.2"),
         "soft": ("mia plays (tap lean)*2 every 1",),
     }
     assert set(head.rules) == {"tutti"}
-    own.ok("tutti")
-    assert "is in use" in own.type("rename soft tutti").text
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    stepped.ok("tutti")
+    assert "is in use" in stepped.type("rename soft tutti").text
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def _n_calls(own, line):
+def _n_calls(stepped, line):
     """How many functions of Python a line calls."""
     called = []
     sys.setprofile(lambda frame, event, what: called.append(event == "call"))
     try:
-        own.ok(line)
+        stepped.ok(line)
     finally:
         sys.setprofile(None)
     return sum(called)
@@ -200,55 +200,55 @@ def _n_calls(own, line):
         ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"],
     ),
 )
-def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, of):
+def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, source):
     text = EMPTY.replace("  ada: []\n", part + "  bo: []\n")
     text = text.replace("players:\n", "players:\n  bo: {key: k1}\n")
-    own = Stepped(text, tmp_path, keeps=False)
-    for line in (f"def fill: ada plays {of}", "play", "fill every 1 now"):
-        own.ok(line)
-    own.run(12.05)
+    player_session = Stepped(text, tmp_path, keeps=False)
+    for line in (f"def fill: ada plays {source}", "play", "fill every 1 now"):
+        player_session.ok(line)
+    player_session.run(12.05)
     lines = ("ada plays lean now", "ada do scale 1.1 now", "set bell.m.f B3 now", "rest ada now")
-    few = [_n_calls(own, line) for line in lines]
-    own.run(60.0)  # 120 runs more
-    many = [_n_calls(own, line) for line in lines]
-    assert own.session.schedule.head.texts.text.count("knock") > 130
+    few = [_n_calls(player_session, line) for line in lines]
+    player_session.run(60.0)  # 120 runs more
+    many = [_n_calls(player_session, line) for line in lines]
+    assert player_session.session.schedule.head.texts.text.count("knock") > 130
     for line, before, after in zip(lines, few, many, strict=True):
         assert after < 1.1 * before + 100, line
-    own.close()
+    player_session.close()
 
 
-def test_hush_and_panic_end_rules(own):
-    own.ok("def fill: ada plays knock times 1")
-    own.ok("fill every 1bar now")
-    own.ok("play")
-    own.run(1.0)
-    own.ok("hush now")
-    own.run(0.5)
-    assert not own.session.schedule.head.rules
-    own.ok("fill every 1bar now")
-    own.run(0.5)
-    own.ok("panic")
-    own.run(0.5)
-    assert not own.session.schedule.head.rules
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+def test_hush_and_panic_end_rules(stepped):
+    stepped.ok("def fill: ada plays knock times 1")
+    stepped.ok("fill every 1bar now")
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.ok("hush now")
+    stepped.run(0.5)
+    assert not stepped.session.schedule.head.rules
+    stepped.ok("fill every 1bar now")
+    stepped.run(0.5)
+    stepped.ok("panic")
+    stepped.run(0.5)
+    assert not stepped.session.schedule.head.rules
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_block_that_cannot_run_is_told_once(own):
-    own.ok("tilt = 0@0 smooth 3@1/4 smooth 0@1/2")
-    own.ok("def fill: ada plays tilt times 1")
-    own.ok("remove tilt")
-    assert "line 1 of fill: 'tilt' is not a gesture" in own.type("fill").text
-    own.ok("def fill: ada do mirror")  # ada plays nothing
-    own.ok("play")
-    own.session.messages()
-    own.ok("when bar > 2 fill")
-    own.run(9.0)
-    (said,) = own.session.messages()
-    assert said.startswith("fill cannot run: ")
-    assert own.session.schedule.head.rules
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+def test_a_block_that_cannot_run_is_told_once(stepped):
+    stepped.ok("tilt = 0@0 smooth 3@1/4 smooth 0@1/2")
+    stepped.ok("def fill: ada plays tilt times 1")
+    stepped.ok("remove tilt")
+    assert "line 1 of fill: 'tilt' is not a gesture" in stepped.type("fill").text
+    stepped.ok("def fill: ada do mirror")  # ada plays nothing
+    stepped.ok("play")
+    stepped.session.messages()
+    stepped.ok("when bar > 2 fill")
+    stepped.run(9.0)
+    (messages,) = stepped.session.messages()
+    assert messages.startswith("fill cannot run: ")
+    assert stepped.session.schedule.head.rules
+    stepped.close()
+    assert np.array_equal(stepped.again(), stepped.sound)
 
 
 @pytest.mark.parametrize(
@@ -269,10 +269,10 @@ def test_a_block_that_cannot_run_is_told_once(own):
         ("when bar % 4 == 3 nil", "'nil' is not a block"),
     ],
 )
-def test_what_is_no_block_is_refused(own, line, said):
-    reply = own.type(line)
+def test_what_is_no_block_is_refused(stepped, line, message):
+    reply = stepped.type(line)
     assert not reply.taken
-    assert said in reply.text
+    assert message in reply.text
 
 
 @pytest.mark.parametrize(
@@ -290,23 +290,25 @@ def test_what_is_no_block_is_refused(own, line, said):
         ("fill evry 2bar", "unknown verb", None),
     ],
 )
-def test_a_rule_says_what_is_wrong(own, line, said, try_):
-    own.ok("def fill: ada plays knock")
-    reply = own.type(line)
+def test_a_rule_says_what_is_wrong(stepped, line, message, try_):
+    stepped.ok("def fill: ada plays knock")
+    reply = stepped.type(line)
     assert not reply.taken
-    assert said in reply.text
+    assert message in reply.text
     assert reply.try_ == try_
 
 
 def test_a_block_in_a_score_holds_only_what_a_block_may(tmp_path):
-    own = Stepped(EMPTY + "blocks: {fill: [load other.yaml], tilt: [fill]}\n", tmp_path)
-    assert "line 1 of fill: a block cannot hold 'load other.yaml'" in own.type("fill").text
-    assert "line 1 of tilt: a block cannot hold 'fill'" in own.type("tilt").text
-    own.close()
+    player_session = Stepped(EMPTY + "blocks: {fill: [load other.yaml], tilt: [fill]}\n", tmp_path)
+    assert (
+        "line 1 of fill: a block cannot hold 'load other.yaml'" in player_session.type("fill").text
+    )
+    assert "line 1 of tilt: a block cannot hold 'fill'" in player_session.type("tilt").text
+    player_session.close()
 
 
-def test_enter_ends_a_block_after_end_or_a_blank_line(own):
-    is_whole = own.session.is_whole
+def test_enter_ends_a_block_after_end_or_a_blank_line(stepped):
+    is_whole = stepped.session.is_whole
     assert not is_whole("def fill:")
     assert not is_whole("def fill:\n  ada plays knock")
     assert is_whole("def fill:\n  ada plays knock\n")
@@ -314,19 +316,19 @@ def test_enter_ends_a_block_after_end_or_a_blank_line(own):
     assert is_whole("def fill: ada plays knock")
 
 
-def test_lines_below_a_block_are_lines_of_their_own(own):
-    own.ok(f"{FILL}\nmute bell\ndef tilt:\n  unmute bell\n\nfill every 4bar")
-    head = own.session.schedule.head
+def test_lines_below_a_block_are_lines_of_their_own(stepped):
+    stepped.ok(f"{FILL}\nmute bell\ndef tilt:\n  unmute bell\n\nfill every 4bar")
+    head = stepped.session.schedule.head
     assert set(head.piece.blocks) == {"fill", "tilt"}
     assert head.faders.muted == {"bell"}
     assert set(head.rules) == {"fill"}
 
 
-def test_words_are_offered(own):
-    own.ok("def fill: ada plays knock")
+def test_words_are_offered(stepped):
+    stepped.ok("def fill: ada plays knock")
 
     def offered(line):
-        return [one.text for one in own.session.complete(line, len(line))]
+        return [one.text for one in stepped.session.complete(line, len(line))]
 
     assert offered("fi") == ["fill"]
     assert "every" in offered("fill ")
@@ -341,11 +343,11 @@ def _tempo(meter="4/4"):
 
 
 def _all(trigger, tempo, begin, until):
-    found, after = [], begin
+    result, after = [], begin
     while (beat := trigger.next_beat(tempo, begin, after, until)) is not None:
-        found.append(beat)
+        result.append(beat)
         after = beat
-    return found
+    return result
 
 
 def test_when_a_rule_runs():
@@ -401,18 +403,18 @@ def _any_line(chance):
 @pytest.mark.parametrize("seed", few(range(6), [0, 1]))
 def test_random_sets_with_blocks_render_to_the_bit(tmp_path, seed):
     chance = random.Random(seed)
-    own = Stepped(EMPTY, tmp_path)
-    own.ok("play")
+    player_session = Stepped(EMPTY, tmp_path)
+    player_session.ok("play")
     for _ in range(40):
-        reply = own.type(_any_line(chance))
+        reply = player_session.type(_any_line(chance))
         assert "internal" not in reply.text
-        own.run(chance.uniform(0.0, 1.0))
+        player_session.run(chance.uniform(0.0, 1.0))
         if chance.random() < 0.04:
-            own.close()
-            assert np.array_equal(own.again(), own.sound)
-            own = Stepped.resumed(own.journal)
-            own.type("play")
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
-    said = "\n".join(own.session.messages())
-    assert "Error:" not in said
+            player_session.close()
+            assert np.array_equal(player_session.again(), player_session.sound)
+            player_session = Stepped.resumed(player_session.journal)
+            player_session.type("play")
+    player_session.close()
+    assert np.array_equal(player_session.again(), player_session.sound)
+    messages = "\n".join(player_session.session.messages())
+    assert "Error:" not in messages

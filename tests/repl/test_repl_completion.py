@@ -47,9 +47,9 @@ def offered(line: str, cursor: int | None = None) -> list[str]:
     ],
 )
 def test_completion_offers_what_could_follow(line: str, some: set[str]):
-    found = complete(line, len(line), SCOPE)
-    assert some <= {s.text for s in found}
-    for suggestion in found:
+    result = complete(line, len(line), SCOPE)
+    assert some <= {s.text for s in result}
+    for suggestion in result:
         assert suggestion.hint
         assert "\n" not in suggestion.hint
         assert suggestion.text.lower().startswith(line[suggestion.start :].lower())

@@ -25,13 +25,13 @@ LINE = re.compile(r"(?P<bar>\d+)\|\d+ (?:> )?(?P<line>.+)")
 
 def exchanges(text: str) -> list[tuple[int, str, list[str]]]:
     """(bar, line, answers) of every line that is typed; `# …` is what happens beside the prompt."""
-    found: list[tuple[int, str, list[str]]] = []
+    result: list[tuple[int, str, list[str]]] = []
     for row in text.splitlines():
         if match := LINE.fullmatch(row):
-            found.append((int(match["bar"]), match["line"], []))
+            result.append((int(match["bar"]), match["line"], []))
         else:
-            found[-1][2].append(row.strip())
-    return found
+            result[-1][2].append(row.strip())
+    return result
 
 
 def shown(answer: str) -> re.Pattern[str]:

@@ -20,20 +20,20 @@ def test_bars_are_kept_as_they_were(path, span):
     texts, piece = opened(path)
     tempo = piece.tempo_map
     start -= tempo.bar_beat(start)[1] - 1.0  # from the bar line, whatever the meter
-    said = excerpt.keep(texts, piece, "verse-2", start, stop)
-    kept = piece_of(said)
+    message = excerpt.keep(texts, piece, "verse-2", start, stop)
+    saved = piece_of(message)
     for player in piece.players:
         inside = [(b - start, *rest) for b, *rest in begun(piece, player) if start <= b < stop]
-        same(begun(kept, player), inside)
+        same(begun(saved, player), inside)
     for beat in range(int(stop - start)):
         seconds = tempo.seconds(start + beat) - tempo.seconds(start)
-        assert kept.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
-        assert kept.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
-    scene = Scene.of(said, kept)
+        assert saved.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
+        assert saved.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
+    scene = Scene.of(message, saved)
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + scene.beats))
     for player in piece.players:
         again = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0]
-        same(again, begun(kept, player))
+        same(again, begun(saved, player))
 
 
 def test_nothing_cannot_be_kept():
@@ -89,12 +89,12 @@ def test_a_session_of_edits_is_a_score_at_every_step(path, number):
     is_crlf = number % 2 == 1
     if is_crlf:
         texts = texts.changed(texts.text.replace("\n", "\r\n"))
-    at, taken = 0.0, 0
+    position, taken = 0.0, 0
     for _ in range(12):
-        at += chance.choice([0.0, 1.0, 2.5, 4.0, 8.0])
+        position += chance.choice([0.0, 1.0, 2.5, 4.0, 8.0])
         piece = piece_of(texts)
         try:
-            verb, after = some_line(chance.choice, texts, piece, at)
+            verb, after = some_line(chance.choice, texts, piece, position)
         except EditError:
             continue
         loaded = after.load()
@@ -107,11 +107,15 @@ def test_a_session_of_edits_is_a_score_at_every_step(path, number):
             known = slice(1) if verb == "seed" else slice(None)
             # What repeats a gesture that was defined anew comes as soon as that is over.
             now = loaded.piece.gestures
-            other = {name for name, one in piece.gestures.items() if now.get(name) != one}
+            other = {name for name, item in piece.gestures.items() if now.get(name) != item}
             other = other if verb == "define" else set()
             old, new = (
-                [x[known] for x in begun(one, player) if x[0] < at - 1e-9 and x[1] not in other]
-                for one in (piece, loaded.piece)
+                [
+                    x[known]
+                    for x in begun(item, player)
+                    if x[0] < position - 1e-9 and x[1] not in other
+                ]
+                for item in (piece, loaded.piece)
             )
             assert new == old, verb
         assert all(("\r\n" in line) == is_crlf for line in after.text.splitlines(True)[:-1])

@@ -35,10 +35,10 @@ FADE = 960  # frames until a fade that begins on the grid has ended
 
 
 @pytest.fixture
-def folder(own_folder: Path) -> Path:
-    (own_folder / "score.yaml").write_text(SCORE)
+def folder(work_folder: Path) -> Path:
+    (work_folder / "score.yaml").write_text(SCORE)
     freeze("gong,sky")
-    return own_folder
+    return work_folder
 
 
 def freeze(parts: str) -> None:
@@ -107,7 +107,7 @@ def test_a_frozen_part_stands_where_the_score_stands(folder: Path):
 
 
 def test_a_session_with_frozen_parts_sounds_as_one_that_computes_them(folder: Path):
-    heard = []
+    listened = []
     for frozen in (None, folder / "score.frozen"):
         with closing(Stepped(SCORE, folder, frozen=frozen, journal=False)) as stepped:
             stepped.ok("play")
@@ -115,12 +115,12 @@ def test_a_session_with_frozen_parts_sounds_as_one_that_computes_them(folder: Pa
             stepped.ok("remi plays knock every 1")
             stepped.ok("gain sky -6dB")
             stepped.run(5.0)
-            heard.append(stepped.sound)
-    peak = np.max(np.abs(heard[0]))
+            listened.append(stepped.sound)
+    peak = np.max(np.abs(listened[0]))
     # What is frozen was planned by ear, a session computes contacts finer: the waveforms differ by
     # 3e-4 of the peak. A frame's shift would be 50 times that.
-    assert np.max(np.abs(heard[0] - heard[1])) < 1e-3 * peak
-    assert np.any(heard[0][:, 0])
+    assert np.max(np.abs(listened[0] - listened[1])) < 1e-3 * peak
+    assert np.any(listened[0][:, 0])
 
 
 def test_lines_about_others_leave_it_frozen(folder: Path):
@@ -170,11 +170,11 @@ def test_a_line_that_changes_its_sound_computes_it_again(folder: Path, line: str
         stepped.ok(line)
         stepped.run(6.0)
         assert frozen_now(stepped) == left
-        said = [message for message in stepped.session.messages() if "computed live" in message]
+        messages = [message for message in stepped.session.messages() if "computed live" in message]
         names = "gong is computed live and starts"
         if not left:
             names = "gong, sky are computed live and start"
-        assert said == [
+        assert messages == [
             f"from this line on {names} at rest, because the line changes what was frozen"
         ]
         assert np.any(stepped.sound[-RATE:, 1])  # it sounds, computed
@@ -242,17 +242,17 @@ def test_a_journal_refuses_frozen_parts_that_are_missing_or_others(
     with closing(opened(folder)) as stepped:
         stepped.ok("play")
         stepped.run(1.0)
-    own = folder / "score.frozen"
-    own.rename(folder / "away")
+    single = folder / "score.frozen"
+    single.rename(folder / "away")
     capsys.readouterr()
     assert app.run(["render", "session.jsonl", "-q"]) != 0
-    said = capsys.readouterr().err
-    assert "score.frozen" in said
-    assert "the session plays gong, sky from there" in said
-    (folder / "away").rename(own)
-    manifest = json.loads((own / "frozen.json").read_text())
+    output = capsys.readouterr().err
+    assert "score.frozen" in output
+    assert "the session plays gong, sky from there" in output
+    (folder / "away").rename(single)
+    manifest = json.loads((single / "frozen.json").read_text())
     manifest["stems"][0]["sha256"] = "0" * 64
-    (own / "frozen.json").write_text(json.dumps(manifest))
+    (single / "frozen.json").write_text(json.dumps(manifest))
     assert app.run(["render", "session.jsonl", "-q"]) != 0
     assert "holds other frozen parts than those of this session" in capsys.readouterr().err
 
@@ -306,14 +306,14 @@ def heard_and_rendered(name: str, pause: float) -> Comparison:
         for line in LINES:
             repl.stdin.write(f"{line}\n")
             time.sleep(pause)
-        said = repl.communicate("quit\n", timeout=PATIENCE)[0]
-    assert "from score.frozen: gong, sky, up to " in said
-    assert "from this line on gong is computed live" in said
+        output = repl.communicate("quit\n", timeout=PATIENCE)[0]
+    assert "from score.frozen: gong, sky, up to " in output
+    assert "from this line on gong is computed live" in output
     done = ["render", f"{name}.jsonl", "-o", f"again-{name}.wav", "--bits", "float", "-q"]
     assert app.run(done) == 0
     played, _ = soundfile.read(f"{name}.wav", dtype="float32", always_2d=True)
     again, _ = soundfile.read(f"again-{name}.wav", dtype="float32", always_2d=True)
-    return check_heard(played, again, re.findall(r"gaps [0-9]+", said))
+    return check_heard(played, again, re.findall(r"gaps [0-9]+", output))
 
 
 def test_what_was_heard_is_what_its_journal_renders(folder: Path) -> None:

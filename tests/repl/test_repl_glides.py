@@ -43,9 +43,9 @@ def session(tmp_path: Path):
 def pitch(sound: np.ndarray, rate: float) -> float:
     """The strongest frequency [Hz], between bins by a parabola."""
     spectrum = np.abs(np.fft.rfft(sound * np.hanning(len(sound)), 8 * len(sound)))
-    at = int(spectrum[8:].argmax()) + 8
-    low, here, high = np.log(spectrum[at - 1 : at + 2])
-    return (at + 0.5 * (low - high) / (low - 2 * here + high)) * rate / (8 * len(sound))
+    position = int(spectrum[8:].argmax()) + 8
+    low, here, high = np.log(spectrum[position - 1 : position + 2])
+    return (position + 0.5 * (low - high) / (low - 2 * here + high)) * rate / (8 * len(sound))
 
 
 def heard(session: Stepped, begin: float, end: float) -> float:
@@ -66,15 +66,18 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     assert heard(session, start + 4.2, start + 5.0) == pytest.approx(220.0, rel=0.01)
     # It glides: no step of the sound is rougher than those before and after.
     third = np.abs(np.diff(session.sound[:, 0], 3))
-    at = int(start * session.rate)
-    assert third[at - 200 : at + 4000].max() < 2 * third[at - 9000 : at - 200].max()
+    position = int(start * session.rate)
+    assert (
+        third[position - 200 : position + 4000].max()
+        < 2 * third[position - 9000 : position - 200].max()
+    )
     session.ok("save gliding")
     saved = load(tmp_path / "gliding.yaml").piece
     assert saved is not None
     assert [one.name for one in saved.automation] == ["bell.s.f"]
-    whole = stage(saved)
-    rendered = np.zeros((whole.n_frames, whole.simulation.n_out))
-    whole.simulation.process(rendered)
+    complete = stage(saved)
+    rendered = np.zeros((complete.n_frames, complete.simulation.n_out))
+    complete.simulation.process(rendered)
     from_start = saved.tempo_map.seconds(saved.tempo_map.resolve(saved.automation[0].at))
     rate = session.rate
     late = rendered[int((from_start + 4.2) * rate) : int((from_start + 5.0) * rate), 0]
@@ -118,10 +121,13 @@ def test_a_string_whose_pitch_is_set_does_not_jump(session):
     session.ok("play from 1|1")
     session.run(1.0)
     session.ok("set bell.s.f 116Hz now")
-    at = session.sound.shape[0]
+    position = session.sound.shape[0]
     session.run(1.0)
     third = np.abs(np.diff(session.sound[:, 0], 3))
-    assert third[at - 200 : at + 4000].max() < 2 * third[at - 9000 : at - 200].max()
+    assert (
+        third[position - 200 : position + 4000].max()
+        < 2 * third[position - 9000 : position - 200].max()
+    )
     assert heard(session, 1.2, 2.0) == pytest.approx(116.0, rel=0.01)
     session.close()
     assert np.array_equal(session.again(), session.sound)
@@ -192,10 +198,10 @@ def test_kept_bars_go_on_with_a_glide(session, tmp_path):
     session.ok("set bell.m.f A4 over 3bar")
     session.run(7.0)  # in the middle of the glide
     session.ok("keep 1bar as verse")
-    kept = load(tmp_path / "verse.yaml").piece
-    assert kept is not None
-    assert [one.name for one in kept.automation] == ["bell.m.f"]
+    saved = load(tmp_path / "verse.yaml").piece
+    assert saved is not None
+    assert [one.name for one in saved.automation] == ["bell.m.f"]
     # From 2|1 on for 12 beats; of these beats 4 to 8 are kept.
     for beat in (0.2, 2.0, 4.0):
-        value = value_on(kept, ("bell", "m"), "f", beat)
+        value = value_on(saved, ("bell", "m"), "f", beat)
         assert math.log2(value / 220.0) == pytest.approx((beat + 4.0) / 12.0, abs=1e-3)

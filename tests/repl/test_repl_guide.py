@@ -66,7 +66,7 @@ class Led:
 
     def watched(self, seconds: float) -> np.ndarray:
         """Beats into a bar, and where remi's key is there [m], (n, 2), while it plays on."""
-        engine, found = self.session.schedule.engine, []
+        engine, result = self.session.schedule.engine, []
         assert isinstance(engine, LiveEngine)
 
         def look() -> None:
@@ -75,10 +75,10 @@ class Led:
                 self.session.guidance.send(*path)
             status = engine.performance.status()
             beat = self.session.schedule.running.beat(status.frame)
-            found.append((beat % 4.0, status.hands[0].position))
+            result.append((beat % 4.0, status.hands[0].position))
 
         self.board.run(round(1e3 * seconds), look)
-        return np.array(found)
+        return np.array(result)
 
 
 @contextmanager
@@ -118,27 +118,27 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow
 def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
-    with led(tmp_path) as own:
-        own.ok("play")
-        assert own.ok("guide remi ada now").endswith("remi: guided by ada")
-        own.watched(4.0)  # forces rise in the first two seconds
-        beat, x = own.watched(4.0).T
+    with led(tmp_path) as single:
+        single.ok("play")
+        assert single.ok("guide remi ada now").endswith("remi: guided by ada")
+        single.watched(4.0)  # forces rise in the first two seconds
+        beat, x = single.watched(4.0).T
         # The hand holds against it by 1/12 of its stiffness, the dampers make it late.
         assert np.abs(x - np.interp(beat, *part(tmp_path))).max() < 1.5e-3
         assert 6e-3 < x.max() < 8.5e-3
-        own.ok("leo plays back every 4 now")
-        own.ok("guide remi leo now")
-        own.watched(2.5)
-        beat, x = own.watched(2.0).T
+        single.ok("leo plays back every 4 now")
+        single.ok("guide remi leo now")
+        single.watched(2.5)
+        beat, x = single.watched(2.0).T
         assert -4.2e-3 < x.min() < -2.5e-3
         assert x.max() < 1e-3
-        own.ok("undo")
-        own.watched(2.5)
-        beat, x = own.watched(2.0).T
+        single.ok("undo")
+        single.watched(2.5)
+        beat, x = single.watched(2.0).T
         assert x.max() > 6e-3
-        own.ok("guide remi off now")
-        own.watched(1.5)
-        beat, x = own.watched(2.0).T
+        single.ok("guide remi off now")
+        single.watched(1.5)
+        beat, x = single.watched(2.0).T
         assert np.abs(x).max() < 0.3e-3
     again = ReplayedSession(read_journal(tmp_path / "session.jsonl"))
     out = np.zeros((again.n_frames, again.n_channels))
@@ -149,18 +149,18 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
 
 @pytest.mark.slow
 def test_who_rests_leads_nobody(tmp_path: Path):
-    with led(tmp_path, hand=4e-3) as own:
-        own.ok("play")
-        own.ok("guide remi leo now")
-        own.watched(3.0)
-        _, x = own.watched(0.5).T
+    with led(tmp_path, hand=4e-3) as single:
+        single.ok("play")
+        single.ok("guide remi leo now")
+        single.watched(3.0)
+        _, x = single.watched(0.5).T
         # He does not hold the key at 0, where his own rests.
         assert np.abs(x - 4e-3).max() < 0.3e-3
-        own.ok("leo plays lean times 1 now")
-        _, x = own.watched(2.0).T
+        single.ok("leo plays lean times 1 now")
+        _, x = single.watched(2.0).T
         assert x.max() > 7e-3
-        own.watched(2.0)
-        _, x = own.watched(0.5).T
+        single.watched(2.0)
+        _, x = single.watched(0.5).T
         assert np.abs(x - 4e-3).max() < 0.3e-3
 
 
@@ -189,30 +189,31 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
-    with led(tmp_path) as own:
-        own.board.leave()
+    with led(tmp_path) as single:
+        single.board.leave()
         until(
-            lambda: "remi" in own.session.schedule.engine.status().disconnected, "the key is gone"
+            lambda: "remi" in single.session.schedule.engine.status().disconnected,
+            "the key is gone",
         )
-        assert "the device of remi's key is gone" in own.session.submit("guide remi ada").text
+        assert "the device of remi's key is gone" in single.session.submit("guide remi ada").text
 
 
 @pytest.mark.parametrize("is_away", [True, False])
 def test_a_session_that_closes_waits_for_no_board(tmp_path: Path, is_away: bool):
     """It is searched for, or its reply is waited for: for longer than a test lasts."""
-    with led(tmp_path) as own:
+    with led(tmp_path) as single:
         if is_away:
-            own.board.leave()
+            single.board.leave()
             until(
-                lambda: "remi" in own.session.schedule.engine.status().disconnected,
+                lambda: "remi" in single.session.schedule.engine.status().disconnected,
                 "the key is gone",
             )
             time.sleep(0.3)  # by now it is searched for; if not, closing has less to end
-        closes = threading.Thread(target=own.session.close, daemon=True)
+        closes = threading.Thread(target=single.session.close, daemon=True)
         closes.start()
         closes.join(PATIENCE)
         assert not closes.is_alive()
-        assert is_away or not [said for said in own.session.messages() if "gone" in said]
+        assert is_away or not [said for said in single.session.messages() if "gone" in said]
 
 
 def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):
@@ -221,12 +222,12 @@ def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):
     piece = piece_of(Texts.read(path))
     spans = ((piece, Window(0.0, 64.0)),)
     every, a_second = 44, 44_100 // 44
-    whole, plays = leading(piece, "ada", spans, every, range(20 * a_second))
+    complete, plays = leading(piece, "ada", spans, every, range(20 * a_second))
     again, later = leading(piece, "ada", spans, every, range(13 * a_second, 20 * a_second))
-    assert np.abs(whole[13 * a_second :] - again).max() < 10e-6
+    assert np.abs(complete[13 * a_second :] - again).max() < 10e-6
     # As it is written: there every two seconds, and back.
-    assert whole[a_second :: 2 * a_second] == pytest.approx(8e-3, abs=10e-6)
-    assert whole[2 * a_second :: 2 * a_second] == pytest.approx(0.0, abs=10e-6)
+    assert complete[a_second :: 2 * a_second] == pytest.approx(8e-3, abs=10e-6)
+    assert complete[2 * a_second :: 2 * a_second] == pytest.approx(0.0, abs=10e-6)
     assert plays[:2] == [(0.0, 2.0), (2.0, 4.0)]
     assert set(later) < set(plays)
     assert later[-1] == (18.0, 20.0)

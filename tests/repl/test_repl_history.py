@@ -14,74 +14,74 @@ from tests.repl.test_repl_session import SCORE
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Iterator[Stepped]:
+def stepped_session(tmp_path: Path) -> Iterator[Stepped]:
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         yield stepped
 
 
-def renders_the_same(at: Stepped) -> None:
-    at.close()
-    again = at.again()
+def renders_the_same(stepped_session: Stepped) -> None:
+    stepped_session.close()
+    again = stepped_session.again()
     assert np.max(np.abs(again)) > 0
-    assert np.array_equal(again, at.sound[: len(again)])
+    assert np.array_equal(again, stepped_session.sound[: len(again)])
 
 
-def test_undo_takes_back_the_last_that_took_effect(at: Stepped) -> None:
-    at.ok("play")
-    at.run(0.3)
-    at.ok("ada plays knock every 1 at 3|1")
-    at.ok("set bell.m.t60 2s now")
-    at.run(5.0)
-    at.ok("seed 3 now")
-    at.run(0.3)
-    assert [row[17:] for row in at.ok("history").lines] == [
+def test_undo_takes_back_the_last_that_took_effect(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
+    stepped_session.run(0.3)
+    stepped_session.ok("ada plays knock every 1 at 3|1")
+    stepped_session.ok("set bell.m.t60 2s now")
+    stepped_session.run(5.0)
+    stepped_session.ok("seed 3 now")
+    stepped_session.run(0.3)
+    assert [row[17:] for row in stepped_session.ok("history").lines] == [
         "(the score)",
         "set bell.m.t60 2s now",
         "ada plays knock every 1 at 3|1",
         "seed 3 now",
     ]
-    at.ok("undo now")  # the seed
-    at.run(0.3)
-    assert "knock, every: 1" in at.session.schedule.head.texts.text
-    assert "t60: 2s" in at.session.schedule.head.texts.text
-    at.ok("undo now")  # ada, who began last
-    at.run(0.3)
-    assert "knock, every: 1" not in at.session.schedule.head.texts.text
-    assert "t60: 2s" in at.session.schedule.head.texts.text
-    at.ok("back 1 now")
-    at.run(0.3)
-    assert at.session.schedule.head.texts.text == SCORE
-    renders_the_same(at)
+    stepped_session.ok("undo now")  # the seed
+    stepped_session.run(0.3)
+    assert "knock, every: 1" in stepped_session.session.schedule.head.texts.text
+    assert "t60: 2s" in stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("undo now")  # ada, who began last
+    stepped_session.run(0.3)
+    assert "knock, every: 1" not in stepped_session.session.schedule.head.texts.text
+    assert "t60: 2s" in stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("back 1 now")
+    stepped_session.run(0.3)
+    assert stepped_session.session.schedule.head.texts.text == SCORE
+    renders_the_same(stepped_session)
 
 
-def test_back_takes_waiting_lines_back_too(at: Stepped) -> None:
-    at.ok("play")
-    at.ok("ada plays knock every 1 now")
-    at.run(1.0)
-    at.ok("set bell.m.t60 2s at 9|1")
-    at.ok("seed 3 at 9|1")
-    assert "are cancelled before they took effect" in at.ok("back 2").text
-    assert not at.session.schedule.waiting
-    at.ok("redo")
-    assert "t60: 2s" in at.session.schedule.head.texts.text
-    assert [one.beat for one in at.session.schedule.waiting] == [32.0]
-    at.ok("back 2 now")
-    at.run(20.0)
-    assert at.session.schedule.head.texts.text == SCORE
-    renders_the_same(at)
+def test_back_takes_waiting_lines_back_too(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(1.0)
+    stepped_session.ok("set bell.m.t60 2s at 9|1")
+    stepped_session.ok("seed 3 at 9|1")
+    assert "are cancelled before they took effect" in stepped_session.ok("back 2").text
+    assert not stepped_session.session.schedule.waiting
+    stepped_session.ok("redo")
+    assert "t60: 2s" in stepped_session.session.schedule.head.texts.text
+    assert [one.beat for one in stepped_session.session.schedule.waiting] == [32.0]
+    stepped_session.ok("back 2 now")
+    stepped_session.run(20.0)
+    assert stepped_session.session.schedule.head.texts.text == SCORE
+    renders_the_same(stepped_session)
 
 
-def test_a_resumed_session_has_the_history_of_before(at: Stepped) -> None:
-    at.ok("play")
+def test_a_resumed_session_has_the_history_of_before(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
     for line in ("ada plays knock every 1 now", "set bell.m.t60 2s", "gain bell -6dB", "seed 3"):
-        at.ok(line)
-        at.run(2.5)
-    at.ok("undo")
-    at.run(2.5)
-    rows = at.ok("history").lines
-    before = at.session.schedule.head
-    at.close()
-    with closing(Stepped.resumed(at.journal)) as two:
+        stepped_session.ok(line)
+        stepped_session.run(2.5)
+    stepped_session.ok("undo")
+    stepped_session.run(2.5)
+    rows = stepped_session.ok("history").lines
+    before = stepped_session.session.schedule.head
+    stepped_session.close()
+    with closing(Stepped.resumed(stepped_session.journal)) as two:
         assert two.ok("history").lines == rows
         two.ok("play")
         two.ok("undo now")  # the gain
@@ -107,27 +107,27 @@ def test_a_resumed_session_has_the_history_of_before(at: Stepped) -> None:
         renders_the_same(three)
 
 
-def test_a_line_that_a_panic_dropped_does_not_come_back(at: Stepped) -> None:
-    at.ok("play")
-    at.run(0.5)
-    at.ok("ada plays knock every 1 at 9|1")
-    at.ok("panic")
-    at.run(0.5)
-    text = at.session.schedule.head.texts.text
-    at.close()
-    with closing(Stepped.resumed(at.journal)) as two:
+def test_a_line_that_a_panic_dropped_does_not_come_back(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
+    stepped_session.run(0.5)
+    stepped_session.ok("ada plays knock every 1 at 9|1")
+    stepped_session.ok("panic")
+    stepped_session.run(0.5)
+    text = stepped_session.session.schedule.head.texts.text
+    stepped_session.close()
+    with closing(Stepped.resumed(stepped_session.journal)) as two:
         assert two.session.schedule.head.texts.text == text
 
 
-def test_a_jump_loses_no_line_that_waits(at: Stepped) -> None:
-    at.ok("play")
-    at.run(0.5)
-    at.ok("seed 3 at 5|1")
-    at.ok("set bell.m.t60 2s now")
-    at.ok("play from 100|1")
-    at.ok("ada plays knock every 1 now")
-    at.run(12.0)
-    assert not at.session.schedule.waiting
-    text = at.session.schedule.head.texts.text
+def test_a_jump_loses_no_line_that_waits(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
+    stepped_session.run(0.5)
+    stepped_session.ok("seed 3 at 5|1")
+    stepped_session.ok("set bell.m.t60 2s now")
+    stepped_session.ok("play from 100|1")
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(12.0)
+    assert not stepped_session.session.schedule.waiting
+    text = stepped_session.session.schedule.head.texts.text
     assert all(typed in text for typed in ("seed: 3", "t60: 2s", "play: knock, every: 1"))
-    renders_the_same(at)
+    renders_the_same(stepped_session)

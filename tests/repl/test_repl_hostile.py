@@ -61,8 +61,12 @@ def hostile(rng: random.Random) -> str:
         return "".join(rng.choices(CHARACTERS, k=rng.randrange(60)))
     line = rng.choice(LINES)  # a line that is nearly right
     for _ in range(rng.randrange(1, 4)):
-        at = rng.randrange(len(line) + 1)
-        line = line[:at] + rng.choice(CHARACTERS) * rng.randrange(3) + line[at + rng.randrange(4) :]
+        index = rng.randrange(len(line) + 1)
+        line = (
+            line[:index]
+            + rng.choice(CHARACTERS) * rng.randrange(3)
+            + line[index + rng.randrange(4) :]
+        )
     return line
 
 

@@ -15,10 +15,10 @@ from ergon.scores.gesture import notation
 
 def alike(command: c.Command) -> c.Command:
     """Without how a mark was spelt: `Position.text` is no value."""
-    at = command.when
+    position = command.when
     return (
-        dataclasses.replace(command, when=dataclasses.replace(at, text=""))
-        if isinstance(at, Position)
+        dataclasses.replace(command, when=dataclasses.replace(position, text=""))
+        if isinstance(position, Position)
         else command
     )
 
@@ -66,9 +66,9 @@ def test_values_are_kept_as_written_and_where():
         if name not in ("do", "play")
     )
     assert one("couple k1 k2 K=40N/m").words["stiffness"] == ("40N/m", 15, 20)
-    said = one("ada plays knock at B layer every 2").words
-    assert said["when"] == ("B", 19, 20)
-    assert said["play"].text == "knock every 2 layer"
+    text = one("ada plays knock at B layer every 2").words
+    assert text["when"] == ("B", 19, 20)
+    assert text["play"].text == "knock every 2 layer"
     assert one("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
 
 

@@ -76,9 +76,9 @@ def go_on(session: Session, seconds: float) -> None:
 @pytest.mark.parametrize("is_seen", few([False, True], 1))
 def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bool):
     """Check 12, over the real engine; the same where pages see it."""
-    heard = tmp_path / "heard.wav"
+    listened = tmp_path / "heard.wav"
     pages = pages_of(SessionOptions(view=is_seen), Report())
-    with closing(session_on(tmp_path, f"clock:{heard}", pages=pages)) as session:
+    with closing(session_on(tmp_path, f"clock:{listened}", pages=pages)) as session:
         ok(session, "play")
         for line in (
             "tempo 480 now",
@@ -105,7 +105,7 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path, is_seen: bo
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    played, _ = soundfile.read(listened, dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
     assert np.max(np.abs(again)) > 0.01
     assert check_heard(played, again, troubles).equal > 2 * 8_000
@@ -156,11 +156,11 @@ def test_a_score_that_is_saved_in_an_editor_takes_over(tmp_path: Path):
         ok(session, "play")
         path = tmp_path / "score.yaml"
         path.write_text(SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: kock}]"))
-        found: list[str] = []
+        result: list[str] = []
         refusal = "score.yaml has changed and is not reloaded: score.yaml:"
         until(
             lambda: (
-                found.extend(session.messages()) or any(one.startswith(refusal) for one in found)
+                result.extend(session.messages()) or any(one.startswith(refusal) for one in result)
             ),
             "a refusal",
         )
@@ -216,9 +216,9 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
         command += ["--live", f"leo={key.url}", "--unchecked"]
         out, recording = tmp_path / "out.txt", tmp_path / "session.take"
         with (
-            out.open("w") as said,
+            out.open("w") as text,
             subprocess.Popen(
-                command, cwd=tmp_path, stdin=subprocess.PIPE, stdout=said, stderr=said, text=True
+                command, cwd=tmp_path, stdin=subprocess.PIPE, stdout=text, stderr=text, text=True
             ) as repl,
         ):
             assert repl.stdin is not None

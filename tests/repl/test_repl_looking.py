@@ -18,87 +18,91 @@ from tests.repl.test_repl_session import SCORE
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Stepped:
+def stepped_session(tmp_path: Path) -> Stepped:
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     return stepped
 
 
-def test_rest_names_who_may_rest(own: Stepped):
-    said = own.type("rest")
-    assert not said.taken
-    assert "rest ada, rest leo or rest all" in said.text
+def test_rest_names_who_may_rest(stepped_session: Stepped):
+    text = stepped_session.type("rest")
+    assert not text.taken
+    assert "rest ada, rest leo or rest all" in text.text
 
 
-def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_two_taps_set_the_tempo(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
     now = iter([10.0, 10.5])
     monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
-    assert own.ok("tap").text == "tap 1: one more sets the tempo"
-    own.ok("tap")
-    assert own.session.schedule.head.piece.tempo_map.bpm(100.0) == 120.0
+    assert stepped_session.ok("tap").text == "tap 1: one more sets the tempo"
+    stepped_session.ok("tap")
+    assert stepped_session.session.schedule.head.piece.tempo_map.bpm(100.0) == 120.0
 
 
 @pytest.mark.parametrize("second", [10.0, 10.1, 12.5])
-def test_tap_out_of_range(own: Stepped, monkeypatch: pytest.MonkeyPatch, second: float):
-    before = own.session.schedule.head
+def test_tap_out_of_range(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch, second: float):
+    before = stepped_session.session.schedule.head
     now = iter([10.0, second])
     monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
-    own.ok("tap")
-    reply = own.type("tap")
+    stepped_session.ok("tap")
+    reply = stepped_session.type("tap")
     assert "tap between 30 and 300 bpm" in reply.text
-    assert own.session.schedule.head is before
+    assert stepped_session.session.schedule.head is before
 
 
-def test_a_parameter_is_shown_as_it_sounds(own: Stepped):
+def test_a_parameter_is_shown_as_it_sounds(stepped_session: Stepped):
     """Lines that wait for their bar do not count, and automation leads it."""
-    own.run(1.0)
-    definition = own.ok("show bell").lines
+    stepped_session.run(1.0)
+    definition = stepped_session.ok("show bell").lines
     assert [line[6:] for line in definition][::4] == ["  bell:", "    out: {SOX: m}"]
-    assert own.ok("show bell.m.f").lines == ("bell.m.f: 220.0Hz", *definition)
-    assert own.ok("? bell.m.K").lines[0] == "bell.m.K: 3821.89N/m"
-    assert own.ok("show bell.b.gap").lines[0] == "bell.b.gap: 0.001m"
-    assert own.ok("show k1.M").lines[0] == "k1.M: 0.4kg"
-    own.ok("set bell.m.f 300Hz")
-    assert own.ok("show bell.m.f").lines[0] == "bell.m.f: 220.0Hz"
-    own.run(3.0)
-    assert own.ok("show bell.m.f").lines[0] == "bell.m.f: 300.0Hz"
-    own.ok("lfo bell.m.f 200Hz..400Hz period 4bar shape sine now")
-    own.run(0.5)
-    value, _, rest = own.ok("show bell.m.f").lines[0].removeprefix("bell.m.f: ").partition("Hz at ")
+    assert stepped_session.ok("show bell.m.f").lines == ("bell.m.f: 220.0Hz", *definition)
+    assert stepped_session.ok("? bell.m.K").lines[0] == "bell.m.K: 3821.89N/m"
+    assert stepped_session.ok("show bell.b.gap").lines[0] == "bell.b.gap: 0.001m"
+    assert stepped_session.ok("show k1.M").lines[0] == "k1.M: 0.4kg"
+    stepped_session.ok("set bell.m.f 300Hz")
+    assert stepped_session.ok("show bell.m.f").lines[0] == "bell.m.f: 220.0Hz"
+    stepped_session.run(3.0)
+    assert stepped_session.ok("show bell.m.f").lines[0] == "bell.m.f: 300.0Hz"
+    stepped_session.ok("lfo bell.m.f 200Hz..400Hz period 4bar shape sine now")
+    stepped_session.run(0.5)
+    value, _, rest = (
+        stepped_session.ok("show bell.m.f").lines[0].removeprefix("bell.m.f: ").partition("Hz at ")
+    )
     assert 200.0 < float(value) < 400.0
     assert rest.endswith(", by its automation")
 
 
-def test_scope_draws_where_the_key_has_been(own: Stepped):
-    own.ok("ada plays knock every 1 now")
-    own.run(2.2)
-    head, *drawing = own.ok("scope ada").lines
+def test_scope_draws_where_the_key_has_been(stepped_session: Stepped):
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(2.2)
+    head, *drawing = stepped_session.ok("scope ada").lines
     assert "ada on k1" in head
     assert "last 2.0 s" in head
     assert len(drawing) > 5
-    own.ok("rest ada now")
-    own.run(0.5)
-    assert "ada on k1" in own.ok("scope ada").lines[0], "a key also moves where nothing plays"
-    refused = own.type("scope nobody")
+    stepped_session.ok("rest ada now")
+    stepped_session.run(0.5)
+    assert "ada on k1" in stepped_session.ok("scope ada").lines[0], (
+        "a key also moves where nothing plays"
+    )
+    refused = stepped_session.type("scope nobody")
     assert not refused.taken
 
 
 def test_what_goes_wrong_is_said_once_and_stands_in_the_state(
-    own: Stepped, monkeypatch: pytest.MonkeyPatch
+    stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
 ):
-    own.session.messages()
-    found = ["gaps 1"]
-    status = EngineStatus(peaks=(1e-43,), troubles=found)
-    monkeypatch.setattr(own.engine, "status", lambda: status)
-    own.run(0.1)
-    own.run(0.1)
-    assert [one for one in own.session.messages() if "gaps" in one] == ["1|1 gaps 1"]
-    state = own.session.state()
+    stepped_session.session.messages()
+    result = ["gaps 1"]
+    status = EngineStatus(peaks=(1e-43,), troubles=result)
+    monkeypatch.setattr(stepped_session.engine, "status", lambda: status)
+    stepped_session.run(0.1)
+    stepped_session.run(0.1)
+    assert [one for one in stepped_session.session.messages() if "gaps" in one] == ["1|1 gaps 1"]
+    state = stepped_session.session.state()
     assert state.troubles == ("gaps 1",)
     assert state.level == float("-inf"), "what nobody hears is silence"
-    found[0] = "gaps 4"
-    own.run(1.1)
-    assert len([one for one in own.session.messages() if "gaps 4" in one]) == 1
+    result[0] = "gaps 4"
+    stepped_session.run(1.1)
+    assert len([one for one in stepped_session.session.messages() if "gaps 4" in one]) == 1
 
 
 def test_a_take_of_nothing_is_not_written(tmp_path: Path):
@@ -115,30 +119,34 @@ def test_a_take_of_nothing_is_not_written(tmp_path: Path):
     assert cut.n_missing == 20
 
 
-def test_two_bars_are_drawn_beat_by_beat(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_two_bars_are_drawn_beat_by_beat(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "80")
-    own.ok("ada plays knock every 1/2 until 3|1")
-    own.ok("leo plays lean every 4")
-    own.run(2.76)  # a bar takes two seconds
-    lines = [line.replace("\u00b7", ".") for line in own.ok("?").lines]
+    stepped_session.ok("ada plays knock every 1/2 until 3|1")
+    stepped_session.ok("leo plays lean every 4")
+    stepped_session.run(2.76)  # a bar takes two seconds
+    lines = [line.replace("\u00b7", ".") for line in stepped_session.ok("?").lines]
     assert lines == [
         "     2|1      2        3        4        3|1      2        3        4",
         "ada  kno knoc kno knoc kno knoc kno knoc .        .        .        .",
         "leo  lean     .        .        .        lean     .        .        .",
         "                  ^",
     ]
-    own.ok("ada plays lean now\nleo plays knock at 3|2.5")
-    own.run(0.9)
-    rows = own.ok("?").lines
+    stepped_session.ok("ada plays lean now\nleo plays knock at 3|2.5")
+    stepped_session.run(0.9)
+    rows = stepped_session.ok("?").lines
     assert rows[1].startswith("ada  kn")
     assert "knoc" in rows[2]
 
 
-def test_what_began_before_the_bar_goes_on(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_what_began_before_the_bar_goes_on(
+    stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("COLUMNS", "30")
-    own.ok("slow = 0@0 smooth 3mm@6 smooth 0@8\nada plays slow")
-    own.run(2 + 2 + 0.6)
-    lines = [line.replace("\u00b7", ".").replace("\u2026", "~") for line in own.ok("?").lines]
+    stepped_session.ok("slow = 0@0 smooth 3mm@6 smooth 0@8\nada plays slow")
+    stepped_session.run(2 + 2 + 0.6)
+    lines = [
+        line.replace("\u00b7", ".").replace("\u2026", "~") for line in stepped_session.ok("?").lines
+    ]
     assert lines == [
         "     3|1   2     3     4",
         "ada  ~     .     .     .",
@@ -147,49 +155,49 @@ def test_what_began_before_the_bar_goes_on(own: Stepped, monkeypatch: pytest.Mon
     ]
 
 
-def test_rests_of_a_pattern_are_empty(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+def test_rests_of_a_pattern_are_empty(stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch):
     """They were drawn with the name of the pattern's first gesture."""
     monkeypatch.setenv("COLUMNS", "80")
-    own.ok("ada plays knock ~ (lean knock) ~ every 1")
-    own.run(2.1)
-    ada = next(row for row in own.ok("?").lines if row.startswith("ada"))
+    stepped_session.ok("ada plays knock ~ (lean knock) ~ every 1")
+    stepped_session.run(2.1)
+    ada = next(row for row in stepped_session.ok("?").lines if row.startswith("ada"))
     assert ada.replace("\u00b7", ".") == (
         "ada  knock    .        lea knoc .        knock    .        lea knoc ."
     )
 
 
-def test_a_key_is_traced_while_it_moves(own: Stepped):
-    assert not own.type("scope ada on").taken  # ada has not moved yet
-    own.ok("ada plays knock every 1 now")
-    own.run(1.0)
-    own.ok("scope ada on")
-    first = own.session.state().drawing
+def test_a_key_is_traced_while_it_moves(stepped_session: Stepped):
+    assert not stepped_session.type("scope ada on").taken  # ada has not moved yet
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(1.0)
+    stepped_session.ok("scope ada on")
+    first = stepped_session.session.state().drawing
     assert "ada on k1, the last 1.0 s" in first[0]
     assert 5 < len(first) < 12
-    own.run(1.1)
-    second = own.session.state().drawing
+    stepped_session.run(1.1)
+    second = stepped_session.session.state().drawing
     assert "the last 2.0 s" in second[0]
     assert second != first
-    state = own.session.state()
+    state = stepped_session.session.state()
     assert decode_state(encode_state(state)) == state
-    own.ok("scope off")
-    assert own.session.state().drawing == ()
-    own.run(1.0)
-    assert own.session.state().drawing == ()
+    stepped_session.ok("scope off")
+    assert stepped_session.session.state().drawing == ()
+    stepped_session.run(1.0)
+    assert stepped_session.session.state().drawing == ()
 
 
-def test_show_with_strikes(own: Stepped):
-    own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
-    assert "impulse: 2mNs" in own.ok("show d1").lines[0]
-    assert own.ok("? d1").lines == own.ok("show d1").lines
-    shown = own.ok("show").lines
+def test_show_with_strikes(stepped_session: Stepped):
+    stepped_session.ok("d1 strikes bell.m every 1 impulse 2mNs now")
+    assert "impulse: 2mNs" in stepped_session.ok("show d1").lines[0]
+    assert stepped_session.ok("? d1").lines == stepped_session.ok("show d1").lines
+    shown = stepped_session.ok("show").lines
     assert [line for line in shown if line.startswith("d1 (strikes): bell.m from 1|1.0")]
-    row = next(line for line in own.ok("?").lines if line.startswith("d1 "))
+    row = next(line for line in stepped_session.ok("?").lines if line.startswith("d1 "))
     assert row.split() == ["d1", *"xxxxxxxx"]
-    own.run(1.0)
-    own.ok("rest d1 now")
-    own.run(0.1)
-    assert not [line for line in own.ok("show").lines if line.startswith("d1 ")]
+    stepped_session.run(1.0)
+    stepped_session.ok("rest d1 now")
+    stepped_session.run(0.1)
+    assert not [line for line in stepped_session.ok("show").lines if line.startswith("d1 ")]
 
 
 @pytest.mark.parametrize(
@@ -201,20 +209,22 @@ def test_show_with_strikes(own: Stepped):
         ("d1 strikes bell.m impulse 1mNs now", "x"),
     ],
 )
-def test_look_with_strikes(own: Stepped, line: str, row: str):
-    own.ok(line)
-    (shown,) = [line for line in own.ok("?").lines if line.startswith("d1 ")]
+def test_look_with_strikes(stepped_session: Stepped, line: str, row: str):
+    stepped_session.ok(line)
+    (shown,) = [line for line in stepped_session.ok("?").lines if line.startswith("d1 ")]
     assert row in shown.split()
 
 
-def test_meter_while_playing(own: Stepped):
-    own.ok("d1 strikes bell.m every 1 impulse 2mNs now")
-    own.run(0.7)
-    own.ok("meter 3/4")
-    own.run(6.0)
-    assert own.where.startswith("5|")  # a bar of four beats, then bars of three: beat 13
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+def test_meter_while_playing(stepped_session: Stepped):
+    stepped_session.ok("d1 strikes bell.m every 1 impulse 2mNs now")
+    stepped_session.run(0.7)
+    stepped_session.ok("meter 3/4")
+    stepped_session.run(6.0)
+    assert stepped_session.where.startswith(
+        "5|"
+    )  # a bar of four beats, then bars of three: beat 13
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 TUNED = """ergon: 1
@@ -253,7 +263,7 @@ def test_tuning_is_shown(tuning, notes, expected, tmp_path):
         assert session.ok("? tuning").lines == session.ok("show tuning").lines
 
 
-def test_tuning_of_a_score_without_one_is_shown(own: Stepped):
-    (line,) = own.ok("show tuning").lines
+def test_tuning_of_a_score_without_one_is_shown(stepped_session: Stepped):
+    (line,) = stepped_session.ok("show tuning").lines
     assert line == "tuning: 12 equal steps to an octave, A4 has 440 Hz, ratios count from C4"
-    assert not [line for line in own.ok("show").lines if line.startswith("tuning")]
+    assert not [line for line in stepped_session.ok("show").lines if line.startswith("tuning")]

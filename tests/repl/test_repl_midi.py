@@ -24,11 +24,11 @@ from tests.repl.test_repl_live import session_on
 
 @pytest.fixture
 def played(tmp_path):
-    own = Stepped(SCORE, tmp_path)
+    player_session = Stepped(SCORE, tmp_path)
     port = ProcessPort(lambda: 0.0)
-    port.listen(own.session.midi.receive)
-    yield own, port
-    own.close()
+    port.listen(player_session.session.midi.receive)
+    yield player_session, port
+    player_session.close()
 
 
 def _events(own, name):
@@ -37,26 +37,26 @@ def _events(own, name):
 
 
 def test_a_note_strikes_and_the_journal_renders_to_the_bit(played):
-    own, port = played
-    own.ok("map note C3..C5 bell.m 1mNs..20mNs")
-    own.run(0.5)
-    assert not own.sound.any()
+    single, port = played
+    single.ok("map note C3..C5 bell.m 1mNs..20mNs")
+    single.run(0.5)
+    assert not single.sound.any()
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.3)
+    single.run(0.3)
     port.send(bytes([0x91, 48, 1]))
     port.send(bytes([0x91, 72, 127]))
     port.send(bytes([0x91, 73, 127]))  # beyond the range
     port.send(bytes([0x80, 60, 64]))
-    own.run(0.3)
-    assert np.abs(own.sound).max() > 1e-6
-    own.close()
-    strikes = _events(own, "strike")
+    single.run(0.3)
+    assert np.abs(single.sound).max() > 1e-6
+    single.close()
+    strikes = _events(single, "strike")
     assert [one["impulse"] for one in strikes] == [
         pytest.approx(1e-3 + 19e-3 * 99 / 126),
         1e-3,
         20e-3,
     ]
-    assert np.array_equal(own.again(), own.sound)
+    assert np.array_equal(single.again(), single.sound)
 
 
 PLAYED = """\
@@ -165,52 +165,52 @@ def test_note_runs_a_block_and_controller_sets_the_tempo(tmp_path):
 
 
 def test_a_controller_moves_a_parameter_and_a_level(played):
-    own, port = played
-    own.ok("map cc 21 bell.m.M 1g..3g")
-    own.ok("map cc 7 gain bell -40dB..0dB")
-    own.ok("map note 60 bell.m 5mNs")
-    own.run(0.1)
+    single, port = played
+    single.ok("map cc 21 bell.m.M 1g..3g")
+    single.ok("map cc 7 gain bell -40dB..0dB")
+    single.ok("map note 60 bell.m 5mNs")
+    single.run(0.1)
     port.send(bytes([0x90, 60, 64]))
-    own.run(0.1)
+    single.run(0.1)
     for value in range(0, 128, 9):
         port.send(bytes([0xB0, 21, value]))
         port.send(bytes([0xB0, 7, 127 - value // 2]))
-        own.run(0.02)
-    own.run(0.3)
-    assert "0.00298425kg" in own.session.schedule.head.texts.text
-    assert own.session.schedule.head.faders.gains["bell"] == pytest.approx(
+        single.run(0.02)
+    single.run(0.3)
+    assert "0.00298425kg" in single.session.schedule.head.texts.text
+    assert single.session.schedule.head.faders.gains["bell"] == pytest.approx(
         10 ** ((-40 + 40 * 64 / 127) / 20), rel=1e-5
     )
-    lines = own.ok("history").lines
+    lines = single.ok("history").lines
     assert len(lines) == 5  # a movement is one line
-    own.ok("undo")
-    own.run(0.1)
-    assert "0.00298425kg" not in own.session.schedule.head.texts.text
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    single.ok("undo")
+    single.run(0.1)
+    assert "0.00298425kg" not in single.session.schedule.head.texts.text
+    single.close()
+    assert np.array_equal(single.again(), single.sound)
 
 
 def test_maps_survive_undo_and_resume(played):
-    own, port = played
-    own.ok("map note 60..62 bell.m 1mNs..20mNs")
-    own.ok("map cc 21 bell.m.K 1kN/m..9kN/m")
-    assert own.ok("maps").lines == (
+    single, port = played
+    single.ok("map note 60..62 bell.m 1mNs..20mNs")
+    single.ok("map cc 21 bell.m.K 1kN/m..9kN/m")
+    assert single.ok("maps").lines == (
         "note 60..62 bell.m 0.001Ns..0.02Ns",
         "cc 21 bell.m.K 1000.0N/m..9000.0N/m",
     )
-    own.run(0.1)
-    own.ok("unmap note 60..62")
-    own.run(0.1)
+    single.run(0.1)
+    single.ok("unmap note 60..62")
+    single.run(0.1)
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.1)
-    own.ok("undo")
-    own.run(0.1)
+    single.run(0.1)
+    single.ok("undo")
+    single.run(0.1)
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.2)
-    own.close()
-    assert len(_events(own, "strike")) == 1
-    assert np.array_equal(own.again(), own.sound)
-    further = Stepped.resumed(own.journal)
+    single.run(0.2)
+    single.close()
+    assert len(_events(single, "strike")) == 1
+    assert np.array_equal(single.again(), single.sound)
+    further = Stepped.resumed(single.journal)
     further.run(0.1)
     further.session.midi.receive(bytes([0x90, 62, 1]), 0.0)
     further.run(0.2)
@@ -235,17 +235,19 @@ instruments:
 
 
 def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
-    own = Stepped(STRING, tmp_path)
-    own.ok("map note 60..64 string.4..8 1mNs")
-    own.ok("map note 70 bell 1mNs")
-    own.run(0.1)
+    player_session = Stepped(STRING, tmp_path)
+    player_session.ok("map note 60..64 string.4..8 1mNs")
+    player_session.ok("map note 70 bell 1mNs")
+    player_session.run(0.1)
     for note in (60, 63, 70):
-        own.session.midi.receive(bytes([0x95, note, 80]), 0.0)
-        own.run(0.05)
-    own.close()
-    struck = [(one["part"], one["module"], one["member"]) for one in _events(own, "strike")]
+        player_session.session.midi.receive(bytes([0x95, note, 80]), 0.0)
+        player_session.run(0.05)
+    player_session.close()
+    struck = [
+        (one["part"], one["module"], one["member"]) for one in _events(player_session, "strike")
+    ]
     assert struck == [("string", "", 4), ("string", "", 7), ("bell", "m", 0)]
-    assert np.array_equal(own.again(), own.sound)
+    assert np.array_equal(player_session.again(), player_session.sound)
 
 
 @pytest.mark.parametrize(
@@ -267,39 +269,39 @@ def test_notes_of_a_range_strike_one_member_after_the_other(tmp_path):
     ],
 )
 def test_map_of_impossible_target_is_refused(played, line, why):
-    own, _ = played
-    reply = own.type(line)
+    single, _ = played
+    reply = single.type(line)
     assert not reply.taken
     assert why in reply.text
 
 
 def test_a_value_that_the_engine_refuses_is_said_once_and_moves_nothing(played):
-    own, port = played
-    own.ok("map cc 1 bell.m.f 1Hz..40000Hz")
-    own.run(0.1)
+    single, port = played
+    single.ok("map cc 1 bell.m.f 1Hz..40000Hz")
+    single.run(0.1)
     for value in (126, 127):
         port.send(bytes([0xB0, 1, value]))
-        own.run(0.1)
-    said = [one for one in own.session.messages() if one.startswith("cc 1:")]
-    assert len(said) == 1
-    assert "bell" in said[0]
+        single.run(0.1)
+    messages = [one for one in single.session.messages() if one.startswith("cc 1:")]
+    assert len(messages) == 1
+    assert "bell" in messages[0]
     port.send(bytes([0xB0, 1, 2]))
-    own.run(0.1)
-    assert "630.906Hz" in own.session.schedule.head.texts.text
+    single.run(0.1)
+    assert "630.906Hz" in single.session.schedule.head.texts.text
 
 
 def test_a_panic_takes_no_notes(played):
-    own, port = played
-    own.ok("map note 60 bell.m 1mNs")
-    own.run(0.1)
-    own.session.panic()
+    single, port = played
+    single.ok("map note 60 bell.m 1mNs")
+    single.run(0.1)
+    single.session.panic()
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.1)
-    own.ok("release")
-    own.run(0.1)
+    single.run(0.1)
+    single.ok("release")
+    single.run(0.1)
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.1)
-    assert len(_events(own, "strike")) == 1
+    single.run(0.1)
+    assert len(_events(single, "strike")) == 1
 
 
 @pytest.mark.parametrize(
@@ -314,19 +316,19 @@ def test_a_panic_takes_no_notes(played):
     ],
 )
 def test_a_forged_strike_is_refused_with_its_place(played, damage):
-    own, port = played
-    own.ok("map note 60 bell.m 1mNs")
-    own.run(0.1)
+    single, port = played
+    single.ok("map note 60 bell.m 1mNs")
+    single.run(0.1)
     port.send(bytes([0x90, 60, 100]))
-    own.run(0.1)
-    own.close()
-    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    single.run(0.1)
+    single.close()
+    rows = [json.loads(line) for line in single.journal.read_text().splitlines()]
     for row in rows:
         if row["event"] == "strike":
             row.update(damage)
-    own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    single.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(JournalError, match=r"session.jsonl, line \d+: "):
-        own.again()
+        single.again()
 
 
 @pytest.mark.parametrize(
@@ -341,21 +343,21 @@ def test_a_forged_strike_is_refused_with_its_place(played, damage):
     ],
 )
 def test_forged_maps_are_refused(played, row):
-    own, _ = played
-    own.run(0.1)
-    own.close()
-    first, *rest = own.journal.read_text().splitlines()
+    single, _ = played
+    single.run(0.1)
+    single.close()
+    first, *rest = single.journal.read_text().splitlines()
     fields = json.loads(first) | {"maps": [row]}
-    own.journal.write_text("\n".join([json.dumps(fields), *rest]) + "\n")
+    single.journal.write_text("\n".join([json.dumps(fields), *rest]) + "\n")
     with pytest.raises(JournalError, match="'maps' has the wrong type or value"):
-        own.again()
+        single.again()
 
 
 def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
     """Over the real engine: strikes fall between ticks, and controllers move meanwhile."""
-    heard = tmp_path / "heard.wav"
+    listened = tmp_path / "heard.wav"
     port = ProcessPort()
-    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+    with closing(session_on(tmp_path, f"clock:{listened}")) as session:
         port.listen(session.midi.receive)
         for line in (
             "play",
@@ -383,7 +385,7 @@ def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
     assert sum(row["event"] == "strike" for row in rows) == 48
-    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    played, _ = soundfile.read(listened, dtype="float32", always_2d=True)
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
     assert check_heard(played, again, troubles).equal > 44_100
 
@@ -423,36 +425,36 @@ def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
         "panic",
         "release",
     )
-    own = Stepped(SCORE, tmp_path)
+    player_session = Stepped(SCORE, tmp_path)
     for part in range(2):
         for _ in range(40):
             match chance.randrange(5):
                 case 0 | 1:
-                    own.type(chance.choice(lines).format(chance.choice(("", " now"))))
+                    player_session.type(chance.choice(lines).format(chance.choice(("", " now"))))
                 case 2:
                     data = chance.choice(([0xB0, chance.choice((1, 2, 3, 33))], [0xE0, 1], [0xD0]))
                     data = [*data, chance.randrange(128)]
-                    own.session.midi.receive(bytes(data), 0.0)
+                    player_session.session.midi.receive(bytes(data), 0.0)
                 case _:
                     data = [0x90, chance.randrange(38, 82), chance.randrange(128)]
-                    own.session.midi.receive(bytes(data), 0.0)
-            own.run(chance.choice((0.003, 0.02, 0.3)))
-        own.close()
-        assert not [one for one in own.session.messages() if "rror" in one]
-        assert np.array_equal(own.again(), own.sound)
+                    player_session.session.midi.receive(bytes(data), 0.0)
+            player_session.run(chance.choice((0.003, 0.02, 0.3)))
+        player_session.close()
+        assert not [one for one in player_session.session.messages() if "rror" in one]
+        assert np.array_equal(player_session.again(), player_session.sound)
         if part == 0:
-            own = Stepped.resumed(own.journal)
+            player_session = Stepped.resumed(player_session.journal)
 
 
 def test_a_strike_during_a_line_is_in_the_journal_before_its_answer(played):
     """A kill after the answer lost it: the journal went on to a frame behind the strike."""
-    own, _ = played
-    own.ok("map note 60 bell.m 5mNs")
-    own.run(0.1)
-    own.ok("py session.midi.receive(bytes([0x90, 60, 100]), 0.0)")
-    rows = [json.loads(line) for line in own.journal.read_text().splitlines()]
+    single, _ = played
+    single.ok("map note 60 bell.m 5mNs")
+    single.run(0.1)
+    single.ok("py session.midi.receive(bytes([0x90, 60, 100]), 0.0)")
+    rows = [json.loads(line) for line in single.journal.read_text().splitlines()]
     assert [row["event"] for row in rows][-2:] == ["strike", "said"]
-    own.run(0.1)
+    single.run(0.1)
 
 
 def test_strikes_are_in_the_journal_while_a_line_is_computed(tmp_path):

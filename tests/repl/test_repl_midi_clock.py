@@ -23,41 +23,41 @@ SCORE = SCORE.replace("rates: {audio: 8kHz}\n", "")  # ticks of 1.5 ms, as where
 
 
 def test_a_session_tells_24_clocks_a_beat_where_its_beats_are(tmp_path):
-    own = Stepped(SCORE, tmp_path)
-    events = ClockEvents(own.session.schedule)
-    told: list[tuple[int, bytes]] = []
+    player_session = Stepped(SCORE, tmp_path)
+    events = ClockEvents(player_session.session.schedule)
+    output: list[tuple[int, bytes]] = []
 
     def go(seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
-            own.run(STEP)
-            told.extend(events.pop_before(own.engine.frame))
+            player_session.run(STEP)
+            output.extend(events.pop_before(player_session.engine.frame))
 
     go(0.1)
-    own.ok("play")
+    player_session.ok("play")
     go(2.0)
-    own.ok("tempo 240 now")
+    player_session.ok("tempo 240 now")
     go(0.7)
-    own.ok("tempo 90 -> 200 over 4 now")
+    player_session.ok("tempo 90 -> 200 over 4 now")
     go(2.0)
-    running = own.session.schedule.running
+    running = player_session.session.schedule.running
     clock, tempo = running.clock, running.version.piece.tempo_map
-    wanted = [round(clock.seconds(tempo, n / 24) * own.rate) for n in range(200)]
-    assert told[0][1] == bytes([0xFA])
-    clocks = [frame for frame, data in told if data == bytes([0xF8])]
+    wanted = [round(clock.seconds(tempo, n / 24) * player_session.rate) for n in range(200)]
+    assert output[0][1] == bytes([0xFA])
+    clocks = [frame for frame, data in output if data == bytes([0xF8])]
     assert len(clocks) > 150
     assert max(abs(a - b) for a, b in zip(clocks, wanted, strict=False)) <= 1  # frames
-    own.ok("stop")
+    player_session.ok("stop")
     go(0.2)
-    n = len(told)
-    assert told[-1][1] == bytes([0xFC])
-    own.ok("play from 9|2.1")
+    n = len(output)
+    assert output[-1][1] == bytes([0xFC])
+    player_session.ok("play from 9|2.1")
     go(1.0)
-    assert told[n][1] == encode_song_position(33.25)  # the next sixteenth
-    assert told[n + 1][1] == bytes([0xFB])
-    running = own.session.schedule.running
+    assert output[n][1] == encode_song_position(33.25)  # the next sixteenth
+    assert output[n + 1][1] == bytes([0xFB])
+    running = player_session.session.schedule.running
     first = running.clock.seconds(running.version.piece.tempo_map, 33.25)
-    assert told[n + 2] == (pytest.approx(first * own.rate, abs=1), bytes([0xF8]))
-    own.close()
+    assert output[n + 2] == (pytest.approx(first * player_session.rate, abs=1), bytes([0xF8]))
+    player_session.close()
 
 
 class Master:
@@ -105,15 +105,18 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
     master.begin(began + since, start=start)
     for step in range(round(seconds / STEP)):
         now = began + step * STEP
-        for at, data in master.until(now):
-            clock.receive(data, at)
+        for position, data in master.until(now):
+            clock.receive(data, position)
         clock.follow(now)
         own.run(STEP)
     running = own.session.schedule.running
     tempo = running.version.piece.tempo_map
     by = running.clock
     errors = np.array(
-        [when(by.seconds(tempo, n) * own.rate) - at for n, at in enumerate(master.beats)]
+        [
+            when(by.seconds(tempo, n) * own.rate) - position
+            for n, position in enumerate(master.beats)
+        ]
     )
     rows = map(json.loads, own.journal.read_text().splitlines())
     lines = [row["line"] for row in rows if row["event"] == "line"]
@@ -128,60 +131,60 @@ def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
     ),
 )
 def test_a_session_follows_within_a_millisecond_a_beat(tmp_path, bpm, jitter):
-    own = Stepped(SCORE, tmp_path, keeps=False)
-    errors, lines = followed(own, Master(bpm, jitter=jitter), 30.0)
-    assert own.session.schedule.running.clock.is_running
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
+    errors, lines = followed(player_session, Master(bpm, jitter=jitter), 30.0)
+    assert player_session.session.schedule.running.clock.is_running
     settled = errors[16 : round(28.0 * bpm / 60)]
     assert len(settled) > 20
     # Messages that come late by chance are late on average, too.
     assert np.abs(settled - 0.8 * jitter).max() < 1e-3
     assert len(lines) < (16 if jitter == 0.0 else 70)
-    numbers = own.ok("history").lines
+    numbers = player_session.ok("history").lines
     assert len(numbers) <= 3  # play, and all corrections as one
-    own.close()
-    assert own.hash_again() == own.hash.hexdigest()
+    player_session.close()
+    assert player_session.hash_again() == player_session.hash.hexdigest()
 
 
 @pytest.mark.parametrize("seed", few(range(4), [0]))
 def test_clocks_that_come_late_in_bursts_leave_beats_where_they_are(tmp_path, seed):
-    own = Stepped(SCORE, tmp_path, keeps=False)
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
     master = Master(123.4, jitter=0.0003, stall=0.08, seed=seed)
-    errors, _ = followed(own, master, 30.0)
+    errors, _ = followed(player_session, master, 30.0)
     settled = errors[16 : round(28.0 * 123.4 / 60)]
     assert len(settled) > 20
     assert np.abs(settled).max() < 1e-3
-    own.close()
+    player_session.close()
 
 
 def test_a_tempo_that_jumps_is_followed_within_ten_beats(tmp_path):
-    own = Stepped(SCORE, tmp_path, keeps=False)
-    errors, _ = followed(own, Master(lambda beat: 120.0 if beat < 24 else 131.0), 24.0)
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
+    errors, _ = followed(player_session, Master(lambda beat: 120.0 if beat < 24 else 131.0), 24.0)
     assert np.abs(errors[12:24]).max() < 1e-3
     assert np.abs(errors[34:46]).max() < 1e-3
-    own.close()
+    player_session.close()
 
 
 def test_a_ramp_of_the_master_is_followed(tmp_path):
-    own = Stepped(SCORE, tmp_path, keeps=False)
-    errors, _ = followed(own, Master(lambda beat: 110.0 + min(beat, 40.0) * 0.25), 36.0)
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
+    errors, _ = followed(player_session, Master(lambda beat: 110.0 + min(beat, 40.0) * 0.25), 36.0)
     assert np.abs(errors[16:40]).max() < 0.02
     assert np.abs(errors[56:60]).max() < 1e-3
-    own.close()
+    player_session.close()
 
 
 def test_without_a_start_the_tempo_alone_is_followed(tmp_path):
-    own = Stepped(SCORE, tmp_path, keeps=False)
-    own.ok("play")
-    own.run(0.5)
-    _, lines = followed(own, Master(150.0), 8.0, start=False)
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
+    player_session.ok("play")
+    player_session.run(0.5)
+    _, lines = followed(player_session, Master(150.0), 8.0, start=False)
     assert lines
-    assert own.session.state().tempo == pytest.approx(150.0, abs=0.01)
-    own.close()
+    assert player_session.session.state().tempo == pytest.approx(150.0, abs=0.01)
+    player_session.close()
 
 
 def test_stop_and_continue_are_followed(tmp_path):
-    own = Stepped(SCORE, tmp_path, keeps=False)
-    clock = ClockIn(own.session, lambda frame: frame / own.rate)
+    player_session = Stepped(SCORE, tmp_path, keeps=False)
+    clock = ClockIn(player_session.session, lambda frame: frame / player_session.rate)
     for data, wanted in (
         ([0xFA], True),
         ([0xFC], False),
@@ -191,11 +194,11 @@ def test_stop_and_continue_are_followed(tmp_path):
     ):
         clock.receive(bytes(data), 0.0)
         clock.follow(0.0)
-        own.run(0.1)
-        assert own.session.schedule.running.clock.is_running is wanted
-    assert own.where.startswith("3|2")
-    assert own.session.messages() == []
-    own.close()
+        player_session.run(0.1)
+        assert player_session.session.schedule.running.clock.is_running is wanted
+    assert player_session.where.startswith("3|2")
+    assert player_session.session.messages() == []
+    player_session.close()
 
 
 def test_a_follower_knows_when_there_is_nothing_to_follow():
@@ -207,9 +210,9 @@ def test_a_follower_knows_when_there_is_nothing_to_follow():
     assert not follower.is_heard(2.0)
     for n in range(30):
         follower.receive(Transport.CLOCK, 5.0 + n / 48)
-    found = follower.estimate()
-    assert found is not None
-    assert found.length == pytest.approx(0.5)
+    result = follower.estimate()
+    assert result is not None
+    assert result.length == pytest.approx(0.5)
     assert follower.is_heard(5.9)
     follower.receive(Transport.CLOCK, 4.0)  # a clock that goes back
     assert follower.estimate() is None
@@ -233,10 +236,10 @@ def test_a_sender_sends_in_the_order_of_instants_and_never_early():
         (3600.0, b"\xfb"),
     ):
         sender.send_at(data, now + after)
-    told = [sender.next_echo().split() for _ in range(3)]
-    assert [data for _, data in told] == [b"fa", b"f20800", b"f8"]
-    assert int(told[1][0]) / 1e9 >= now + 0.03 - 1e-6
-    assert int(told[2][0]) / 1e9 >= now + 0.06 - 1e-6
+    output = [sender.next_echo().split() for _ in range(3)]
+    assert [data for _, data in output] == [b"fa", b"f20800", b"f8"]
+    assert int(output[1][0]) / 1e9 >= now + 0.03 - 1e-6
+    assert int(output[2][0]) / 1e9 >= now + 0.06 - 1e-6
     sender.close()
     assert sender.next_echo() == b""
 
@@ -258,12 +261,12 @@ def test_a_port_that_does_not_open_is_said():
 
 def test_stamps_are_those_of_the_system_and_not_of_a_late_thread():
     chance, stamps = random.Random(3), ArrivalStamps()
-    found = []
+    result = []
     for n in range(200):
         true = 100.0 + n * 0.0208
         late = 0.0 if n % 20 == 0 else chance.uniform(0.0, 0.015)
-        found.append(stamps.stamp(0.0 if n == 0 else 0.0208, true + late) - true)
-    assert max(map(abs, found[20:])) < 1e-9
+        result.append(stamps.stamp(0.0 if n == 0 else 0.0208, true + late) - true)
+    assert max(map(abs, result[20:])) < 1e-9
     assert stamps.stamp(0.0208, 500.0) == 500.0  # after a pause of minutes
 
 

@@ -90,37 +90,37 @@ def test_strangers_harm_nobody(tmp_path: Path, listener: Listener):  # noqa: F81
 
 
 def test_beats_and_gestures_are_those_of_the_versions_that_played(tmp_path: Path):
-    own = Stepped(SCORE, tmp_path)
-    events = SessionEvents(own.session.schedule)
-    told = []
+    player_session = Stepped(SCORE, tmp_path)
+    events = SessionEvents(player_session.session.schedule)
+    output = []
 
     def go(seconds: float) -> None:
         for _ in range(round(seconds / 0.01)):
-            own.run(0.01)
-            told.extend(events.pop_before(own.engine.frame))
+            player_session.run(0.01)
+            output.extend(events.pop_before(player_session.engine.frame))
 
     go(0.1)
-    assert told == []  # the piece is stopped
-    own.ok("play")
-    own.ok("ada plays knock every 1 now")
+    assert output == []  # the piece is stopped
+    player_session.ok("play")
+    player_session.ok("ada plays knock every 1 now")
     go(2.0)
-    own.ok("tempo 240 now")
+    player_session.ok("tempo 240 now")
     go(1.0)
-    own.ok("stop")
+    player_session.ok("stop")
     go(0.5)
-    own.ok("play from 9|1")
+    player_session.ok("play from 9|1")
     go(1.0)
-    own.close()
-    assert [frame for frame, *_ in told] == sorted(frame for frame, *_ in told)
-    beats = [said for _, address, said in told if address == "/ergon/beat"]
+    player_session.close()
+    assert [frame for frame, *_ in output] == sorted(frame for frame, *_ in output)
+    beats = [said for _, address, said in output if address == "/ergon/beat"]
     first = [(1 + n // 4, 1 + n % 4) for n in range(len(beats))]
     cut = [bar for bar, *_ in beats].index(9)
     assert [one[:2] for one in beats[:cut]] == first[:cut]
     assert [one[:2] for one in beats[cut:]][:4] == [(9, 1), (9, 2), (9, 3), (9, 4)]
-    frames = np.array([frame for frame, address, _ in told if address == "/ergon/beat"])
+    frames = np.array([frame for frame, address, _ in output if address == "/ergon/beat"])
     assert set(np.diff(frames[:4])) == {4_000}
     assert 2_000 in np.diff(frames[:cut])
-    strikes = [frame for frame, address, said in told if address == "/ergon/strike"]
+    strikes = [frame for frame, address, said in output if address == "/ergon/strike"]
     assert strikes[1] - strikes[0] == 4_000
     assert len(strikes) == len(set(strikes)) > 6
 

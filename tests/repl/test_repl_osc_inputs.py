@@ -48,18 +48,18 @@ render: {tail: 2s}
 
 
 @pytest.fixture
-def folder(own_folder: Path) -> Path:
+def folder(work_folder: Path) -> Path:
     """A folder with the file that an input plays until it is told a value."""
     soundfile.write("rehearsal.wav", np.full(1000, 0.25), RATE, subtype="FLOAT")
-    return own_folder
+    return work_folder
 
 
 class Told:
     """A stepped session that hears OSC: time passes only by `own.run`."""
 
-    def __init__(self, folder: Path, said: Listener) -> None:
+    def __init__(self, folder: Path, message: Listener) -> None:
         self.own = Stepped(SCORE, folder)
-        self._said, self._osc = said, OscServer(("127.0.0.1", 0), None)
+        self._said, self._osc = message, OscServer(("127.0.0.1", 0), None)
         performance = cast(_core.Performance, SimpleNamespace())
         self._served = SessionOsc(self.own.session, self._osc, performance)
 
@@ -83,10 +83,10 @@ class Told:
 
 
 @pytest.fixture
-def told(folder: Path, listener: Listener) -> Iterator[Told]:  # noqa: F811
-    made = Told(folder, listener)
-    yield made
-    made.close()
+def session_osc(folder: Path, listener: Listener) -> Iterator[Told]:  # noqa: F811
+    built = Told(folder, listener)
+    yield built
+    built.close()
 
 
 def forces(values: list[tuple[int, str, float]], n_frames: int) -> NDArray[np.float64]:
@@ -95,78 +95,78 @@ def forces(values: list[tuple[int, str, float]], n_frames: int) -> NDArray[np.fl
     for frame, name, value in values:
         if name == "breath":
             start = x[frame]
-            way = np.minimum(np.arange(1, n_frames - frame + 1) / 441, 1.0)
-            x[frame + 1 :] = start + (np.clip(value, -1.5, 1.5) - start) * way
+            method = np.minimum(np.arange(1, n_frames - frame + 1) / 441, 1.0)
+            x[frame + 1 :] = start + (np.clip(value, -1.5, 1.5) - start) * method
     return np.clip(2e-3 * x[1:], -3e-3, 3e-3)
 
 
-def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(told: Told):
-    own = told.own
-    own.run(0.1)
-    told.tell("breath", 0.5)
-    own.run(0.05)
-    told.tell("breath", -1.0)  # on the way of the value before
-    own.run(0.005)
-    told.tell("breath", 7)  # more than the clamp lets act
-    told.tell("place", -0.5)
-    own.run(0.2)
-    own.close()
-    values = told.values()
+def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(session_osc: Told):
+    single = session_osc.own
+    single.run(0.1)
+    session_osc.tell("breath", 0.5)
+    single.run(0.05)
+    session_osc.tell("breath", -1.0)  # on the way of the value before
+    single.run(0.005)
+    session_osc.tell("breath", 7)  # more than the clamp lets act
+    session_osc.tell("place", -0.5)
+    single.run(0.2)
+    single.close()
+    values = session_osc.values()
     assert [value for *_, value in values] == [0.5, -1.0, 7.0, -0.5]
-    force = forces(values, len(own.sound))
+    force = forces(values, len(single.sound))
     x = np.zeros(len(force) + 1)
     v = 0.0
     for n, f in enumerate(force):
         v += f / (2e-3 * RATE * RATE)
         x[n + 1] = x[n] + v
-    assert np.allclose(own.sound[:, 0], x[:-1], rtol=1e-9, atol=1e-16)
+    assert np.allclose(single.sound[:, 0], x[:-1], rtol=1e-9, atol=1e-16)
     assert np.abs(x).max() > 1e-6
-    place = np.zeros(len(own.sound) + 1)
+    place = np.zeros(len(single.sound) + 1)
     place[1:1001] = 0.25e-3  # the file; then at rest, then held
     place[values[-1][0] + 1 :] = -0.5e-3
-    assert np.array_equal(own.sound[:, 1].astype(np.float32), place[:-1].astype(np.float32))
-    assert np.array_equal(own.again(), own.sound)
+    assert np.array_equal(single.sound[:, 1].astype(np.float32), place[:-1].astype(np.float32))
+    assert np.array_equal(single.again(), single.sound)
 
 
-def test_versions_go_on_by_what_was_told(told: Told):
-    own = told.own
-    own.run(0.1)
-    told.tell("breath", 1.0)
-    told.tell("place", 0.75)
-    own.run(0.004)
-    own.ok("set free.m.M 3g now")
-    own.run(0.2)
-    assert own.sound[-1, 1] == 0.75e-3
-    own.ok("undo")
-    own.run(0.2)
-    assert own.sound[-1, 1] == 0.75e-3
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
-    further = Stepped.resumed(own.journal)
+def test_versions_go_on_by_what_was_told(session_osc: Told):
+    single = session_osc.own
+    single.run(0.1)
+    session_osc.tell("breath", 1.0)
+    session_osc.tell("place", 0.75)
+    single.run(0.004)
+    single.ok("set free.m.M 3g now")
+    single.run(0.2)
+    assert single.sound[-1, 1] == 0.75e-3
+    single.ok("undo")
+    single.run(0.2)
+    assert single.sound[-1, 1] == 0.75e-3
+    single.close()
+    assert np.array_equal(single.again(), single.sound)
+    further = Stepped.resumed(single.journal)
     further.run(0.1)
     assert further.sound[-1, 1] == 0.0  # nobody has told it anything yet
     further.close()
 
 
 @pytest.mark.parametrize("value", ["loud", float("nan"), float("inf"), True, None])
-def test_what_is_no_finite_number_is_refused(told: Told, listener: Listener, value: Any):  # noqa: F811
-    assert told._osc.place is not None
-    said = () if value is None else (value,)
-    listener.say(told._osc.place[1], "/ergon/input/breath", *said)
+def test_what_is_no_finite_number_is_refused(session_osc: Told, listener: Listener, value: Any):  # noqa: F811
+    assert session_osc._osc.place is not None
+    text = () if value is None else (value,)
+    listener.say(session_osc._osc.place[1], "/ergon/input/breath", *text)
     assert listener.until("/ergon/error")[3] == [
         "the argument has to be one finite number; 1 is full scale"
     ]
-    told.own.run(0.1)
-    assert told.values() == []
-    assert not told.own.sound[:, 0].any()
+    session_osc.own.run(0.1)
+    assert session_osc.values() == []
+    assert not session_osc.own.sound[:, 0].any()
 
 
-def test_an_input_that_the_score_lacks_has_no_address(told: Told, listener: Listener):  # noqa: F811
-    assert told._osc.place is not None
-    listener.say(told._osc.place[1], "/ergon/input/nobody", 1.0)
-    listener.say(told._osc.place[1], "/ergon/input/", 1.0)
-    told.tell("breath", 0.0)
-    assert len(told._osc.remarks()) == 2
+def test_an_input_that_the_score_lacks_has_no_address(session_osc: Told, listener: Listener):  # noqa: F811
+    assert session_osc._osc.place is not None
+    listener.say(session_osc._osc.place[1], "/ergon/input/nobody", 1.0)
+    listener.say(session_osc._osc.place[1], "/ergon/input/", 1.0)
+    session_osc.tell("breath", 0.0)
+    assert len(session_osc._osc.remarks()) == 2
 
 
 class Asked:
@@ -185,10 +185,10 @@ class Asked:
 
 def test_of_values_that_come_too_fast_the_latest_acts():
     asked = Asked()
-    for at in range(1000):  # in one second, to two inputs by turns
-        asked.now = at / 1000
+    for index in range(1000):  # in one second, to two inputs by turns
+        asked.now = index / 1000
         for name in "ab":
-            asked.inputs.handler_of(name)([at])
+            asked.inputs.handler_of(name)([index])
         asked.inputs.send_due()
     asked.now = 1.1
     asked.inputs.send_due()
@@ -221,19 +221,21 @@ def test_a_value_that_finds_no_room_is_told_later():
         ({"frame": -1}, "must be from 0"),
     ],
 )
-def test_a_forged_value_is_refused_with_its_place(told: Told, damage: dict[str, Any], message: str):
-    told.own.run(0.1)
-    told.tell("breath", 1.0)
-    told.own.run(0.1)
-    told.own.close()
-    rows = [json.loads(line) for line in told.own.journal.read_text().splitlines()]
+def test_a_forged_value_is_refused_with_its_place(
+    session_osc: Told, damage: dict[str, Any], message: str
+):
+    session_osc.own.run(0.1)
+    session_osc.tell("breath", 1.0)
+    session_osc.own.run(0.1)
+    session_osc.own.close()
+    rows = [json.loads(line) for line in session_osc.own.journal.read_text().splitlines()]
     for number, row in enumerate(rows, 1):
         if row["event"] == "value":
             row.update(damage)
             place = number
-    told.own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    session_osc.own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(JournalError, match=f"line {place}: .*{message}"):
-        told.own.again()
+        session_osc.own.again()
 
 
 @contextmanager
@@ -247,8 +249,8 @@ def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
 
 def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: Listener):  # noqa: F811
     """Over the real engine, whose ticks the values fall between."""
-    heard = folder / "heard.wav"
-    with served(folder, f"clock:{heard}") as (session, port):
+    listened = folder / "heard.wav"
+    with served(folder, f"clock:{listened}") as (session, port):
         engine = session.schedule.engine
         frame = 4410
         for step in range(20):
@@ -267,7 +269,7 @@ def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: 
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    sound, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    sound, _ = soundfile.read(listened, dtype="float32", always_2d=True)
     again, _ = soundfile.read("again.wav", dtype="float32", always_2d=True)
     assert check_heard(sound, again, troubles).equal > 44_100
 
@@ -275,7 +277,7 @@ def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: 
 def test_a_performance_is_told_at_a_tick(folder: Path, listener: Listener):  # noqa: F811
     """`ergon play`: what is heard is what values at the frames of their events make."""
     staged = stage(piece(SCORE), planned=True)
-    heard = PlaybackConfig(audio=f"clock:{folder / 'heard.wav'}")
+    listened = PlaybackConfig(audio=f"clock:{folder / 'heard.wav'}")
     acted: list[int] = []
 
     def has(n: int) -> Callable[[], bool]:
@@ -285,19 +287,21 @@ def test_a_performance_is_told_at_a_tick(folder: Path, listener: Listener):  # n
 
         return look
 
-    said = {"breath": 0.5, "place": -0.25}
-    with played(staged, heard) as (performance, osc):
+    text = {"breath": 0.5, "place": -0.25}
+    with played(staged, listened) as (performance, osc):
         assert osc.place is not None
-        for number, (name, value) in enumerate(said.items(), 1):
+        for number, (name, value) in enumerate(text.items(), 1):
             listener.say(osc.place[1], f"/ergon/input/{name}", value)
             until(has(number), "the value acts")
         until(lambda: performance.wait(0.1), "the end of the piece")
-        found = troubles(performance.status(), (), None, is_endless=False)
-    own = SteppedEngine(stage(piece(SCORE), planned=True), tick_frames=EVERY, highpass=None)
+        result = troubles(performance.status(), (), None, is_endless=False)
+    player_session = SteppedEngine(
+        stage(piece(SCORE), planned=True), tick_frames=EVERY, highpass=None
+    )
     mixed = []
-    for frame, (name, value) in zip(acted, said.items(), strict=True):
-        mixed.append(own.process(frame - own.frame))
-        own.set_input(input_number(name), value)
-    mixed.append(own.process(staged.n_frames - own.frame))
+    for frame, (name, value) in zip(acted, text.items(), strict=True):
+        mixed.append(player_session.process(frame - player_session.frame))
+        player_session.set_input(input_number(name), value)
+    mixed.append(player_session.process(staged.n_frames - player_session.frame))
     sound, _ = soundfile.read(folder / "heard.wav", dtype="float32", always_2d=True)
-    check_heard(sound, np.concatenate(mixed).astype(np.float32), found)
+    check_heard(sound, np.concatenate(mixed).astype(np.float32), result)

@@ -164,9 +164,9 @@ def test_what_is_saved_has_an_end():
 
 def test_a_long_session_has_no_last_bar():
     texts, piece = opened(TWO)
-    at = 950 * 4.0
-    after = piece_of(parts.play(texts, piece, "ada", at, parse_entry("tap every 4")))
-    assert begun(after, "ada")[-1][0] > at + 4000
+    position = 950 * 4.0
+    after = piece_of(parts.play(texts, piece, "ada", position, parse_entry("tap every 4")))
+    assert begun(after, "ada")[-1][0] > position + 4000
 
 
 def test_an_entry_behind_an_alias_is_written_out():

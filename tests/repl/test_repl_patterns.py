@@ -36,8 +36,8 @@ def same(session: Stepped) -> None:
 def gestures(session: Stepped, player: str = "ada") -> list[tuple[str, float]]:
     """What the running version plays: names and beats."""
     running = session.session.schedule.running
-    found = [g for g in running.stage.gestures if g.player == player]
-    return [(g.name, round(running.beat(round(g.start * session.rate)), 2)) for g in found]
+    result = [g for g in running.stage.gestures if g.player == player]
+    return [(g.name, round(running.beat(round(g.start * session.rate)), 2)) for g in result]
 
 
 @pytest.mark.parametrize(
@@ -82,10 +82,10 @@ def test_a_line_says_what_a_part_says(session, tmp_path, line, row):
     begun = session.session.schedule.running.clock.began_at
     wanted = written(text, tmp_path, 3.0)
     shift = round(begun * session.rate)
-    found = session.sound[shift : shift + len(wanted)]
-    assert onset(found) == onset(wanted)
+    result = session.sound[shift : shift + len(wanted)]
+    assert onset(result) == onset(wanted)
     # Instants are counted from another beginning, so that their last bits differ.
-    assert np.max(np.abs(found - wanted)) < 1e-9 * np.max(np.abs(wanted))
+    assert np.max(np.abs(result - wanted)) < 1e-9 * np.max(np.abs(wanted))
 
 
 def test_a_pattern_is_undone_and_done_again(session):
@@ -118,7 +118,7 @@ def test_a_pattern_is_undone_and_done_again(session):
 )
 def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
     """`play from`, a resumed session and a session from the beginning play the same."""
-    found = []
+    result = []
     for name, start in (("a", "1|1"), ("b", "41|1")):
         (tmp_path / name).mkdir()
         with closing(Stepped(SCORE, tmp_path / name)) as session:
@@ -129,14 +129,14 @@ def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
                 session.ok("play from 41|1")
             session.run(3.0)
             played = gestures(session)
-            found.append([one for one in played if 160 <= one[1] < 190])
+            result.append([one for one in played if 160 <= one[1] < 190])
             same(session)
             journal = session.journal
-    assert found[0] == found[1] != []
+    assert result[0] == result[1] != []
     with closing(Stepped.resumed(journal)) as session:
         session.ok("play from 41|1")
         session.run(3.0)
-        assert [one for one in gestures(session) if 160 <= one[1] < 190] == found[0]
+        assert [one for one in gestures(session) if 160 <= one[1] < 190] == result[0]
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_what_is_entered_in_the_middle_is_what_plays_there(tmp_path, line):
 )
 def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
     """`do` cuts a line in two; what follows goes on where the first part ended."""
-    found = []
+    result = []
     for name, more in (("a", None), ("b", "ada do scale 0.5")):
         (tmp_path / name).mkdir()
         with closing(Stepped(SCORE, tmp_path / name)) as session:
@@ -167,8 +167,8 @@ def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
             texts = session.session.schedule.head.texts
             (session.journal.parent / "copy.yaml").write_text(texts.text)
             assert piece_of(texts) == piece
-            found.append([one for one in gestures(session) if 18 <= one[1] < 30])
-    assert found[0] == found[1] != []
+            result.append([one for one in gestures(session) if 18 <= one[1] < 30])
+    assert result[0] == result[1] != []
 
 
 def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
@@ -179,18 +179,20 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
     first = session.session.schedule.beat_now() // 4.0 * 4.0 - 8.0  # the two bars that are over
     session.ok("keep 2bar as verse")
     played = gestures(session), gestures(session, "leo")
-    kept = load(tmp_path / "verse.yaml").piece
-    assert kept is not None
+    saved = load(tmp_path / "verse.yaml").piece
+    assert saved is not None
     from ergon.scores.staging.preparing import prepare
 
-    beat = kept.tempo_map.beats
+    beat = saved.tempo_map.beats
     for player, was in zip(("ada", "leo"), played, strict=True):
-        own = [(g.name, beat(g.start)) for g in prepare(kept).hands.gestures if g.player == player]
-        assert own
-        assert own == [
-            (name, pytest.approx(at - first, abs=0.01))
-            for name, at in was
-            if first <= at < first + 8
+        item = [
+            (g.name, beat(g.start)) for g in prepare(saved).hands.gestures if g.player == player
+        ]
+        assert item
+        assert item == [
+            (name, pytest.approx(position - first, abs=0.01))
+            for name, position in was
+            if first <= position < first + 8
         ]
 
 
@@ -332,7 +334,7 @@ def test_strikes_are_typed_replaced_rested_and_rendered(session, tmp_path):
 
 def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
     """What is played from 9|1 is what a whole piece strikes from there on."""
-    heard = []
+    listened = []
     for name, start in (("a", "1|1"), ("b", "9|1")):
         (tmp_path / name).mkdir()
         with closing(Stepped(SCORE, tmp_path / name)) as session:
@@ -342,9 +344,9 @@ def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
             begun = session.session.schedule.running.clock.began_at
             shift = round((begun + 16.0) * session.rate)
             step = np.abs(np.diff(session.sound[shift:, 1], 2))[: int(4 * session.rate)]
-            heard.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
-    assert set(heard[0]) == set(heard[1])
-    assert len(set(heard[0])) > 5
+            listened.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
+    assert set(listened[0]) == set(listened[1])
+    assert len(set(listened[0])) > 5
 
 
 @pytest.mark.parametrize(
@@ -388,8 +390,8 @@ def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
     session.ok("set bell.m.f A3 C4 E4 every 1")
     session.run(4.0)
     begun = session.session.schedule.running.clock.began_at
-    heard = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
-    assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
+    listened = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
+    assert listened == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
     session.ok("lfo bell.m.t60 0.5..2 period 1bar shape triangle")
     session.run(3.0)
     session.ok("undo")
@@ -424,7 +426,7 @@ def test_a_swing_starts_and_ends_without_a_jump(session):
 
 
 def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
-    heard = []
+    listened = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         with closing(Stepped(SCORE, tmp_path / name)) as session:
@@ -437,9 +439,9 @@ def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
             session.run(0.3)
             session.ok("lean = 0mm@0 smooth 2mm@1/4 smooth 0mm@1/2" if name == "b" else "meters")
             session.run(3.0)
-            heard.append(session.sound[:, 0])
+            listened.append(session.sound[:, 0])
             same(session)
-    assert np.array_equal(*heard)
+    assert np.array_equal(*listened)
 
 
 @pytest.mark.parametrize(
@@ -450,7 +452,7 @@ def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
     ),
 )
 def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
-    found = []
+    result = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         with closing(Stepped(SCORE, tmp_path / name)) as session:
@@ -461,9 +463,9 @@ def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
                 session.ok("play from 9|1")
             session.run(18.0 if name == "a" else 4.0)
             by = session.session.schedule.running.clock.began_at
-            found.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
+            result.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
             same(session)
-    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    assert result[0] == pytest.approx(result[1], rel=1e-9)
 
 
 def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
@@ -473,10 +475,10 @@ def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
     session.ok("lfo drum.m.f 0.9..1.1 period 4")
     session.run(9.0)
     session.ok("keep 1bar as verse")
-    kept = load(tmp_path / "verse.yaml").piece
-    assert kept is not None
-    assert [one.name for one in kept.automation] == ["bell.m.f", "drum.m.f"]
-    assert all(one.until is not None for one in kept.automation)
+    saved = load(tmp_path / "verse.yaml").piece
+    assert saved is not None
+    assert [one.name for one in saved.automation] == ["bell.m.f", "drum.m.f"]
+    assert all(one.until is not None for one in saved.automation)
 
 
 @pytest.mark.parametrize(
@@ -506,8 +508,8 @@ def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
     session.run(4.0)
     begun = session.session.schedule.running.clock.began_at
     beats = [4 + at / 2 for at in (0, 2, 3, 5, 6)]  # the second bar's pulses, eight to a bar
-    heard = [hertz(value(session, begun + beat / 2)) for beat in beats]
-    assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]
+    listened = [hertz(value(session, begun + beat / 2)) for beat in beats]
+    assert listened == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]
     session.ok("bell notes walk A4.minor-pentatonic every 1/2 chance 0.7 impulse 0.5mNs")
     session.run(4.0)
     session.ok("undo")
@@ -538,13 +540,15 @@ def test_what_is_wrong_with_notes_is_told(session, line, why):
 
 
 def test_of_a_pattern_that_has_ended_the_gesture_under_way_is_transformed(tmp_path):
-    own = Stepped(SCORE.replace("A, play: knock, every: 1, times: 2", "1|1, play: knock"), tmp_path)
-    own.ok("ada plays (knock lean)*2 every 1 times 1")
-    own.ok("play")
-    own.run(1.6)  # the last lean began on 1|4 and lasts half a beat
-    own.ok("ada do scale 1.1 now")
-    last = own.session.schedule.head.piece.parts[-1]
+    player_session = Stepped(
+        SCORE.replace("A, play: knock, every: 1, times: 2", "1|1, play: knock"), tmp_path
+    )
+    player_session.ok("ada plays (knock lean)*2 every 1 times 1")
+    player_session.ok("play")
+    player_session.run(1.6)  # the last lean began on 1|4 and lasts half a beat
+    player_session.ok("ada do scale 1.1 now")
+    last = player_session.session.schedule.head.piece.parts[-1]
     assert (last.what, last.pattern, len(last.do)) == ("lean", None, 1)
-    own.run(1.0)
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
+    player_session.run(1.0)
+    player_session.close()
+    assert np.array_equal(player_session.again(), player_session.sound)

@@ -26,72 +26,85 @@ TUNE = "phrase tune 0 C4 1mNs, 1/2 E4 G4, 2.5 D4 2mNs..3mNs to harp length 4"
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     yield stepped
     stepped.close()
 
 
-def struck(at: Stepped, since: float) -> list[float]:
+def struck(stepped_session: Stepped, since: float) -> list[float]:
     """Seconds at which something is struck, from an instant on."""
-    return [since + one / at.rate for one in onsets(at.sound[int(since * at.rate) :, 0], at.rate)]
+    return [
+        since + one / stepped_session.rate
+        for one in onsets(
+            stepped_session.sound[int(since * stepped_session.rate) :, 0], stepped_session.rate
+        )
+    ]
 
 
 def onsets(sound: np.ndarray, rate: float) -> list[int]:
     quiet = int(0.05 * rate)
     moved = np.flatnonzero(np.abs(sound) > 1e-9)
-    found: list[int] = []
+    result: list[int] = []
     loud = 0.0
     for n in range(0, len(sound) - quiet, 64):
         now = float(np.abs(sound[n : n + 64]).max())
-        if now > 4.0 * loud + 1e-12 and (not found or n - found[-1] > quiet):
-            found.append(n)
+        if now > 4.0 * loud + 1e-12 and (not result or n - result[-1] > quiet):
+            result.append(n)
         loud = max(now, 0.9 * loud)
-    return found if len(moved) else []
+    return result if len(moved) else []
 
 
-def test_a_phrase_is_defined_played_and_undone(at):
-    at.ok(TUNE)
-    piece = at.session.schedule.head.piece
+def test_a_phrase_is_defined_played_and_undone(stepped_session):
+    stepped_session.ok(TUNE)
+    piece = stepped_session.session.schedule.head.piece
     assert piece.phrases == ("tune",)
-    assert "entries: [{at: 0, what: C4, impulse: 1mNs}" in at.session.schedule.head.texts.text
-    at.ok("hook strikes tune every 1bar")
-    at.run(4.0)
-    heard = len(struck(at, 0.0))
-    assert heard >= 5
-    at.ok("hook strikes tune every 1bar transpose 5st do scale 0.5, from 1/2 now")
-    at.run(1.0)
-    (hook,) = [one for one in at.session.schedule.head.piece.strikes if one.name == "hook-2"]
+    assert (
+        "entries: [{at: 0, what: C4, impulse: 1mNs}"
+        in stepped_session.session.schedule.head.texts.text
+    )
+    stepped_session.ok("hook strikes tune every 1bar")
+    stepped_session.run(4.0)
+    listened = len(struck(stepped_session, 0.0))
+    assert listened >= 5
+    stepped_session.ok("hook strikes tune every 1bar transpose 5st do scale 0.5, from 1/2 now")
+    stepped_session.run(1.0)
+    (hook,) = [
+        one for one in stepped_session.session.schedule.head.piece.strikes if one.name == "hook-2"
+    ]
     assert {target.part for hit in hook.hits for target in hit.to} >= {"harp.A4", "harp.G4"}
-    at.ok("undo")
-    at.run(1.0)
-    at.ok("rest hook")
-    at.run(2.5)
-    assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() < 1e-9
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.ok("undo")
+    stepped_session.run(1.0)
+    stepped_session.ok("rest hook")
+    stepped_session.run(2.5)
+    assert np.abs(stepped_session.sound[-int(0.5 * stepped_session.rate) :]).max() < 1e-9
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(at):
-    at.ok(TUNE)
-    at.ok("hook strikes tune every 1bar\nada plays knock every 1")
-    at.run(2.2)
-    at.ok("phrase tune 0 C4, 1 D4, 2 E4, 3 F4 to harp length 1bar")
-    assert "{to: harp, length: 1bar, impulse: 1mNs, entries:" in at.session.schedule.head.texts.text
-    at.run(3.0)
-    at.ok("keep 1bar as verse\nsave typed\nrename tune air")
-    at.run(1.5)
-    head = at.session.schedule.head
+def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(stepped_session):
+    stepped_session.ok(TUNE)
+    stepped_session.ok("hook strikes tune every 1bar\nada plays knock every 1")
+    stepped_session.run(2.2)
+    stepped_session.ok("phrase tune 0 C4, 1 D4, 2 E4, 3 F4 to harp length 1bar")
+    assert (
+        "{to: harp, length: 1bar, impulse: 1mNs, entries:"
+        in stepped_session.session.schedule.head.texts.text
+    )
+    stepped_session.run(3.0)
+    stepped_session.ok("keep 1bar as verse\nsave typed\nrename tune air")
+    stepped_session.run(1.5)
+    head = stepped_session.session.schedule.head
     assert head.piece.phrases == ("air",)
     assert "play: air" in head.texts.text
-    _, typed = opened(str(at.journal.with_name("typed.yaml")))
+    _, typed = opened(str(stepped_session.journal.with_name("typed.yaml")))
     assert [len(one.hits) for one in typed.strikes] == [4]
-    assert opened(str(at.journal.with_name("verse.yaml")))
-    at.ok("show air")
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
-    again = Stepped.resumed(at.journal)
+    assert opened(str(stepped_session.journal.with_name("verse.yaml")))
+    stepped_session.ok("show air")
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
+    again = Stepped.resumed(stepped_session.journal)
     assert again.session.schedule.head.piece.phrases == ("air",)
     again.ok("play")
     again.run(2.5)
@@ -102,13 +115,13 @@ def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(at):
     assert np.array_equal(again.again(), again.sound)
 
 
-def test_a_block_defines_a_phrase_and_plays_it(at):
-    at.ok("def fill:\n  phrase two 0 C4, 1/2 D4 to harp\n  hook strikes two\nend")
-    at.ok("fill every 1bar now")
-    at.run(3.5)
-    assert np.abs(at.sound[-int(1.2 * at.rate) :]).max() > 1e-9
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+def test_a_block_defines_a_phrase_and_plays_it(stepped_session):
+    stepped_session.ok("def fill:\n  phrase two 0 C4, 1/2 D4 to harp\n  hook strikes two\nend")
+    stepped_session.ok("fill every 1bar now")
+    stepped_session.run(3.5)
+    assert np.abs(stepped_session.sound[-int(1.2 * stepped_session.rate) :]).max() > 1e-9
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 @pytest.mark.parametrize(
@@ -134,17 +147,17 @@ def test_a_block_defines_a_phrase_and_plays_it(at):
         ),
     ],
 )
-def test_what_is_wrong_is_refused_and_changes_nothing(at, line, message):
-    at.ok("phrase hymn 0 C4 to harp")
-    at.ok("old strikes hymn every 1bar")
-    text = at.session.schedule.head.texts.text
-    reply = at.type(line)
+def test_what_is_wrong_is_refused_and_changes_nothing(stepped_session, line, message):
+    stepped_session.ok("phrase hymn 0 C4 to harp")
+    stepped_session.ok("old strikes hymn every 1bar")
+    text = stepped_session.session.schedule.head.texts.text
+    reply = stepped_session.type(line)
     assert not reply.taken
     assert message in reply.text
-    assert at.session.schedule.head.texts.text == text
+    assert stepped_session.session.schedule.head.texts.text == text
 
 
-def test_a_phrase_that_strikes_play_is_completed(at):
-    at.ok(TUNE)
-    offered = [one.text for one in at.session.complete("hook strikes t", 14)]
+def test_a_phrase_that_strikes_play_is_completed(stepped_session):
+    stepped_session.ok(TUNE)
+    offered = [one.text for one in stepped_session.session.complete("hook strikes t", 14)]
     assert "tune" in offered

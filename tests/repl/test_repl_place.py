@@ -17,23 +17,23 @@ from ergon.repl.wire import local_socket
 
 
 def test_the_place_is_its_owners_alone(short_folder: Path):
-    found = local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
-    assert found == short_folder / "ergon" / "session.sock"
-    assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
-    door = local_socket.ServerSocket(found)
+    result = local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
+    assert result == short_folder / "ergon" / "session.sock"
+    assert stat.S_IMODE(result.parent.stat().st_mode) == 0o700
+    door = local_socket.ServerSocket(result)
     try:
-        assert stat.S_IMODE(found.stat().st_mode) == 0o600
-        with pytest.raises(local_socket.SocketError, match=f"at {found}"):
-            local_socket.ServerSocket(found)
+        assert stat.S_IMODE(result.stat().st_mode) == 0o600
+        with pytest.raises(local_socket.SocketError, match=f"at {result}"):
+            local_socket.ServerSocket(result)
     finally:
         door.close()
-    assert list(found.parent.iterdir()) == []
-    found.parent.chmod(0o755)
+    assert list(result.parent.iterdir()) == []
+    result.parent.chmod(0o755)
     with pytest.raises(local_socket.SocketError, match="you alone may open"):
         local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
-    found.parent.rmdir()
+    result.parent.rmdir()
     (short_folder / "elsewhere").mkdir(mode=0o700)
-    found.parent.symlink_to(short_folder / "elsewhere")
+    result.parent.symlink_to(short_folder / "elsewhere")
     with pytest.raises(local_socket.SocketError, match="you alone may open"):
         local_socket.default_path({"XDG_RUNTIME_DIR": str(short_folder)})
 
@@ -43,9 +43,9 @@ def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
 ):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     for environment in ({}, {"XDG_RUNTIME_DIR": "not/absolute"}, {"XDG_RUNTIME_DIR": "/nowhere"}):
-        found = local_socket.default_path(environment)
-        assert found == short_folder / f"ergon-{os.geteuid()}" / "session.sock"
-        assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
+        result = local_socket.default_path(environment)
+        assert result == short_folder / f"ergon-{os.geteuid()}" / "session.sock"
+        assert stat.S_IMODE(result.parent.stat().st_mode) == 0o700
 
 
 def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder: Path):
@@ -67,18 +67,18 @@ def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.Monk
         monkeypatch.setattr(local_socket, "is_same_user", lambda connection: False)
         with socket.socket(socket.AF_UNIX) as stranger:
             stranger.connect(str(short_folder / "s"))
-            with stranger.makefile("rb") as said:
-                told = json.loads(said.readline())
-        assert told == {"error": "this session belongs to another user"}
+            with stranger.makefile("rb") as text:
+                output = json.loads(text.readline())
+        assert output == {"error": "this session belongs to another user"}
         with pytest.raises(local_socket.SocketError, match="another user"):
             remote(short_folder / "s")
         monkeypatch.undo()
-        one, two = socket.socketpair()
-        with one, two:
-            assert local_socket.is_same_user(one)
+        first, two = socket.socketpair()
+        with first, two:
+            assert local_socket.is_same_user(first)
             other = os.geteuid() + 1
             monkeypatch.setattr(os, "geteuid", lambda: other)
-            assert not local_socket.is_same_user(one)
+            assert not local_socket.is_same_user(first)
             monkeypatch.undo()
 
 

@@ -89,10 +89,10 @@ def test_messages_come_while_no_line_does(tmp_path: Path):
         assert process.stdout is not None
         process.stdin.write(b"say 15 0 gone\n")
         process.stdin.flush()
-        said = b""
-        while b" more" not in said:
-            said += process.stdout.readline()
-        assert "gone … 14 more like it\n".encode() in said
+        text = b""
+        while b" more" not in text:
+            text += process.stdout.readline()
+        assert "gone … 14 more like it\n".encode() in text
         process.stdin.close()
         assert process.wait(PATIENCE) == 0
 
@@ -128,40 +128,42 @@ def test_a_signal_closes_the_session(tmp_path: Path, number: signal.Signals):
 def test_a_plain_terminal_draws_nothing(tmp_path: Path, how: str):
     options = [how] if how.startswith("-") else []
     environment = {} if options else {"TERM": how}
-    with Terminal([*SESSION, str(tmp_path / "log"), *options], **environment) as at:
+    with Terminal([*SESSION, str(tmp_path / "log"), *options], **environment) as terminal:
 
         def waits(count: int) -> None:
-            at.until(lambda: at.cursor_line.endswith(" >") and at.text.count(" >") == count)
+            terminal.until(
+                lambda: terminal.cursor_line.endswith(" >") and terminal.text.count(" >") == count
+            )
 
         waits(1)
-        at.type("ada plays" + ENTER)
-        at.sees("\nok 2|1 ada: plays\n")
-        at.type("say 1 0.2 remi is gone" + ENTER)
-        at.sees("\nremi is gone\n")
+        terminal.type("ada plays" + ENTER)
+        terminal.sees("\nok 2|1 ada: plays\n")
+        terminal.type("say 1 0.2 remi is gone" + ENTER)
+        terminal.sees("\nremi is gone\n")
         waits(4)  # it stands again below the message
-        at.type("half")
-        at.sees("> half")
-        at.type(CTRL_C)
+        terminal.type("half")
+        terminal.sees("> half")
+        terminal.type(CTRL_C)
         waits(5)
-        at.type(CTRL_Z + CTRL_S + CTRL_C)  # text, and no brake
+        terminal.type(CTRL_Z + CTRL_S + CTRL_C)  # text, and no brake
         waits(6)
-        at.type("slow 1000" + ENTER)
-        at.until(lambda: "slow 1000" in submitted(tmp_path))
-        at.type(CTRL_C)  # and not into the middle of what a line does
-        at.child.kill(signal.SIGTSTP)
+        terminal.type("slow 1000" + ENTER)
+        terminal.until(lambda: "slow 1000" in submitted(tmp_path))
+        terminal.type(CTRL_C)  # and not into the middle of what a line does
+        terminal.child.kill(signal.SIGTSTP)
         time.sleep(0.1)
-        assert at.child.isalive()
+        assert terminal.child.isalive()
     assert submitted(tmp_path) == ["ada plays", "say 1 0.2 remi is gone", "slow 1000"]
-    assert b"\x1b" not in at.said
+    assert b"\x1b" not in terminal.said
 
 
 def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
-    with Terminal([*SESSION, str(tmp_path / "log"), "--plain"]) as at:
-        at.sees(" >")
-        at.type(F12 + ENTER)
-        at.until(lambda: {"what": "panic"} in calls(tmp_path))
-        at.type(CTRL_D)
-        assert at.ends() == 0
+    with Terminal([*SESSION, str(tmp_path / "log"), "--plain"]) as terminal:
+        terminal.sees(" >")
+        terminal.type(F12 + ENTER)
+        terminal.until(lambda: {"what": "panic"} in calls(tmp_path))
+        terminal.type(CTRL_D)
+        assert terminal.ends() == 0
     assert submitted(tmp_path) == []
     assert calls(tmp_path)[-1]["what"] == "close"
 
@@ -207,8 +209,8 @@ def test_the_status_line_shortens_what_plays_first():
         late=2,
         recording=3.25,
     )
-    whole = status(state, 200)
-    assert whole == (
+    complete = status(state, 200)
+    assert complete == (
         "12|4.9  72.5 bpm  ada knock · remi a-very-long-name  "
         "rec 3.2 s  load 50%  late 2  silent  quant bar"
     )
@@ -216,8 +218,8 @@ def test_the_status_line_shortens_what_plays_first():
         line = status(state, width)
         assert len(line) <= width
         assert line.startswith("12|4.9"[:width])
-    assert "ada knock · …" in status(state, len(whole) - 20)
-    assert "quant bar" in status(state, len(whole) - 20)
+    assert "ada knock · …" in status(state, len(complete) - 20)
+    assert "quant bar" in status(state, len(complete) - 20)
     assert "quant bar" not in status(state, 50)
     assert status(State(1, 1.0, 60.0, panicked=True), 80).startswith("PANIC")
 
@@ -226,8 +228,8 @@ def test_nothing_that_is_shown_steers_the_terminal():
     hostile = "".join(map(chr, range(0x20))) + "\x7f\x9b2J\u202e\ud800 é漢🎻"
     shown = clean(hostile)
     assert set(shown) == set("?\t\n 2Jé漢🎻")
-    told = reply_lines(Reply(False, hostile, try_=hostile, lines=(hostile,)), plain=True)
-    assert not set("".join(told)) & set("\x1b\x9b\x07\ud800\r")
+    reported = reply_lines(Reply(False, hostile, try_=hostile, lines=(hostile,)), plain=True)
+    assert not set("".join(reported)) & set("\x1b\x9b\x07\ud800\r")
     assert echo("1|1 > ", "a\nb\x1b") == "1|1 > a\n    . b?"
 
 
@@ -247,14 +249,14 @@ def test_a_history_is_its_owners_and_holds_no_pastes(tmp_path: Path):
     path = tmp_path / "ergon" / "history"
     old = os.umask(0)
     try:
-        kept = history.LineHistory(path)
-        kept.append_string("ada plays\nremi rests")
-        kept.append_string("x" * (history.LINE_MAX + 1))
-        kept.append_string("é \udcff")
+        saved = history.LineHistory(path)
+        saved.append_string("ada plays\nremi rests")
+        saved.append_string("x" * (history.LINE_MAX + 1))
+        saved.append_string("é \udcff")
     finally:
         os.umask(old)
     assert path.stat().st_mode & 0o777 == 0o600
-    kept = history.LineHistory(path).load_history_strings()
-    assert list(kept) == ["é ?", "ada plays\nremi rests"]
+    saved = history.LineHistory(path).load_history_strings()
+    assert list(saved) == ["é ?", "ada plays\nremi rests"]
     path.write_bytes(bytes(range(256)) * 100)
     assert isinstance(list(history.LineHistory(path).load_history_strings()), list)

@@ -39,20 +39,20 @@ class Stage:
 
     def prompt(self, *words: str) -> Terminal:
         state = {"XDG_STATE_HOME": str(self.folder / "state")}
-        at = Terminal(self.command(*words), cwd=self.folder, **state)
-        return at
+        terminal = Terminal(self.command(*words), cwd=self.folder, **state)
+        return terminal
 
     def begins(self) -> Terminal:
-        at = self.prompt("score.yaml", "--audio", "null", "--gain", "0dB")
-        at.sees("1|1 >")
+        prompt_shown = self.prompt("score.yaml", "--audio", "null", "--gain", "0dB")
+        prompt_shown.sees("1|1 >")
         self.engine()
-        return at
+        return prompt_shown
 
     def engine(self) -> int:
         """The process that serves."""
-        with contextlib.closing(local_socket.connect(self.socket)) as found:
-            told = found.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
-            pid = struct.unpack("3i", told)[0]
+        with contextlib.closing(local_socket.connect(self.socket)) as raised:
+            output = raised.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+            pid = struct.unpack("3i", output)[0]
         self._engines.add(pid)
         return pid
 
@@ -69,84 +69,84 @@ class Stage:
 
 
 @pytest.fixture
-def at_home(short_folder: Path) -> Iterator[Stage]:
+def home_stage(short_folder: Path) -> Iterator[Stage]:
     with contextlib.closing(Stage(short_folder)) as stage:
         yield stage
 
 
-def test_two_prompts_share_a_session(at_home: Stage):
-    with at_home.begins() as one, at_home.prompt() as two:
+def test_two_prompts_share_a_session(home_stage: Stage):
+    with home_stage.begins() as first, home_stage.prompt() as two:
         two.sees("joined")
         two.sees("1|1 >")
-        one.type("play" + ENTER)
-        one.sees("ok from 1|1")
+        first.type("play" + ENTER)
+        first.sees("ok from 1|1")
         two.sees("prompt 1 > play   ok from 1|1")
         two.type("ada plays knock every 1" + ENTER)
-        one.sees("> ada plays knock every 1   ok 2|1 ada: knock every 1")
+        first.sees("> ada plays knock every 1   ok 2|1 ada: knock every 1")
         two.type("quit" + ENTER)
         assert two.ends() == 0
-        one.sees("the session has ended")
-        one.type("play" + ENTER)
-        assert one.ends() == 0
-    until(lambda: not at_home.socket.exists(), "the end of the engine")
-    assert at_home.events("end")
+        first.sees("the session has ended")
+        first.type("play" + ENTER)
+        assert first.ends() == 0
+    until(lambda: not home_stage.socket.exists(), "the end of the engine")
+    assert home_stage.events("end")
 
 
-def test_a_closed_window_leaves_the_music_on(at_home: Stage):
-    with at_home.begins() as one:
-        one.type("play" + ENTER + "ada plays knock every 1" + ENTER)
-        one.sees("ok 2|1 ada")
+def test_a_closed_window_leaves_the_music_on(home_stage: Stage):
+    with home_stage.begins() as first:
+        first.type("play" + ENTER + "ada plays knock every 1" + ENTER)
+        first.sees("ok 2|1 ada")
     # The window is closed: the terminal hangs up.
-    engine = at_home.engine()
-    with contextlib.closing(remote(at_home.socket)) as looks:
+    engine = home_stage.engine()
+    with contextlib.closing(remote(home_stage.socket)) as looks:
         bar = looks.state().bar
         until(lambda: looks.state().bar >= max(bar + 1, 3), "the next bar")
         assert looks.submit("tempo 140 now").taken
-    until(lambda: len(at_home.events("commit")) >= 3, "a commit")
-    frames = [event["frame"] for event in at_home.events("commit")]
+    until(lambda: len(home_stage.events("commit")) >= 3, "a commit")
+    frames = [event["frame"] for event in home_stage.events("commit")]
     assert frames == sorted(frames)
-    with at_home.prompt("score.yaml") as again:
+    with home_stage.prompt("score.yaml") as again:
         again.sees("ada knock")  # it shows the running state
         again.sees("140 bpm")
         again.type(CTRL_D)
         assert again.ends() == 0
         assert "the music goes on" in again.text
-    assert at_home.engine() == engine
+    assert home_stage.engine() == engine
 
 
-def test_kill_the_engine_and_resume(at_home: Stage):
-    with at_home.begins() as one:
-        one.type("play" + ENTER + "ada plays knock every 1" + ENTER)
-        one.sees("ok 2|1 ada")
-        one.type("knock = 0@0 smooth 5@1/8 smooth 0@1/2" + ENTER + "tempo 90 now" + ENTER)
-        one.sees("tempo")
-        one.type("ada plays lean every 2 at 40|1" + ENTER)  # accepted, and waits for its bar
-        one.sees("ok 40|1 ada")
-        with contextlib.closing(remote(at_home.socket)) as looks:
+def test_kill_the_engine_and_resume(home_stage: Stage):
+    with home_stage.begins() as first:
+        first.type("play" + ENTER + "ada plays knock every 1" + ENTER)
+        first.sees("ok 2|1 ada")
+        first.type("knock = 0@0 smooth 5@1/8 smooth 0@1/2" + ENTER + "tempo 90 now" + ENTER)
+        first.sees("tempo")
+        first.type("ada plays lean every 2 at 40|1" + ENTER)  # accepted, and waits for its bar
+        first.sees("ok 40|1 ada")
+        with contextlib.closing(remote(home_stage.socket)) as looks:
             until(lambda: looks.state().bar >= 3, "bar 3")
             text, bar = looks.submit(_TEXT).text, looks.state().bar
-        os.kill(at_home.engine(), signal.SIGKILL)
-        one.sees("the session no longer answers")
-        one.type("ada plays knock" + ENTER)
-        one.sees("not taken")
+        os.kill(home_stage.engine(), signal.SIGKILL)
+        first.sees("the session no longer answers")
+        first.type("ada plays knock" + ENTER)
+        first.sees("not taken")
         resume = ("--resume", "session.jsonl", "--audio", "null")
-        with at_home.prompt(*resume) as two:
+        with home_stage.prompt(*resume) as two:
             two.sees(" >")
-            at_home.engine()
-            one.sees("the session answers again")
-            with contextlib.closing(remote(at_home.socket)) as looks:
+            home_stage.engine()
+            first.sees("the session answers again")
+            with contextlib.closing(remote(home_stage.socket)) as looks:
                 assert looks.submit(_TEXT).text == text
                 assert looks.state().tempo == 90
                 assert looks.state().bar >= bar
-            one.type("play" + ENTER)
-            one.sees("ok from")
+            first.type("play" + ENTER)
+            first.sees("ok from")
             two.type("quit" + ENTER)
             assert two.ends() == 0
 
 
 @pytest.mark.slow
-def test_why_an_engine_does_not_start(at_home: Stage):
-    bad = at_home.folder / "bad.yaml"
+def test_why_an_engine_does_not_start(home_stage: Stage):
+    bad = home_stage.folder / "bad.yaml"
     bad.write_text(SCORE.replace("M: 400g", "M: 400h"))
     for words, code, why in (
         (("bad.yaml",), 1, "400h"),
@@ -155,39 +155,39 @@ def test_why_an_engine_does_not_start(at_home: Stage):
         (("--resume", "bad.yaml"), 2, "not a session's journal"),
     ):
         done = subprocess.run(
-            at_home.command(*words),
-            cwd=at_home.folder,
+            home_stage.command(*words),
+            cwd=home_stage.folder,
             capture_output=True,
             text=True,
             timeout=PATIENCE,
         )
         assert done.returncode == code, done.stderr
         assert why in done.stderr
-        assert not at_home.socket.exists()
-    assert {path.name for path in at_home.folder.iterdir()} == {"score.yaml", "bad.yaml"}
+        assert not home_stage.socket.exists()
+    assert {path.name for path in home_stage.folder.iterdir()} == {"score.yaml", "bad.yaml"}
 
 
-def test_an_ended_engine_ends_well(at_home: Stage):
-    with at_home.begins() as one:
-        engine = at_home.engine()
+def test_an_ended_engine_ends_well(home_stage: Stage):
+    with home_stage.begins() as first:
+        engine = home_stage.engine()
         os.kill(engine, signal.SIGHUP)
-        one.type("play" + ENTER)
-        one.sees("ok from")
+        first.type("play" + ENTER)
+        first.sees("ok from")
         os.kill(engine, signal.SIGTERM)
-        one.sees("the session has ended")
-        until(lambda: not at_home.socket.exists(), "its end")
-        assert at_home.events("end")
+        first.sees("the session has ended")
+        until(lambda: not home_stage.socket.exists(), "its end")
+        assert home_stage.events("end")
 
 
-def test_the_place_need_not_be_said(at_home: Stage):
-    (at_home.folder / "ergon").mkdir(mode=0o700)
-    at_home.socket = at_home.folder / "ergon" / "session.sock"
+def test_the_place_need_not_be_said(home_stage: Stage):
+    (home_stage.folder / "ergon").mkdir(mode=0o700)
+    home_stage.socket = home_stage.folder / "ergon" / "session.sock"
 
     def script(lines: str, *words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [*PATIENT, "repl", *words],
-            cwd=at_home.folder,
-            env={**os.environ, "XDG_RUNTIME_DIR": str(at_home.folder)},
+            cwd=home_stage.folder,
+            env={**os.environ, "XDG_RUNTIME_DIR": str(home_stage.folder)},
             input=lines,
             capture_output=True,
             text=True,
@@ -200,23 +200,23 @@ def test_the_place_need_not_be_said(at_home: Stage):
     begun = script("play\n", "score.yaml", "--audio", "null", "--gain", "0dB", "--socket")
     assert "ok from 1|1" in begun.stdout
     assert "`ergon repl --socket` connects to it again" in begun.stdout
-    at_home.engine()
+    home_stage.engine()
     joined = script("show\nquit\n", "--socket")
     assert "joined the session" in joined.stderr
     assert "bye" in joined.stdout
-    until(lambda: not at_home.socket.exists(), "the end of the engine")
+    until(lambda: not home_stage.socket.exists(), "the end of the engine")
 
 
-def test_another_score_does_not_get_into_it(at_home: Stage):
-    with at_home.begins():
-        (at_home.folder / "other.yaml").write_text(SCORE)
+def test_another_score_does_not_get_into_it(home_stage: Stage):
+    with home_stage.begins():
+        (home_stage.folder / "other.yaml").write_text(SCORE)
         done = subprocess.run(
-            at_home.command("other.yaml"), cwd=at_home.folder, capture_output=True, text=True
+            home_stage.command("other.yaml"), cwd=home_stage.folder, capture_output=True, text=True
         )
         assert done.returncode == 2
         assert "already" in done.stderr
         script = subprocess.run(
-            at_home.command("--strict"), input="adda\n", capture_output=True, text=True
+            home_stage.command("--strict"), input="adda\n", capture_output=True, text=True
         )
         assert script.returncode == 1  # a script joins, and what it is told
         assert "the music goes on" in script.stdout

@@ -58,230 +58,232 @@ def prompt(folder: Path, *options: str, **how: str) -> Iterator[Prompt]:
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Iterator[Prompt]:
+def typed_prompt(tmp_path: Path) -> Iterator[Prompt]:
     with prompt(tmp_path) as terminal:
         yield terminal
 
 
-def test_a_line_its_echo_and_its_reply(at: Prompt):
-    at.type("ada plays lean")
-    at.typing("> ada plays lean")
-    at.type(ENTER)
-    at.sees("ok 2|1 ada: plays lean")
-    at.is_empty()
-    at.until(lambda: "quant bar" in at.lines[-1], "the status line")
-    shown = [line for line in at.lines if line]
+def test_a_line_its_echo_and_its_reply(typed_prompt: Prompt):
+    typed_prompt.type("ada plays lean")
+    typed_prompt.typing("> ada plays lean")
+    typed_prompt.type(ENTER)
+    typed_prompt.sees("ok 2|1 ada: plays lean")
+    typed_prompt.is_empty()
+    typed_prompt.until(lambda: "quant bar" in typed_prompt.lines[-1], "the status line")
+    shown = [line for line in typed_prompt.lines if line]
     assert re.fullmatch(r"\d+\|\d+ > ada plays lean", shown[0])
     assert shown[1] == "      ok 2|1 ada: plays lean"
     assert len(shown) == 4
-    assert at.submitted == ["ada plays lean"]
+    assert typed_prompt.submitted == ["ada plays lean"]
 
 
-def test_prompt_and_status_line_follow_the_clock_and_stand_still_under_a_line(at: Prompt):
+def test_prompt_and_status_line_follow_the_clock_and_stand_still_under_a_line(typed_prompt: Prompt):
     def bar() -> int:
-        return int(re.match(r"(\d+)\|", at.cursor_line)[1])
+        return int(re.match(r"(\d+)\|", typed_prompt.cursor_line)[1])
 
     first = bar()
-    at.until(lambda: bar() > first, "the next bar in the prompt")
-    at.type("half")
-    at.typing("half")
-    stands = at.cursor_line
-    status = at.lines[-1]
+    typed_prompt.until(lambda: bar() > first, "the next bar in the prompt")
+    typed_prompt.type("half")
+    typed_prompt.typing("half")
+    stands = typed_prompt.cursor_line
+    status = typed_prompt.lines[-1]
     assert "240 bpm  ada lean  load 12%  late 3  -18.2 dB  quant bar" in status
-    at.until(lambda: int(at.lines[-1].partition("|")[0]) > int(status.partition("|")[0]) + 1)
-    assert at.cursor_line == stands
+    typed_prompt.until(
+        lambda: int(typed_prompt.lines[-1].partition("|")[0]) > int(status.partition("|")[0]) + 1
+    )
+    assert typed_prompt.cursor_line == stands
 
 
-def test_tab_takes_what_a_refusal_suggests(at: Prompt):
-    at.enter("adda plays leen", "not taken: unknown verb 'adda plays leen'")
-    assert "      try: ada plays lean   [Tab]" in at.text
-    at.is_empty()
-    at.type(TAB)
-    at.typing("> ada plays lean")
-    at.type(CTRL_C)
-    at.is_empty()
-    at.type(UP)  # the refused line itself
-    at.typing("adda plays leen")
-    at.type(TAB)
-    at.typing("> ada plays lean")
-    at.enter("", "ok 2|1 ada: plays lean")
-    at.type(TAB)  # a line that was taken has nothing to suggest: these are the verbs
-    at.sees("no more ergons")
+def test_tab_takes_what_a_refusal_suggests(typed_prompt: Prompt):
+    typed_prompt.enter("adda plays leen", "not taken: unknown verb 'adda plays leen'")
+    assert "      try: ada plays lean   [Tab]" in typed_prompt.text
+    typed_prompt.is_empty()
+    typed_prompt.type(TAB)
+    typed_prompt.typing("> ada plays lean")
+    typed_prompt.type(CTRL_C)
+    typed_prompt.is_empty()
+    typed_prompt.type(UP)  # the refused line itself
+    typed_prompt.typing("adda plays leen")
+    typed_prompt.type(TAB)
+    typed_prompt.typing("> ada plays lean")
+    typed_prompt.enter("", "ok 2|1 ada: plays lean")
+    typed_prompt.type(TAB)  # a line that was taken has nothing to suggest: these are the verbs
+    typed_prompt.sees("no more ergons")
 
 
-def test_tab_completes_and_says_what_each_does(at: Prompt):
-    at.type("pl" + TAB)
-    at.sees("plays  a player begins")
-    at.typing("> play")
-    at.type(TAB + TAB)
-    at.typing("> plays")
-    at.type(CTRL_C)
-    at.type("hu" + TAB)
-    at.typing("> hush")
+def test_tab_completes_and_says_what_each_does(typed_prompt: Prompt):
+    typed_prompt.type("pl" + TAB)
+    typed_prompt.sees("plays  a player begins")
+    typed_prompt.typing("> play")
+    typed_prompt.type(TAB + TAB)
+    typed_prompt.typing("> plays")
+    typed_prompt.type(CTRL_C)
+    typed_prompt.type("hu" + TAB)
+    typed_prompt.typing("> hush")
 
 
-def test_ctrl_c_clears_the_line_and_nothing_else(at: Prompt):
-    at.type("half a line")
-    at.typing("half a line")
-    at.type(CTRL_C)
-    at.is_empty()
-    at.child.kill(signal.SIGINT)  # the same, from elsewhere
-    at.enter("ada goes on", "ok 2|1 ada: goes on")
-    assert at.submitted == ["ada goes on"]
-    assert at.count("close") == 0
+def test_ctrl_c_clears_the_line_and_nothing_else(typed_prompt: Prompt):
+    typed_prompt.type("half a line")
+    typed_prompt.typing("half a line")
+    typed_prompt.type(CTRL_C)
+    typed_prompt.is_empty()
+    typed_prompt.child.kill(signal.SIGINT)  # the same, from elsewhere
+    typed_prompt.enter("ada goes on", "ok 2|1 ada: goes on")
+    assert typed_prompt.submitted == ["ada goes on"]
+    assert typed_prompt.count("close") == 0
 
 
-def test_ctrl_z_ctrl_s_and_ctrl_q_do_nothing(at: Prompt):
-    at.type("ada" + CTRL_Z + CTRL_S + CTRL_Q + " plays")
-    at.typing("> ada plays")
-    at.child.kill(signal.SIGTSTP)
-    at.enter("", "ok 2|1 ada: plays")
+def test_ctrl_z_ctrl_s_and_ctrl_q_do_nothing(typed_prompt: Prompt):
+    typed_prompt.type("ada" + CTRL_Z + CTRL_S + CTRL_Q + " plays")
+    typed_prompt.typing("> ada plays")
+    typed_prompt.child.kill(signal.SIGTSTP)
+    typed_prompt.enter("", "ok 2|1 ada: plays")
 
 
-def test_ctrl_d_leaves_an_empty_line_alone_and_after_all_lines_are_done(at: Prompt):
-    at.type("ada" + CTRL_D + " stays")
-    at.typing("> ada stays")
-    at.type(CTRL_C)
-    at.is_empty()
-    at.type("slow 0.3" + ENTER + "ada last" + ENTER + CTRL_D)
-    assert at.ends() == 0
-    assert at.submitted == ["slow 0.3", "ada last"]
-    assert at.count("close") == 1
-    assert "ok 2|1 ada: last" in at.text
-    assert at.text.rstrip().endswith("closed")
+def test_ctrl_d_leaves_an_empty_line_alone_and_after_all_lines_are_done(typed_prompt: Prompt):
+    typed_prompt.type("ada" + CTRL_D + " stays")
+    typed_prompt.typing("> ada stays")
+    typed_prompt.type(CTRL_C)
+    typed_prompt.is_empty()
+    typed_prompt.type("slow 0.3" + ENTER + "ada last" + ENTER + CTRL_D)
+    assert typed_prompt.ends() == 0
+    assert typed_prompt.submitted == ["slow 0.3", "ada last"]
+    assert typed_prompt.count("close") == 1
+    assert "ok 2|1 ada: last" in typed_prompt.text
+    assert typed_prompt.text.rstrip().endswith("closed")
 
 
-def test_a_second_ctrl_d_leaves_a_line_that_does_not_end(at: Prompt):
-    at.type("slow 1000" + ENTER)
-    at.until(lambda: at.submitted, "the line at work")
-    at.type(CTRL_D + CTRL_D)
-    assert at.ends() == 0
-    assert at.count("close") == 1
+def test_a_second_ctrl_d_leaves_a_line_that_does_not_end(typed_prompt: Prompt):
+    typed_prompt.type("slow 1000" + ENTER)
+    typed_prompt.until(lambda: typed_prompt.submitted, "the line at work")
+    typed_prompt.type(CTRL_D + CTRL_D)
+    assert typed_prompt.ends() == 0
+    assert typed_prompt.count("close") == 1
 
 
-def test_quit_leaves(at: Prompt):
-    at.type("quit" + ENTER)
-    assert at.ends() == 0
-    assert "      left" in at.text
-    assert at.count("close") == 1
+def test_quit_leaves(typed_prompt: Prompt):
+    typed_prompt.type("quit" + ENTER)
+    assert typed_prompt.ends() == 0
+    assert "      left" in typed_prompt.text
+    assert typed_prompt.count("close") == 1
 
 
-def test_f12_is_heard_while_a_line_is_at_work(at: Prompt):
-    at.type("slow 1000" + ENTER)
-    at.until(lambda: at.submitted, "the line at work")
-    at.type("typing goes on")
-    at.typing("typing goes on")
-    at.type(F12)
-    at.sees("stopped by the panic")
-    at.sees("PANIC")
-    at.typing("typing goes on")
-    assert at.count("panic") == 1
+def test_f12_is_heard_while_a_line_is_at_work(typed_prompt: Prompt):
+    typed_prompt.type("slow 1000" + ENTER)
+    typed_prompt.until(lambda: typed_prompt.submitted, "the line at work")
+    typed_prompt.type("typing goes on")
+    typed_prompt.typing("typing goes on")
+    typed_prompt.type(F12)
+    typed_prompt.sees("stopped by the panic")
+    typed_prompt.sees("PANIC")
+    typed_prompt.typing("typing goes on")
+    assert typed_prompt.count("panic") == 1
 
 
 @pytest.mark.parametrize("reads", [("\x1b[200~all this", F12), ("\x1b[200~all this" + F12,)])
-def test_f12_is_heard_within_a_paste_that_never_ends(at: Prompt, reads: tuple[str, ...]):
+def test_f12_is_heard_within_a_paste_that_never_ends(typed_prompt: Prompt, reads: tuple[str, ...]):
     for typed in reads:
-        at.look()
-        at.type(typed)
-    at.sees("PANIC")
-    at.typing("> all this")
-    assert at.count("panic") == 1
+        typed_prompt.look()
+        typed_prompt.type(typed)
+    typed_prompt.sees("PANIC")
+    typed_prompt.typing("> all this")
+    assert typed_prompt.count("panic") == 1
 
 
-def test_a_pasted_block_is_one_submission(at: Prompt):
-    at.paste("knock = 0@0\r\nada plays knock\nremi rests\n")
-    at.typing(". remi rests")
-    assert at.submitted == []
-    at.enter("", "not taken")
-    assert at.submitted == ["knock = 0@0\nada plays knock\nremi rests"]
+def test_a_pasted_block_is_one_submission(typed_prompt: Prompt):
+    typed_prompt.paste("knock = 0@0\r\nada plays knock\nremi rests\n")
+    typed_prompt.typing(". remi rests")
+    assert typed_prompt.submitted == []
+    typed_prompt.enter("", "not taken")
+    assert typed_prompt.submitted == ["knock = 0@0\nada plays knock\nremi rests"]
 
 
-def test_a_line_that_ends_in_a_backslash_goes_on(at: Prompt):
-    at.type("ada plays \\" + ENTER)
-    at.until(lambda: at.cursor_line.endswith(" ."), "a second line")
-    assert at.submitted == []
-    at.enter("knock", "ok 2|1 ada")
-    assert at.submitted == ["ada plays \\\nknock"]
+def test_a_line_that_ends_in_a_backslash_goes_on(typed_prompt: Prompt):
+    typed_prompt.type("ada plays \\" + ENTER)
+    typed_prompt.until(lambda: typed_prompt.cursor_line.endswith(" ."), "a second line")
+    assert typed_prompt.submitted == []
+    typed_prompt.enter("knock", "ok 2|1 ada")
+    assert typed_prompt.submitted == ["ada plays \\\nknock"]
 
 
-def test_messages_stand_above_a_line_that_is_being_typed(at: Prompt):
-    at.enter("say 1 0.2 the key of remi is gone", "ok, later")
-    at.type("half a li")
-    at.typing("half a li")
-    at.sees("\nthe key of remi is gone\n")
-    at.typing("half a li")
-    at.type("ne")
-    at.typing("half a line")
-    above = [line for line in at.lines if line]
+def test_messages_stand_above_a_line_that_is_being_typed(typed_prompt: Prompt):
+    typed_prompt.enter("say 1 0.2 the key of remi is gone", "ok, later")
+    typed_prompt.type("half a li")
+    typed_prompt.typing("half a li")
+    typed_prompt.sees("\nthe key of remi is gone\n")
+    typed_prompt.typing("half a li")
+    typed_prompt.type("ne")
+    typed_prompt.typing("half a line")
+    above = [line for line in typed_prompt.lines if line]
     assert above[-3] == "the key of remi is gone"
-    assert above[-2] == at.cursor_line
+    assert above[-2] == typed_prompt.cursor_line
 
 
-def test_a_flood_of_messages_comes_folded(at: Prompt):
-    at.enter("say 15 0 the same", "the same … 14 more like it")
-    at.enter("say 25 0 different #", "ok, later")
-    at.type("half")
-    at.sees("different 24")
-    at.typing("half")
-    assert len(re.findall("different [0-9]+", at.text)) == 25
-    assert at.text.count("the same") == 2
+def test_a_flood_of_messages_comes_folded(typed_prompt: Prompt):
+    typed_prompt.enter("say 15 0 the same", "the same … 14 more like it")
+    typed_prompt.enter("say 25 0 different #", "ok, later")
+    typed_prompt.type("half")
+    typed_prompt.sees("different 24")
+    typed_prompt.typing("half")
+    assert len(re.findall("different [0-9]+", typed_prompt.text)) == 25
+    assert typed_prompt.text.count("the same") == 2
 
 
-def test_what_code_prints_stands_above_too(at: Prompt):
-    at.type("print something")
-    at.type(ENTER + "half")
-    at.sees("\nprinted something\n")
-    at.typing("half")
+def test_what_code_prints_stands_above_too(typed_prompt: Prompt):
+    typed_prompt.type("print something")
+    typed_prompt.type(ENTER + "half")
+    typed_prompt.sees("\nprinted something\n")
+    typed_prompt.typing("half")
 
 
-def test_a_drawing_is_shown_as_it_is_and_steers_nothing(at: Prompt):
-    at.enter("draw", "\n⣀⡠⠤ a drawing\n?[31m of two lines\n")
+def test_a_drawing_is_shown_as_it_is_and_steers_nothing(typed_prompt: Prompt):
+    typed_prompt.enter("draw", "\n⣀⡠⠤ a drawing\n?[31m of two lines\n")
 
 
 @pytest.mark.parametrize("kind", ["exit", "panic", "value"])
-def test_no_error_of_the_session_ends_the_prompt(at: Prompt, kind: str):
-    at.enter(f"fail {kind}", "not taken: internal error")
-    at.type("an unlucky line")
-    at.sees("internal error: ValueError: no colours")
-    at.typing("an unlucky line")
-    at.type(CTRL_C)
-    at.enter("ada goes on", "ok 2|1 ada: goes on")
+def test_no_error_of_the_session_ends_the_prompt(typed_prompt: Prompt, kind: str):
+    typed_prompt.enter(f"fail {kind}", "not taken: internal error")
+    typed_prompt.type("an unlucky line")
+    typed_prompt.sees("internal error: ValueError: no colours")
+    typed_prompt.typing("an unlucky line")
+    typed_prompt.type(CTRL_C)
+    typed_prompt.enter("ada goes on", "ok 2|1 ada: goes on")
 
 
-def test_a_terminal_of_another_size(at: Prompt):
-    at.type("ada plays")
-    at.typing("ada plays")
+def test_a_terminal_of_another_size(typed_prompt: Prompt):
+    typed_prompt.type("ada plays")
+    typed_prompt.typing("ada plays")
     for rows, columns in ((40, 120), (10, 40), (3, 20), (24, 80)):
-        at.resize(rows, columns)
-        at.typing("> ada plays")
-    at.until(lambda: "quant bar" in at.lines[-1], "the status line")
-    at.enter("", "ok 2|1 ada: plays")
+        typed_prompt.resize(rows, columns)
+        typed_prompt.typing("> ada plays")
+    typed_prompt.until(lambda: "quant bar" in typed_prompt.lines[-1], "the status line")
+    typed_prompt.enter("", "ok 2|1 ada: plays")
 
 
 def test_lines_of_earlier_sessions(tmp_path: Path):
     history = tmp_path / "state" / "ergon" / "history"
-    with prompt(tmp_path, "--history", str(history)) as at:
-        at.enter("ada plays knock", "ok 2|1")
-        at.paste("ada first\nada second")
-        at.enter("", "ok 2|1 ada: first")
-        at.type(CTRL_D)
-        assert at.ends() == 0
+    with prompt(tmp_path, "--history", str(history)) as prompt_shown:
+        prompt_shown.enter("ada plays knock", "ok 2|1")
+        prompt_shown.paste("ada first\nada second")
+        prompt_shown.enter("", "ok 2|1 ada: first")
+        prompt_shown.type(CTRL_D)
+        assert prompt_shown.ends() == 0
     assert stat.S_IMODE(history.stat().st_mode) == 0o600
     assert stat.S_IMODE(history.parent.stat().st_mode) == 0o700
-    with prompt(tmp_path, "--history", str(history)) as at:
-        at.type(UP)
-        at.typing("ada second")
-        at.type(UP + UP)
-        at.typing("> ada plays knock")
+    with prompt(tmp_path, "--history", str(history)) as prompt_shown:
+        prompt_shown.type(UP)
+        prompt_shown.typing("ada second")
+        prompt_shown.type(UP + UP)
+        prompt_shown.typing("> ada plays knock")
 
 
 def test_a_history_that_cannot_be_kept_is_no_error(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    with prompt(tmp_path, "--history", str(tmp_path / "file" / "history")) as at:
-        at.enter("ada plays knock", "ok 2|1")
-        at.is_empty()
-        at.type(UP)
-        at.typing("> ada plays knock")
+    with prompt(tmp_path, "--history", str(tmp_path / "file" / "history")) as prompt_shown:
+        prompt_shown.enter("ada plays knock", "ok 2|1")
+        prompt_shown.is_empty()
+        prompt_shown.type(UP)
+        prompt_shown.typing("> ada plays knock")
 
 
 def garbage(seed: int, count: int) -> list[bytes]:
@@ -303,40 +305,40 @@ def garbage(seed: int, count: int) -> list[bytes]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_lines", few([20, 200], [20]))
-def test_lines_of_garbage_and_a_paste_of_a_megabyte(at: Prompt, n_lines: int):
+def test_lines_of_garbage_and_a_paste_of_a_megabyte(typed_prompt: Prompt, n_lines: int):
     for number, line in enumerate(garbage(1, n_lines)):
-        at.type(line)
+        typed_prompt.type(line)
         if number == n_lines // 2:
-            at.paste("x" * 1_000_000)
-    at.type(b"y" * 1_000_000)  # as by a terminal that marks no paste
-    at.sees("a paste of 1,000,000 characters")
+            typed_prompt.paste("x" * 1_000_000)
+    typed_prompt.type(b"y" * 1_000_000)  # as by a terminal that marks no paste
+    typed_prompt.sees("a paste of 1,000,000 characters")
     # Out of whatever the last line began, such as a search.
-    at.type(CTRL_C)
-    at.type(CTRL_C)
-    at.is_empty()
-    at.enter("ada goes on", "ok 2|1 ada: goes on")
-    assert len(at.submitted) > n_lines // 2
-    at.type(CTRL_D)
-    assert at.ends() == 0
+    typed_prompt.type(CTRL_C)
+    typed_prompt.type(CTRL_C)
+    typed_prompt.is_empty()
+    typed_prompt.enter("ada goes on", "ok 2|1 ada: goes on")
+    assert len(typed_prompt.submitted) > n_lines // 2
+    typed_prompt.type(CTRL_D)
+    assert typed_prompt.ends() == 0
 
 
-def test_a_terminal_that_is_closed_closes_the_session(at: Prompt):
-    at.child.ptyproc.fileobj.close()
-    until(lambda: at.count("close"), "the end")
+def test_a_terminal_that_is_closed_closes_the_session(typed_prompt: Prompt):
+    typed_prompt.child.ptyproc.fileobj.close()
+    until(lambda: typed_prompt.count("close"), "the end")
 
 
-def test_a_terminal_that_is_closed_while_something_is_printed(at: Prompt):
-    at.enter("say 100 0 different #", "different 2")
-    at.type("slow 1000" + ENTER)
-    at.child.ptyproc.fileobj.close()
-    until(lambda: at.count("close"), "the end")
+def test_a_terminal_that_is_closed_while_something_is_printed(typed_prompt: Prompt):
+    typed_prompt.enter("say 100 0 different #", "different 2")
+    typed_prompt.type("slow 1000" + ENTER)
+    typed_prompt.child.ptyproc.fileobj.close()
+    until(lambda: typed_prompt.count("close"), "the end")
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_closes_the_session_and_acts(at: Prompt, number: signal.Signals):
-    at.child.kill(number)
-    assert at.ends() == -number
-    assert at.count("close") == 1
+def test_a_signal_closes_the_session_and_acts(typed_prompt: Prompt, number: signal.Signals):
+    typed_prompt.child.kill(number)
+    assert typed_prompt.ends() == -number
+    assert typed_prompt.count("close") == 1
 
 
 def test_the_terminal_is_as_it_was(tmp_path: Path):
@@ -351,7 +353,7 @@ def test_the_terminal_is_as_it_was(tmp_path: Path):
 def test_no_colour_where_none_is_wanted(tmp_path: Path):
     colour = re.compile(rb"\x1b\[(?:[0-9]+;)*(?:3[0-8]|9[0-7])[;m]")
     for environment, coloured in (({}, True), ({"NO_COLOR": "1"}, False)):
-        with prompt(tmp_path, **environment) as at:
-            at.type("play and more")
-            at.typing("play and more")
-            assert bool(colour.search(at.said)) is coloured
+        with prompt(tmp_path, **environment) as prompt_shown:
+            prompt_shown.type("play and more")
+            prompt_shown.typing("play and more")
+            assert bool(colour.search(prompt_shown.said)) is coloured

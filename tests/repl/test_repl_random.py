@@ -104,20 +104,20 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
     mine.mkdir()
     for name, text in SCENES.items():
         (mine / f"{name}.yaml").write_text(text)
-    own = Kept(mine, seed)
-    counted = SimpleNamespace(monotonic=lambda: own.seconds)
+    single = Kept(mine, seed)
+    counted = SimpleNamespace(monotonic=lambda: single.seconds)
     try:
         with mock.patch.object(session_commands, "time", counted), written_outside(mine) as outside:
-            own.run(0.002)
-            if own.draws.draw.random() < 0.7:
-                own.type("play")
+            single.run(0.002)
+            if single.draws.draw.random() < 0.7:
+                single.type("play")
             for _ in range(n_lines):
-                own.step()
-            own.at.close()
-        same(own.at, own)
+                single.step()
+            single.at.close()
+        same(single.at, single)
     finally:
-        own.at.close()
-    assert not outside, [outside, own.story()]
+        single.at.close()
+    assert not outside, [outside, single.story()]
     assert [path.name for path in folder.iterdir()] == ["mine"]
 
 

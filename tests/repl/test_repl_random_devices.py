@@ -96,27 +96,27 @@ class Kept:
 def played(folder: Path, seed: int, n_lines: int) -> None:
     for name, text in SCENES.items():
         (folder / f"{name}.yaml").write_text(text)
-    with playing(folder, SCORE) as own:
-        order = [id(board) for board in own.boards]
-        kept = Kept(own, seed)
-        own.run(0.02)
-        kept.type("play")
+    with playing(folder, SCORE) as player_session:
+        order = [id(board) for board in player_session.boards]
+        saved = Kept(player_session, seed)
+        player_session.run(0.02)
+        saved.type("play")
         for _ in range(n_lines):
-            kept.step()
+            saved.step()
             # The first is always remi's: `change` names the player of a board by its place.
-            own.boards.sort(key=lambda board: order.index(id(board)))
+            player_session.boards.sort(key=lambda board: order.index(id(board)))
     done = rendered(folder)
-    assert done.returncode == 0, [done.stderr, kept.story()]
-    assert "warning" not in done.stderr, [done.stderr, kept.story()]
-    heard, again = sound(folder / "heard.wav"), sound(folder / "again.wav")
-    n = min(len(heard), len(again)) - _ENDS
+    assert done.returncode == 0, [done.stderr, saved.story()]
+    assert "warning" not in done.stderr, [done.stderr, saved.story()]
+    listened, again = sound(folder / "heard.wav"), sound(folder / "again.wav")
+    n = min(len(listened), len(again)) - _ENDS
     events = [json.loads(line) for line in (folder / "session.jsonl").read_text().splitlines()]
     n = min(n, unpaced(events))
-    differs = np.any(heard[:n] != again[:n], axis=1)
+    differs = np.any(listened[:n] != again[:n], axis=1)
     for event in events:
         if event["event"] == "silence":
             differs[max(0, event["frame"] - _FALLS) : event["frame"] + _FALLS] = False
-    assert not differs.any(), [np.flatnonzero(differs)[:3], n, kept.story()]
+    assert not differs.any(), [np.flatnonzero(differs)[:3], n, saved.story()]
 
 
 def unpaced(events: list[dict]) -> int:

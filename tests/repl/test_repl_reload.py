@@ -22,7 +22,7 @@ LINES = ("ada plays knock every 1 now", "set bell.m.t60 2s now", "tempo 90 now")
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Iterator[Stepped]:
+def stepped_session(tmp_path: Path) -> Iterator[Stepped]:
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         yield stepped
 
@@ -36,11 +36,11 @@ def edited(folder: Path, *changes: tuple[str, str]) -> None:
     path.write_text(text)
 
 
-def renders_the_same(at: Stepped) -> None:
-    at.close()
-    again = at.again()
+def renders_the_same(stepped_session: Stepped) -> None:
+    stepped_session.close()
+    again = stepped_session.again()
     assert np.max(np.abs(again)) > 0
-    assert np.array_equal(again, at.sound[: len(again)])
+    assert np.array_equal(again, stepped_session.sound[: len(again)])
 
 
 LEO = ("lean: 0mm@0 smooth 3mm@1", "lean: 0mm@0 smooth 4mm@1")
@@ -48,110 +48,116 @@ LEO = ("lean: 0mm@0 smooth 3mm@1", "lean: 0mm@0 smooth 4mm@1")
 
 def test_what_was_typed_goes_on_to_the_last_bit(tmp_path: Path) -> None:
     """The file's own change is of a gesture that nobody plays."""
-    heard = []
+    listened = []
     for name, reloads in (("a", True), ("b", False)):
         folder = tmp_path / name
         folder.mkdir()
-        with closing(Stepped(SCORE, folder)) as at:
-            at.ok("play")
+        with closing(Stepped(SCORE, folder)) as stepped_session:
+            stepped_session.ok("play")
             for line in LINES:
-                at.ok(line)
-                at.run(1.0)
+                stepped_session.ok(line)
+                stepped_session.run(1.0)
             if reloads:
                 edited(folder, LEO)
-                reply = at.ok("reload")
+                reply = stepped_session.ok("reload")
                 assert "dropped" not in reply.text
-            at.run(6.0)
-            text = at.session.schedule.head.texts.text
+            stepped_session.run(6.0)
+            text = stepped_session.session.schedule.head.texts.text
             assert ("smooth 4mm@1" in text) == reloads
             assert "t60: 2s" in text
-            heard.append(at.sound)
+            listened.append(stepped_session.sound)
             if reloads:
-                renders_the_same(at)
-    assert np.any(heard[0])
-    assert np.array_equal(*heard)
+                renders_the_same(stepped_session)
+    assert np.any(listened[0])
+    assert np.array_equal(*listened)
 
 
 def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
-    at: Stepped, tmp_path: Path
+    stepped_session: Stepped, tmp_path: Path
 ) -> None:
-    at.ok("play")
-    at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
-    at.ok("ada plays knock every 1 now")
-    at.run(1.0)
-    before = at.session.schedule.head.texts.text
+    stepped_session.ok("play")
+    stepped_session.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(1.0)
+    before = stepped_session.session.schedule.head.texts.text
     edited(tmp_path, ("knock: 0mm@0 smooth 6mm", "knock: 0mm@0 smooth 7mm"), ("f: 90Hz", "f: 80Hz"))
-    reply = at.ok("reload now")
+    reply = stepped_session.ok("reload now")
     line = "'knock = 0@0 smooth 5@1/8 smooth 0@1/2 now'"
     assert f"gestures.knock was changed by {line} and in the file; " in reply.text
     assert "the value in the file is kept, and the line is discarded" in reply.text
-    at.run(2.0)
-    text = at.session.schedule.head.texts.text
+    stepped_session.run(2.0)
+    text = stepped_session.session.schedule.head.texts.text
     assert "smooth 7mm@1/8 smooth 0mm@1/2     # once" in text
     assert "f: 80Hz" in text
     assert "play: knock, every: 1" in text
-    assert any("smooth 5@1/8" in row for row in at.ok("history").lines)
-    at.ok("undo now")
-    at.run(2.0)
-    assert at.session.schedule.head.texts.text == before
+    assert any("smooth 5@1/8" in row for row in stepped_session.ok("history").lines)
+    stepped_session.ok("undo now")
+    stepped_session.run(2.0)
+    assert stepped_session.session.schedule.head.texts.text == before
     # What was taken back comes again with the next reload.
-    assert "gestures.knock was changed by" in at.ok("reload now").text
-    at.run(2.0)
-    renders_the_same(at)
+    assert "gestures.knock was changed by" in stepped_session.ok("reload now").text
+    stepped_session.run(2.0)
+    renders_the_same(stepped_session)
 
 
 def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
-    at: Stepped, tmp_path: Path
+    stepped_session: Stepped, tmp_path: Path
 ) -> None:
-    at.ok("play")
-    at.ok("leo plays lean every 2 now")
-    at.ok("set bell.m.t60 2s now")
-    at.run(1.0)
+    stepped_session.ok("play")
+    stepped_session.ok("leo plays lean every 2 now")
+    stepped_session.ok("set bell.m.t60 2s now")
+    stepped_session.run(1.0)
     edited(tmp_path, ("  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2\n", ""))
-    reply = at.ok("reload now")
+    reply = stepped_session.ok("reload now")
     assert "parts.leo" in reply.text
     assert "was changed by 'leo plays lean every 2 now' and in the file" in reply.text
-    at.run(2.0)
-    assert "t60: 2s" in at.session.schedule.head.texts.text
-    renders_the_same(at)
+    stepped_session.run(2.0)
+    assert "t60: 2s" in stepped_session.session.schedule.head.texts.text
+    renders_the_same(stepped_session)
 
 
-def test_a_line_before_a_reload_takes_effect_is_kept(at: Stepped, tmp_path: Path) -> None:
-    at.ok("play")
-    at.run(0.2)
+def test_a_line_before_a_reload_takes_effect_is_kept(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("play")
+    stepped_session.run(0.2)
     edited(tmp_path, LEO)
-    at.ok("reload at 3|1")
-    at.ok("ada plays knock every 1 now")
-    at.run(6.0)
-    text = at.session.schedule.head.texts.text
+    stepped_session.ok("reload at 3|1")
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.run(6.0)
+    text = stepped_session.session.schedule.head.texts.text
     assert "smooth 4mm@1" in text
     assert "play: knock, every: 1" in text
-    renders_the_same(at)
+    renders_the_same(stepped_session)
 
 
-def test_after_a_save_what_was_saved_is_what_the_file_was(at: Stepped, tmp_path: Path) -> None:
-    at.ok("play")
+def test_after_a_save_what_was_saved_is_what_the_file_was(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("play")
     for line in LINES:
-        at.ok(line)
-        at.run(1.0)
-    at.ok("save")
+        stepped_session.ok(line)
+        stepped_session.run(1.0)
+    stepped_session.ok("save")
     edited(tmp_path, LEO, ("t60: 2s", "t60: 3s"))
-    assert "dropped" not in at.ok("reload now").text
-    at.run(2.0)
-    text = at.session.schedule.head.texts.text
+    assert "dropped" not in stepped_session.ok("reload now").text
+    stepped_session.run(2.0)
+    text = stepped_session.session.schedule.head.texts.text
     assert "t60: 3s" in text
     assert "until: 999|1" in text  # ada goes on
-    renders_the_same(at)
+    renders_the_same(stepped_session)
 
 
-def test_a_resumed_session_knows_what_the_file_was(at: Stepped, tmp_path: Path) -> None:
-    at.ok("play")
+def test_a_resumed_session_knows_what_the_file_was(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("play")
     for line in LINES:
-        at.ok(line)
-        at.run(1.0)
-    at.close()
+        stepped_session.ok(line)
+        stepped_session.run(1.0)
+    stepped_session.close()
     edited(tmp_path, LEO)
-    with closing(Stepped.resumed(at.journal)) as two:
+    with closing(Stepped.resumed(stepped_session.journal)) as two:
         two.ok("play")
         assert "dropped" not in two.ok("reload now").text
         two.run(2.0)
@@ -162,26 +168,30 @@ def test_a_resumed_session_knows_what_the_file_was(at: Stepped, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("text", ["", "[]", "nonsense", "ergon: 1\nkeys: {k: {M: x}}\n", "\0"])
-def test_a_file_that_is_no_score_changes_nothing(at: Stepped, tmp_path: Path, text: str) -> None:
-    at.ok("play")
-    at.ok("set bell.m.t60 2s now")
-    before = at.session.schedule.head
+def test_a_file_that_is_no_score_changes_nothing(
+    stepped_session: Stepped, tmp_path: Path, text: str
+) -> None:
+    stepped_session.ok("play")
+    stepped_session.ok("set bell.m.t60 2s now")
+    before = stepped_session.session.schedule.head
     (tmp_path / "score.yaml").write_text(text)
-    reply = at.type("reload")
+    reply = stepped_session.type("reload")
     assert not reply.taken
     assert "internal" not in reply.text
-    assert at.session.schedule.head is before
+    assert stepped_session.session.schedule.head is before
 
 
-def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) -> None:
+def test_a_loaded_score_is_the_one_that_is_watched(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(SCORE)
-    at.session.watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
-    at.ok(f"load {other}")
+    stepped_session.session.watch = FileWatch(Texts.read(tmp_path / "score.yaml"))
+    stepped_session.ok(f"load {other}")
     os.utime(tmp_path / "score.yaml", (1, 1))
-    assert not at.session.watch.has_changed()
+    assert not stepped_session.session.watch.has_changed()
     os.utime(other, (1, 1))
-    assert at.session.watch.has_changed()
+    assert stepped_session.session.watch.has_changed()
 
 
 @pytest.mark.parametrize(
@@ -196,11 +206,11 @@ def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) 
         {"number": 0, "score": "score.yaml", "files": {}},
     ],
 )
-def test_a_forged_history_is_refused_with_its_place(at: Stepped, row: object) -> None:
-    at.close()
-    first, *rest = at.journal.read_text().splitlines()
-    good = {"number": 0, "score": str(at.journal.parent / "score.yaml"), "files": {}}
+def test_a_forged_history_is_refused_with_its_place(stepped_session: Stepped, row: object) -> None:
+    stepped_session.close()
+    first, *rest = stepped_session.journal.read_text().splitlines()
+    good = {"number": 0, "score": str(stepped_session.journal.parent / "score.yaml"), "files": {}}
     fields = {**json.loads(first), "history": [row, good], "index": 1}
-    at.journal.write_text("\n".join([json.dumps(fields), *rest, ""]))
+    stepped_session.journal.write_text("\n".join([json.dumps(fields), *rest, ""]))
     with pytest.raises(JournalError, match="line 1"):
-        read_journal(at.journal)
+        read_journal(stepped_session.journal)

@@ -72,7 +72,7 @@ mix:
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     yield stepped
@@ -82,16 +82,16 @@ def at(tmp_path: Path):
 def _played(folder: Path, lines: list[str]) -> np.ndarray:
     """What a session plays that is typed these lines after 0.7 s each."""
     folder.mkdir()
-    own = Stepped(SCORE, folder)
-    own.ok("play")
+    player_session = Stepped(SCORE, folder)
+    player_session.ok("play")
     for line in lines:
-        own.run(0.7)
+        player_session.run(0.7)
         if line:
-            own.ok(line)
-    own.run(1.5)
-    own.close()
-    assert np.array_equal(own.again(), own.sound)
-    return own.sound
+            player_session.ok(line)
+    player_session.run(1.5)
+    player_session.close()
+    assert np.array_equal(player_session.again(), player_session.sound)
+    return player_session.sound
 
 
 @pytest.fixture(scope="module")
@@ -113,59 +113,59 @@ def test_the_sound_goes_on_to_the_last_bit_and_the_undo_does(tmp_path, without, 
     assert np.array_equal(_played(tmp_path / "a", lines), without)
 
 
-def test_every_reference_follows(at):
-    at.run(0.5)
-    at.ok("gain bell -3dB now\nmute harp now\nmap cc 21 bell.m.K 1kN/m..9kN/m")
-    at.ok("map note C3 bell.low 1mNs..2mNs")
-    at.run(1.5)
+def test_every_reference_follows(stepped_session):
+    stepped_session.run(0.5)
+    stepped_session.ok("gain bell -3dB now\nmute harp now\nmap cc 21 bell.m.K 1kN/m..9kN/m")
+    stepped_session.ok("map note C3 bell.low 1mNs..2mNs")
+    stepped_session.run(1.5)
     for line in ("rename bell chime", "rename k1 pad", "rename harp lyre", "rename m low2"):
-        at.ok(f"{line} now")
-        at.run(0.1)
-    head = at.session.schedule.head
+        stepped_session.ok(f"{line} now")
+        stepped_session.run(0.1)
+    head = stepped_session.session.schedule.head
     text = head.texts.text
     for new, old in (("chime", "bell"), ("pad", "k1"), ("lyre", "harp")):
         text = text.replace(new, old)
-    said = SCORE.replace("\n  m:\n", "\n  low2:\n").replace("bell.m, m]", "bell.m, low2]")
-    assert text == said.replace("from: m,", "from: low2,")
+    message = SCORE.replace("\n  m:\n", "\n  low2:\n").replace("bell.m, m]", "bell.m, low2]")
+    assert text == message.replace("from: m,", "from: low2,")
     assert "let: {bell: 3mm}" in head.texts.text
     assert "      bell: {CEL" in head.texts.text  # a module of its own
     assert head.faders.gains == {"chime": pytest.approx(10 ** (-3 / 20))}
     assert head.faders.muted == {"lyre.C4", "lyre.E4", "lyre.G4"}
     assert [own.target for own in head.maps.values()] == ["chime.m.K", "chime.low"]
     assert head.piece.blocks["fill"] == ("set chime.m.K x1.1 over 1bar", "couple pad k2 K=3N/m")
-    at.ok("fill now")
-    at.ok("unmute lyre\nchime3 = chime transpose 7st\nset chime.m.f B3 over 1bar now")
-    at.run(1.5)
-    at.ok("keep 1bar as verse\nsave typed")
-    assert opened(str(at.journal.with_name("typed.yaml")))[1].instruments.keys() >= {
+    stepped_session.ok("fill now")
+    stepped_session.ok("unmute lyre\nchime3 = chime transpose 7st\nset chime.m.f B3 over 1bar now")
+    stepped_session.run(1.5)
+    stepped_session.ok("keep 1bar as verse\nsave typed")
+    assert opened(str(stepped_session.journal.with_name("typed.yaml")))[1].instruments.keys() >= {
         "chime",
         "low2",
     }
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_name_that_is_free_again_is_another_instrument(at):
-    at.run(0.6)
-    at.ok("rename bell chime now\nbell = bell/bell\nroute bell 2")
-    at.run(1.0)
-    assert at.session.schedule.running.version.sounds_as.names == {"chime": "bell"}
-    assert [*at.session.schedule.running.version.sounding.instruments][-1] == "bell-2"
-    at.ok("rename chime gong now")
-    at.ok("gain gong -6dB now")
-    at.run(1.0)
-    at.ok("rename bell chime")
-    at.run(1.5)
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+def test_a_name_that_is_free_again_is_another_instrument(stepped_session):
+    stepped_session.run(0.6)
+    stepped_session.ok("rename bell chime now\nbell = bell/bell\nroute bell 2")
+    stepped_session.run(1.0)
+    assert stepped_session.session.schedule.running.version.sounds_as.names == {"chime": "bell"}
+    assert [*stepped_session.session.schedule.running.version.sounding.instruments][-1] == "bell-2"
+    stepped_session.ok("rename chime gong now")
+    stepped_session.ok("gain gong -6dB now")
+    stepped_session.run(1.0)
+    stepped_session.ok("rename bell chime")
+    stepped_session.run(1.5)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_resumed_session_knows_what_sounds_by_another_name(at):
-    at.run(0.6)
-    at.ok("rename bell chime\nrename k1 pad\nada plays knock every 1/2")
-    at.run(1.5)
-    at.close()
-    again = Stepped.resumed(at.journal)
+def test_a_resumed_session_knows_what_sounds_by_another_name(stepped_session):
+    stepped_session.run(0.6)
+    stepped_session.ok("rename bell chime\nrename k1 pad\nada plays knock every 1/2")
+    stepped_session.run(1.5)
+    stepped_session.close()
+    again = Stepped.resumed(stepped_session.journal)
     again.ok("play")
     again.run(1.2)
     again.ok("undo")
@@ -181,8 +181,8 @@ def test_a_resumed_session_knows_what_sounds_by_another_name(at):
     assert np.array_equal(third.again(), third.sound)
 
 
-def _edited(at, *changes):
-    path = at.journal.with_name("score.yaml")
+def _edited(stepped_session, *changes):
+    path = stepped_session.journal.with_name("score.yaml")
     text = path.read_text()
     for old, new in changes:
         assert old in text
@@ -190,38 +190,45 @@ def _edited(at, *changes):
     path.write_text(text)
 
 
-def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(at):
-    at.run(0.6)
+def test_what_was_renamed_is_edited_in_the_file_under_its_old_name(stepped_session):
+    stepped_session.run(0.6)
     for line in ("rename bell chime", "rename k1 pad", "rename knock tap", "set chime.low.t60 1s"):
-        at.ok(f"{line} now")
-        at.run(0.1)
-    _edited(at, ("f: 220Hz", "f: 230Hz"), ("6mm@60ms", "5mm@60ms"), ("K: 60N/m", "K: 70N/m"))
-    assert "was changed by" not in at.ok("reload now").text
-    at.run(0.5)
-    head = at.session.schedule.head
+        stepped_session.ok(f"{line} now")
+        stepped_session.run(0.1)
+    _edited(
+        stepped_session,
+        ("f: 220Hz", "f: 230Hz"),
+        ("6mm@60ms", "5mm@60ms"),
+        ("K: 60N/m", "K: 70N/m"),
+    )
+    assert "was changed by" not in stepped_session.ok("reload now").text
+    stepped_session.run(0.5)
+    head = stepped_session.session.schedule.head
     assert "chime" in head.piece.instruments
     assert "bell" not in head.piece.instruments
-    said = {m.name: m.fields for m in head.piece.instruments["chime"].modules}
-    assert (said["m"]["f"], said["low"]["t60"]) == (230.0, 1.0)
+    text = {m.name: m.fields for m in head.piece.instruments["chime"].modules}
+    assert (text["m"]["f"], text["low"]["t60"]) == (230.0, 1.0)
     assert head.piece.keys["pad"].modules[0].fields["K"] == 70.0
     assert "tap: 0mm@0 smooth 5mm@60ms 0mm@160ms" in head.texts.text
-    _edited(at, ("f: 230Hz", "f: 240Hz"))
-    at.ok("reload now")
-    at.run(0.5)
-    at.ok("undo now")
-    at.run(0.5)
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    _edited(stepped_session, ("f: 230Hz", "f: 240Hz"))
+    stepped_session.ok("reload now")
+    stepped_session.run(0.5)
+    stepped_session.ok("undo now")
+    stepped_session.run(0.5)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_resume(at):
-    at.run(0.6)
-    at.ok("rename bell chime now")
-    at.ok("remove fill now")
-    at.run(0.6)
-    at.close()
-    _edited(at, ("6mm@60ms", "5mm@60ms"))
-    again = Stepped.resumed(at.journal)
+def test_what_was_renamed_or_removed_stays_so_when_the_file_is_edited_after_a_resume(
+    stepped_session,
+):
+    stepped_session.run(0.6)
+    stepped_session.ok("rename bell chime now")
+    stepped_session.ok("remove fill now")
+    stepped_session.run(0.6)
+    stepped_session.close()
+    _edited(stepped_session, ("6mm@60ms", "5mm@60ms"))
+    again = Stepped.resumed(stepped_session.journal)
     again.ok("play")
     again.run(0.3)
     assert "was changed by" not in again.ok("reload now").text

@@ -28,7 +28,7 @@ REMARKS = "# Nothing is in here yet.\n"
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Iterator[Stepped]:
+def stepped_session(tmp_path: Path) -> Iterator[Stepped]:
     (tmp_path / "keys.yaml").write_text(KEYS)
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         yield stepped
@@ -63,42 +63,51 @@ def says_the_same(session: Session, path: Path) -> None:
     assert piece.digest() == piece_of(session.schedule.head.texts).digest()
 
 
-def test_a_save_writes_what_was_changed_and_nothing_else(at: Stepped, tmp_path: Path) -> None:
-    assert at.ok("save").text == "ok nothing to write: the files already hold this version"
+def test_a_save_writes_what_was_changed_and_nothing_else(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    assert (
+        stepped_session.ok("save").text
+        == "ok nothing to write: the files already hold this version"
+    )
     stamp = (tmp_path / "score.yaml").stat().st_mtime_ns
-    at.ok("set k1.M 500g")
-    assert at.ok("save").text == f"ok wrote {tmp_path / 'keys.yaml'}"
+    stepped_session.ok("set k1.M 500g")
+    assert stepped_session.ok("save").text == f"ok wrote {tmp_path / 'keys.yaml'}"
     assert (tmp_path / "score.yaml").stat().st_mtime_ns == stamp
-    says_the_same(at.session, tmp_path / "score.yaml")
-    at.ok("undo")
-    at.ok("save")
+    says_the_same(stepped_session.session, tmp_path / "score.yaml")
+    stepped_session.ok("undo")
+    stepped_session.ok("save")
     assert files(tmp_path) == {"score.yaml": SCORE, "keys.yaml": KEYS}
 
 
 @pytest.mark.parametrize("edited", ["score.yaml", "keys.yaml"])
-def test_files_edited_meanwhile_are_not_replaced(at: Stepped, tmp_path: Path, edited: str) -> None:
-    at.ok("set k1.M 500g")
-    at.ok("set ring.m.M 3g")
+def test_files_edited_meanwhile_are_not_replaced(
+    stepped_session: Stepped, tmp_path: Path, edited: str
+) -> None:
+    stepped_session.ok("set k1.M 500g")
+    stepped_session.ok("set ring.m.M 3g")
     path = tmp_path / edited
     path.write_text(path.read_text() + "# mine\n")
     before = files(tmp_path)
-    reply = at.type("save")
+    reply = stepped_session.type("save")
     assert not reply.taken
     assert f"{path} was changed on the disk" in reply.text
     assert "save NAME" in reply.text
     assert files(tmp_path) == before
-    at.ok("save mine")  # nothing is lost
-    says_the_same(at.session, tmp_path / "mine.yaml")
+    stepped_session.ok("save mine")  # nothing is lost
+    says_the_same(stepped_session.session, tmp_path / "mine.yaml")
     assert {name: files(tmp_path)[name] for name in before} == before
-    at.ok("reload")
-    at.ok("set k1.M 600g")
-    at.ok("save")
+    stepped_session.ok("reload")
+    stepped_session.ok("set k1.M 600g")
+    stepped_session.ok("save")
     assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
 
 
-def test_a_resumed_session_replaces_no_edited_file(at: Stepped, tmp_path: Path) -> None:
-    at.ok("set ring.m.M 3g")
-    at.close()
+def test_a_resumed_session_replaces_no_edited_file(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("set ring.m.M 3g")
+    stepped_session.close()
     with closing(gone_on(tmp_path)) as session:
         (tmp_path / "score.yaml").write_text(SCORE + "# mine\n")
         assert "was changed on the disk" in session.submit("save").text
@@ -108,40 +117,42 @@ def test_a_resumed_session_replaces_no_edited_file(at: Stepped, tmp_path: Path) 
         says_the_same(session, tmp_path / "score.yaml")
 
 
-def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_path: Path) -> None:
-    at.ok("set k1.M 500g")
-    at.ok("save")
-    at.ok("set k1.M 600g")
-    at.close()
+def test_a_session_that_went_on_twice_still_knows_its_files(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("set k1.M 500g")
+    stepped_session.ok("save")
+    stepped_session.ok("set k1.M 600g")
+    stepped_session.close()
     for _ in range(2):
         with closing(gone_on(tmp_path)) as session:
-            said = session.disk.hashes_by_name(session.schedule.head.texts)
-        events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+            message = session.disk.hashes_by_name(session.schedule.head.texts)
+        events = [json.loads(line) for line in stepped_session.journal.read_text().splitlines()]
         texts = session.schedule.head.texts
         overlay = {Path(name).name: text for name, text in texts.overlay.items()}
-        opening = {**events[0], "text": texts.text, "disk": said}
+        opening = {**events[0], "text": texts.text, "disk": message}
         opening["overlay"] = {**events[0]["overlay"], "keys.yaml": overlay["keys.yaml"]}
-        at.journal.write_text(json.dumps(opening) + "\n")
+        stepped_session.journal.write_text(json.dumps(opening) + "\n")
     with closing(gone_on(tmp_path)) as session:
         assert session.submit("save").taken
     assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
 
 
 def test_what_ships_is_never_written_but_stands_beside_the_score(
-    at: Stepped, tmp_path: Path
+    stepped_session: Stepped, tmp_path: Path
 ) -> None:
     library = installed_path("instruments/bell.yaml")
     before = library.read_bytes(), library.stat().st_mtime_ns
-    at.ok("set bell.hum.t60 x0.5")
-    assert str(tmp_path / "instruments" / "bell.yaml") in at.ok("save").text
+    stepped_session.ok("set bell.hum.t60 x0.5")
+    assert str(tmp_path / "instruments" / "bell.yaml") in stepped_session.ok("save").text
     assert (library.read_bytes(), library.stat().st_mtime_ns) == before
-    says_the_same(at.session, tmp_path / "score.yaml")
-    at.ok("set bell.hum.t60 x0.5")
-    at.ok("save")
-    says_the_same(at.session, tmp_path / "score.yaml")
-    at.ok("undo")
-    at.ok("undo")
-    at.ok("save")
+    says_the_same(stepped_session.session, tmp_path / "score.yaml")
+    stepped_session.ok("set bell.hum.t60 x0.5")
+    stepped_session.ok("save")
+    says_the_same(stepped_session.session, tmp_path / "score.yaml")
+    stepped_session.ok("undo")
+    stepped_session.ok("undo")
+    stepped_session.ok("save")
     assert (tmp_path / "instruments" / "bell.yaml").read_bytes() == before[0]
 
 
@@ -165,53 +176,57 @@ def test_a_score_that_ships_is_saved_where_we_are(
     assert load("mine.yaml").piece is not None
 
 
-def test_another_name_leaves_the_files_of_other_scores(at: Stepped, tmp_path: Path) -> None:
-    at.ok("set k1.M 500g")
-    at.ok("set bell.hum.t60 x0.5")
-    at.ok("save live")
-    found = files(tmp_path)
-    assert found.pop("score.yaml") == SCORE
-    assert found.pop("keys.yaml") == KEYS
-    assert sorted(found) == ["live.yaml", "live/instruments/bell.yaml", "live/keys.yaml"]
-    assert "use: [live/keys.yaml, live/instruments/bell.yaml]" in found["live.yaml"]
-    says_the_same(at.session, tmp_path / "live.yaml")
-    at.ok("set k1.M 600g")
-    at.ok("save live")  # its own, which nobody has changed since
-    says_the_same(at.session, tmp_path / "live.yaml")
+def test_another_name_leaves_the_files_of_other_scores(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("set k1.M 500g")
+    stepped_session.ok("set bell.hum.t60 x0.5")
+    stepped_session.ok("save live")
+    result = files(tmp_path)
+    assert result.pop("score.yaml") == SCORE
+    assert result.pop("keys.yaml") == KEYS
+    assert sorted(result) == ["live.yaml", "live/instruments/bell.yaml", "live/keys.yaml"]
+    assert "use: [live/keys.yaml, live/instruments/bell.yaml]" in result["live.yaml"]
+    says_the_same(stepped_session.session, tmp_path / "live.yaml")
+    stepped_session.ok("set k1.M 600g")
+    stepped_session.ok("save live")  # its own, which nobody has changed since
+    says_the_same(stepped_session.session, tmp_path / "live.yaml")
 
 
 @pytest.mark.parametrize("there", ["live.yaml", "live/keys.yaml"])
-def test_a_refusal_has_written_nothing(at: Stepped, tmp_path: Path, there: str) -> None:
-    at.ok("set k1.M 500g")
+def test_a_refusal_has_written_nothing(
+    stepped_session: Stepped, tmp_path: Path, there: str
+) -> None:
+    stepped_session.ok("set k1.M 500g")
     (tmp_path / there).parent.mkdir(exist_ok=True)
     (tmp_path / there).write_text("made by ergon? Mine.\n")
     before = files(tmp_path)
-    reply = at.type("save live")
+    reply = stepped_session.type("save live")
     assert not reply.taken
     assert "already exists" in reply.text
     assert files(tmp_path) == before
 
 
-def test_what_was_kept_sounds_as_it_did(at: Stepped, tmp_path: Path) -> None:
-    at.ok("play")
-    at.ok("ada plays knock every 1 now")
-    at.ok("set k1.M 500g now")
-    at.run(4.0)
-    at.ok("keep 1bar as verse")
+def test_what_was_kept_sounds_as_it_did(stepped_session: Stepped, tmp_path: Path) -> None:
+    stepped_session.ok("play")
+    stepped_session.ok("ada plays knock every 1 now")
+    stepped_session.ok("set k1.M 500g now")
+    stepped_session.run(4.0)
+    stepped_session.ok("keep 1bar as verse")
     piece = load(tmp_path / "verse.yaml").piece
     assert piece is not None
     assert piece.keys["k1"].modules[0].fields["M"] == 0.5
-    assert not at.type("keep 1bar as score").taken
+    assert not stepped_session.type("keep 1bar as score").taken
     assert files(tmp_path)["score.yaml"] == SCORE
 
 
 @pytest.mark.parametrize("fails", [1, 2])
 def test_a_full_disk_changes_nothing(
-    at: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: int
+    stepped_session: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: int
 ) -> None:
-    at.ok("set k1.M 500g")
-    at.ok("set ring.m.M 3g")
-    at.ok("set bell.hum.t60 x0.5")
+    stepped_session.ok("set k1.M 500g")
+    stepped_session.ok("set ring.m.M 3g")
+    stepped_session.ok("set bell.hum.t60 x0.5")
     count, put = 0, safe._move_to_target
 
     def failing(part: Path, target: Path, *, is_new: bool) -> None:
@@ -224,22 +239,22 @@ def test_a_full_disk_changes_nothing(
     before = files(tmp_path)
     with monkeypatch.context() as patch:
         patch.setattr(safe, "_move_to_target", failing)
-        reply = at.type("save")
+        reply = stepped_session.type("save")
     assert "No space left" in reply.text
     assert files(tmp_path) == before
     assert not (tmp_path / "instruments").exists()
-    at.ok("save")
-    says_the_same(at.session, tmp_path / "score.yaml")
+    stepped_session.ok("save")
+    says_the_same(stepped_session.session, tmp_path / "score.yaml")
 
 
 def test_links_that_lead_out_are_not_followed(
-    at: Stepped, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+    stepped_session: Stepped, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     outside = tmp_path_factory.mktemp("elsewhere") / "new.yaml"
     (tmp_path / "live.yaml").symlink_to(outside)
     (tmp_path / "round.yaml").symlink_to("round.yaml")
     (tmp_path / "instruments").symlink_to(outside.parent)
-    at.ok("set bell.hum.t60 x0.5")
+    stepped_session.ok("set bell.hum.t60 x0.5")
     for line in (
         "save live",
         "save round",
@@ -248,7 +263,7 @@ def test_links_that_lead_out_are_not_followed(
         "save ../x",
         "save /dev/full",
     ):
-        reply = at.type(line)
+        reply = stepped_session.type(line)
         assert not reply.taken, line
         assert "ergon itself" not in reply.text
     assert list(outside.parent.iterdir()) == []
@@ -283,34 +298,38 @@ def resumed_by_hand(folder: Path, *words: str, lines: str = "save\nquit\n") -> s
 
 
 @pytest.mark.parametrize("field", ["overlay", "score"])
-def test_a_strangers_journal_writes_no_file(at: Stepped, tmp_path: Path, field: str) -> None:
+def test_a_strangers_journal_writes_no_file(
+    stepped_session: Stepped, tmp_path: Path, field: str
+) -> None:
     """What was proved: an absolute path in the first line, and `save` wrote it."""
-    at.close()
+    stepped_session.close()
     victim = tmp_path.parent / f"{tmp_path.name}-victim.py"
     victim.write_text("print('mine')\n")
-    events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+    events = [json.loads(line) for line in stepped_session.journal.read_text().splitlines()]
     if field == "overlay":
         events[0]["overlay"][str(victim)] = "import os\n"
     else:
         events[0]["score"] = str(victim)
-    at.journal.write_text("".join(json.dumps(event) + "\n" for event in events))
-    said = resumed_by_hand(tmp_path, "--resume", "session.jsonl")
+    stepped_session.journal.write_text("".join(json.dumps(event) + "\n" for event in events))
+    message = resumed_by_hand(tmp_path, "--resume", "session.jsonl")
     assert victim.read_text() == "print('mine')\n"
-    assert "session.jsonl, line 1: " in said
+    assert "session.jsonl, line 1: " in message
     victim.unlink()
 
 
-def test_a_score_elsewhere_is_named_by_who_resumes_it(at: Stepped, tmp_path: Path) -> None:
-    at.ok("set ring.m.M 3g")
-    at.close()
+def test_a_score_elsewhere_is_named_by_who_resumes_it(
+    stepped_session: Stepped, tmp_path: Path
+) -> None:
+    stepped_session.ok("set ring.m.M 3g")
+    stepped_session.close()
     here = tmp_path / "desk"
     here.mkdir()
-    at.journal.rename(here / "session.jsonl")
+    stepped_session.journal.rename(here / "session.jsonl")
     score = str(tmp_path / "score.yaml")
-    said = resumed_by_hand(here, "--resume", "session.jsonl")
-    assert f"ergon repl {score} --resume" in said
-    said = resumed_by_hand(here, score, "--resume", "session.jsonl")
-    assert f"ok wrote {score}" in said
+    message = resumed_by_hand(here, "--resume", "session.jsonl")
+    assert f"ergon repl {score} --resume" in message
+    message = resumed_by_hand(here, score, "--resume", "session.jsonl")
+    assert f"ok wrote {score}" in message
     assert "M: 3g" in (tmp_path / "score.yaml").read_text()
     rendered = subprocess.run(
         [*ERGON, "render", "session.jsonl", "-o", "x.wav"], cwd=here, capture_output=True, text=True

@@ -48,87 +48,89 @@ mix: {channels: 2, route: [{from: bell, to: [1]}, {from: drum, to: [2]}]}
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     yield stepped
     stepped.close()
 
 
-def to_bar(at: Stepped, bar: int) -> None:
+def to_bar(stepped_session: Stepped, bar: int) -> None:
     """Run until some moments after the beginning of a bar of one second."""
-    at.run(bar - 1 + 0.25 - at.engine.frame / at.rate)
-    assert at.session.state().bar == bar
+    stepped_session.run(bar - 1 + 0.25 - stepped_session.engine.frame / stepped_session.rate)
+    assert stepped_session.session.state().bar == bar
 
 
-def a_verse(at: Stepped) -> None:
+def a_verse(stepped_session: Stepped) -> None:
     """Bars 3 and 4: ada knocks on each beat but the last, leo leans; kept in bar 5 as `verse`."""
-    at.ok("play")
-    to_bar(at, 2)
-    at.ok("ada plays knock every 1 times 7\nleo plays lean every 2 until 5|1")
-    to_bar(at, 5)
-    assert "verse.yaml" in at.ok("keep 2bar as verse").text
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    stepped_session.ok("ada plays knock every 1 times 7\nleo plays lean every 2 until 5|1")
+    to_bar(stepped_session, 5)
+    assert "verse.yaml" in stepped_session.ok("keep 2bar as verse").text
 
 
-def heard(at: Stepped, bar: int, count: int = 1) -> np.ndarray:
-    n = int(at.rate)
-    return at.sound[(bar - 1) * n : (bar - 1 + count) * n]
+def heard(stepped_session: Stepped, bar: int, count: int = 1) -> np.ndarray:
+    n = int(stepped_session.rate)
+    return stepped_session.sound[(bar - 1) * n : (bar - 1 + count) * n]
 
 
-def test_a_scene_comes_back_on_the_next_bar_and_begins_again(at: Stepped):
-    a_verse(at)
-    at.ok("leo plays knock every 1/2")
-    to_bar(at, 8)
-    reply = at.ok("scene verse")
+def test_a_scene_comes_back_on_the_next_bar_and_begins_again(stepped_session: Stepped):
+    a_verse(stepped_session)
+    stepped_session.ok("leo plays knock every 1/2")
+    to_bar(stepped_session, 8)
+    reply = stepped_session.ok("scene verse")
     assert reply.text == "ok 9|1 verse, from its beginning, again and again"
-    to_bar(at, 20)
-    piece = at.session.schedule.running.version.piece
+    to_bar(stepped_session, 20)
+    piece = stepped_session.session.schedule.running.version.piece
     for player, first, times in (("ada", range(7), None), ("leo", range(0, 8, 2), None)):
-        found = [beat - 32.0 for beat, *_ in begun(piece, player) if 32.0 <= beat < 56.0]
+        result = [beat - 32.0 for beat, *_ in begun(piece, player) if 32.0 <= beat < 56.0]
         wanted = [float(beat + 8 * turn) for turn in range(3) for beat in first]
-        assert found == pytest.approx(wanted), (player, times)
+        assert result == pytest.approx(wanted), (player, times)
     # Each round sounds as the one before, but for what still rings from before the scene.
-    rounds = [heard(at, bar, 2) for bar in (13, 15, 17)]
+    rounds = [heard(stepped_session, bar, 2) for bar in (13, 15, 17)]
     scale = np.abs(rounds[0]).max()
     assert scale > 0
     assert np.abs(rounds[1] - rounds[0]).max() < 0.05 * scale
     assert np.abs(rounds[2] - rounds[1]).max() < 0.01 * scale
 
 
-def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(at: Stepped):
-    at.ok("set bell.m.f 330Hz\ncouple k1 k2 K=20N/m")
-    a_verse(at)
-    at.ok("knock = 0@0 smooth 2@60ms smooth 0@160ms")
-    at.ok("tempo 180")
-    at.ok("set bell.m.K 2kN/m")
-    at.ok("set drum.m.t60 0.5s")
-    at.ok("uncouple k1 k2")
-    at.run(2.0)
-    at.ok("scene verse")
-    at.run(2.0)
-    version = at.session.schedule.running.version
-    kept = opened(str(Path(version.texts.path).with_name("verse.yaml")))[1]
-    assert version.piece.gestures["knock"].points == kept.gestures["knock"].points
+def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(stepped_session: Stepped):
+    stepped_session.ok("set bell.m.f 330Hz\ncouple k1 k2 K=20N/m")
+    a_verse(stepped_session)
+    stepped_session.ok("knock = 0@0 smooth 2@60ms smooth 0@160ms")
+    stepped_session.ok("tempo 180")
+    stepped_session.ok("set bell.m.K 2kN/m")
+    stepped_session.ok("set drum.m.t60 0.5s")
+    stepped_session.ok("uncouple k1 k2")
+    stepped_session.run(2.0)
+    stepped_session.ok("scene verse")
+    stepped_session.run(2.0)
+    version = stepped_session.session.schedule.running.version
+    saved = opened(str(Path(version.texts.path).with_name("verse.yaml")))[1]
+    assert version.piece.gestures["knock"].points == saved.gestures["knock"].points
     assert version.piece.tempo_map.bpm(1000.0) == 240.0
     for part in ("bell", "drum"):
-        own = [[*matter.quantities(one)] for one in version.piece.instruments[part].modules]
-        assert own == [[*matter.quantities(one)] for one in kept.instruments[part].modules]
+        item = [[*matter.quantities(one)] for one in version.piece.instruments[part].modules]
+        assert item == [[*matter.quantities(one)] for one in saved.instruments[part].modules]
     assert len([one for one in version.piece.duet if one.until is None]) == 1
     assert "# a bar is a second" in version.texts.text  # comments stay
 
 
-def test_from_one_scene_to_another_what_glides_glides(at: Stepped):
-    a_verse(at)
-    at.ok("set bell.m.f 440Hz\nada plays lean every 4\nleo plays knock every 2\ntempo 120")
-    at.run(8.0)
-    at.ok("keep 2bar as refrain")
-    at.ok("scene verse now")
-    at.run(4.0)
-    bar = at.session.state().bar + 1
-    reply = at.ok("scene verse -> refrain over 2bar")
+def test_from_one_scene_to_another_what_glides_glides(stepped_session: Stepped):
+    a_verse(stepped_session)
+    stepped_session.ok(
+        "set bell.m.f 440Hz\nada plays lean every 4\nleo plays knock every 2\ntempo 120"
+    )
+    stepped_session.run(8.0)
+    stepped_session.ok("keep 2bar as refrain")
+    stepped_session.ok("scene verse now")
+    stepped_session.run(4.0)
+    bar = stepped_session.session.state().bar + 1
+    reply = stepped_session.ok("scene verse -> refrain over 2bar")
     assert reply.text == f"ok {bar}|1 verse, then refrain, from its beginning, again and again"
-    start = at.session.schedule.head.piece.tempo_map.bars.start(bar)
-    at.run(0.5)
-    piece = at.session.schedule.head.piece
+    start = stepped_session.session.schedule.head.piece.tempo_map.bars.start(bar)
+    stepped_session.run(0.5)
+    piece = stepped_session.session.schedule.head.piece
     whats = {b - start: what for b, what, *_ in begun(piece, "ada") if start <= b < start + 24}
     assert whats == {
         **{float(beat): "knock" for beat in range(7)},
@@ -136,29 +138,31 @@ def test_from_one_scene_to_another_what_glides_glides(at: Stepped):
     }
     assert piece.tempo_map.bpm(start + 4) == pytest.approx(180.0, abs=20.0)
     assert piece.tempo_map.bpm(start + 9) == pytest.approx(120.0)
-    at.run(1.5)
-    (glide,) = at.session.schedule.running.glides
+    stepped_session.run(1.5)
+    (glide,) = stepped_session.session.schedule.running.glides
     assert (glide.part, glide.module) == ("bell", "m")
     ramp = piece.tempo_map.seconds(start + 8) - piece.tempo_map.seconds(start)
     assert glide.stop - glide.start == pytest.approx(ramp)
 
 
-def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(at: Stepped, tmp_path: Path):
-    a_verse(at)
-    at.ok("set bell.m.f 440Hz\nada plays lean every 4")
-    at.run(3.0)
-    at.ok("keep 2bar as refrain")
-    at.ok("scene verse -> refrain over 2bar")
-    at.run(5.0)
-    at.ok("scene verse over 1bar")
-    at.run(2.6)
-    at.ok("undo")
-    at.run(2.2)
-    texts = at.session.schedule.head.texts
+def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(
+    stepped_session: Stepped, tmp_path: Path
+):
+    a_verse(stepped_session)
+    stepped_session.ok("set bell.m.f 440Hz\nada plays lean every 4")
+    stepped_session.run(3.0)
+    stepped_session.ok("keep 2bar as refrain")
+    stepped_session.ok("scene verse -> refrain over 2bar")
+    stepped_session.run(5.0)
+    stepped_session.ok("scene verse over 1bar")
+    stepped_session.run(2.6)
+    stepped_session.ok("undo")
+    stepped_session.run(2.2)
+    texts = stepped_session.session.schedule.head.texts
     (tmp_path / "verse.yaml").write_text("not a score")  # the journal needs no file
-    at.session.close()
-    assert np.array_equal(at.again(), at.sound)
-    again = Stepped.resumed(at.journal)
+    stepped_session.session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
+    again = Stepped.resumed(stepped_session.journal)
     assert again.session.schedule.head.texts.text == texts.text
     again.ok("play")
     again.run(3.0)
@@ -172,15 +176,15 @@ def test_a_session_of_scenes_is_its_journal_also_after_undo_and_resume(at: Stepp
     assert np.array_equal(again.again(), again.sound)
 
 
-def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(at: Stepped):
-    a_verse(at)
-    before = at.session.schedule.head.texts.text
-    at.ok("scene verse")
-    assert at.session.schedule.head.texts.text != before
-    at.run(2.0)
-    at.ok("undo")
-    at.run(2.0)
-    assert at.session.schedule.head.texts.text == before
+def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(stepped_session: Stepped):
+    a_verse(stepped_session)
+    before = stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("scene verse")
+    assert stepped_session.session.schedule.head.texts.text != before
+    stepped_session.run(2.0)
+    stepped_session.ok("undo")
+    stepped_session.run(2.0)
+    assert stepped_session.session.schedule.head.texts.text == before
 
 
 @pytest.mark.parametrize(
@@ -194,28 +198,28 @@ def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(at: Steppe
         ("scene broken", "broken.yaml: ", None),
     ],
 )
-def test_what_is_no_scene_is_refused(at: Stepped, tmp_path: Path, line, message, try_):
-    a_verse(at)
+def test_what_is_no_scene_is_refused(stepped_session: Stepped, tmp_path: Path, line, message, try_):
+    a_verse(stepped_session)
     (tmp_path / "broken.yaml").write_text("ergon: 1\nkeys: nothing\n")
-    text = at.session.schedule.head.texts.text
-    reply = at.type(line)
+    text = stepped_session.session.schedule.head.texts.text
+    reply = stepped_session.type(line)
     assert not reply.taken
     assert message in reply.text
     assert reply.try_ == try_
-    assert at.session.schedule.head.texts.text == text
+    assert stepped_session.session.schedule.head.texts.text == text
 
 
-def test_a_scene_whose_player_is_missing_is_refused(at: Stepped, tmp_path: Path):
+def test_a_scene_whose_player_is_missing_is_refused(stepped_session: Stepped, tmp_path: Path):
     other = SCORE.replace("leo", "mia").replace("  mia: []", "  mia: [{at: 1|1, play: knock}]")
     (tmp_path / "other.yaml").write_text(other)
-    assert "no player mia" in at.type("scene other").text
+    assert "no player mia" in stepped_session.type("scene other").text
 
 
-def test_names_of_scenes_and_files_are_completed(at: Stepped):
-    a_verse(at)
-    offered = {one.text for one in at.session.complete("scene ve", 8)}
+def test_names_of_scenes_and_files_are_completed(stepped_session: Stepped):
+    a_verse(stepped_session)
+    offered = {one.text for one in stepped_session.session.complete("scene ve", 8)}
     assert "verse" in offered
-    assert "verse.yaml" in {one.text for one in at.session.complete("load ve", 7)}
+    assert "verse.yaml" in {one.text for one in stepped_session.session.complete("load ve", 7)}
 
 
 @pytest.mark.parametrize(("path", "span"), SPANS)
@@ -223,20 +227,20 @@ def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
     start, stop = span
     texts, piece = opened(path)
     try:
-        said = excerpt.keep(texts, piece, "verse-2", start, stop)
+        message = excerpt.keep(texts, piece, "verse-2", start, stop)
     except EditError:
         return
-    kept = piece_of(said)
-    scene = Scene.of(said, kept)
+    saved = piece_of(message)
+    scene = Scene.of(message, saved)
     assert scene.beats == pytest.approx(stop - start)
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + 2 * scene.beats))
     for player in piece.players:
-        once = [(b, *rest) for b, *rest in begun(kept, player)]
+        once = [(b, *rest) for b, *rest in begun(saved, player)]
         wanted = sorted((b + turn * scene.beats, *rest) for turn in (0, 1) for b, *rest in once)
-        found = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0 - 1e-9]
-        found = [one for one in found if one[0] < 2 * scene.beats]
-        assert [rest for _, *rest in found] == [rest for _, *rest in wanted]
-        assert [b for b, *_ in found] == pytest.approx([b for b, *_ in wanted])
+        result = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0 - 1e-9]
+        result = [one for one in result if one[0] < 2 * scene.beats]
+        assert [rest for _, *rest in result] == [rest for _, *rest in wanted]
+        assert [b for b, *_ in result] == pytest.approx([b for b, *_ in wanted])
 
 
 STRUCK = SCORE.replace(
@@ -257,9 +261,9 @@ def test_strikes_come_back_in_rounds(until: float | None):
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, until))
     tempo = back.tempo_map
     new = [
-        (one.name, tempo.resolve(one.at), tempo.resolve(one.until), one.every is None)
-        for one in back.strikes
-        if tempo.resolve(one.at) >= 100.0 and one.until is not None
+        (item.name, tempo.resolve(item.at), tempo.resolve(item.until), item.every is None)
+        for item in back.strikes
+        if tempo.resolve(item.at) >= 100.0 and item.until is not None
     ]
     end = until or 3992.0  # 999|1
     wanted = [
@@ -267,7 +271,7 @@ def test_strikes_come_back_in_rounds(until: float | None):
         *((f"tick-{2 + n}", 101.0 + 2 * n, end, False) for n in range(4)),
         ("late-2", 105.0, min(108.0, end), True),
     ]
-    assert new == [one for one in wanted if one[1] < end]
+    assert new == [item for item in wanted if item[1] < end]
 
 
 # --- a score that is loaded ----------------------------------------------------------------------
@@ -275,36 +279,40 @@ def test_strikes_come_back_in_rounds(until: float | None):
 SHORT = SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 16}]")
 
 
-def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(at: Stepped, tmp_path: Path):
+def test_a_score_whose_bars_are_past_begins_when_it_is_loaded(
+    stepped_session: Stepped, tmp_path: Path
+):
     (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
-    at.ok("play")
-    to_bar(at, 9)
-    reply = at.ok(f"load {tmp_path / 'short.yaml'}")
+    stepped_session.ok("play")
+    to_bar(stepped_session, 9)
+    reply = stepped_session.ok(f"load {tmp_path / 'short.yaml'}")
     assert reply.text == (
         "ok 10|1 short.yaml begins at 1|1, because the present bar is behind its end"
     )
-    at.run(1.0)
-    assert at.session.state().bar == 1
-    at.run(2.0)
-    assert np.abs(at.sound[-int(at.rate) :]).max() > 0
-    at.session.close()
-    assert np.array_equal(at.again(), at.sound)
-    again = Stepped.resumed(at.journal)
+    stepped_session.run(1.0)
+    assert stepped_session.session.state().bar == 1
+    stepped_session.run(2.0)
+    assert np.abs(stepped_session.sound[-int(stepped_session.rate) :]).max() > 0
+    stepped_session.session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
+    again = Stepped.resumed(stepped_session.journal)
     assert again.session.schedule.running.clock.stopped_beat == 4.0
     again.close()
 
 
-def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(at: Stepped, tmp_path: Path):
+def test_a_score_with_bars_to_come_goes_on_at_the_same_beat(
+    stepped_session: Stepped, tmp_path: Path
+):
     (tmp_path / "short.yaml").write_text(SHORT.replace("bpm: 240", "bpm: 120"))
-    at.ok("play")
-    to_bar(at, 2)
-    assert at.ok(f"load {tmp_path / 'short.yaml'}").text == "ok 3|1"
-    at.run(0.75 + 1.0)  # in the new tempo a bar takes two seconds
-    state = at.session.state()
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    assert stepped_session.ok(f"load {tmp_path / 'short.yaml'}").text == "ok 3|1"
+    stepped_session.run(0.75 + 1.0)  # in the new tempo a bar takes two seconds
+    state = stepped_session.session.state()
     assert (state.bar, state.beat) == (3, pytest.approx(3.0, abs=0.1))
-    assert np.abs(at.sound[-int(0.5 * at.rate) :]).max() > 0
-    at.session.close()
-    assert np.array_equal(at.again(), at.sound)
+    assert np.abs(stepped_session.sound[-int(0.5 * stepped_session.rate) :]).max() > 0
+    stepped_session.session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 PATTERNS = [
@@ -317,31 +325,31 @@ PATTERNS = [
 
 
 @pytest.mark.parametrize("line", few(PATTERNS, PATTERNS[::2]))
-def test_patterns_of_a_scene_are_what_was_kept_in_every_round(at: Stepped, line: str):
-    at.ok("play")
-    to_bar(at, 2)
-    at.ok(line)
-    to_bar(at, 5)
-    at.ok("keep 2bar as verse")
-    kept = started(at, 8.0, 16.0)
-    assert len(kept) > 3
-    at.ok("scene verse")
-    to_bar(at, 11)
+def test_patterns_of_a_scene_are_what_was_kept_in_every_round(stepped_session: Stepped, line: str):
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    stepped_session.ok(line)
+    to_bar(stepped_session, 5)
+    stepped_session.ok("keep 2bar as verse")
+    saved = started(stepped_session, 8.0, 16.0)
+    assert len(saved) > 3
+    stepped_session.ok("scene verse")
+    to_bar(stepped_session, 11)
     for round_ in range(3):
-        again = started(at, 20.0 + 8.0 * round_, 28.0 + 8.0 * round_)
-        assert again == [(who, what, (beat - 8.0) % 8.0 + 8.0) for who, what, beat in kept]
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+        again = started(stepped_session, 20.0 + 8.0 * round_, 28.0 + 8.0 * round_)
+        assert again == [(who, what, (beat - 8.0) % 8.0 + 8.0) for who, what, beat in saved]
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def started(at: Stepped, since: float, until: float) -> list[tuple[str, str, float]]:
+def started(stepped_session: Stepped, since: float, until: float) -> list[tuple[str, str, float]]:
     """Who begins what between two beats, as beats from 8 on."""
-    running = at.session.schedule.running
-    found = {
-        (g.player, g.name, round(running.beat(round(g.start * at.rate)), 2))
+    running = stepped_session.session.schedule.running
+    result = {
+        (g.player, g.name, round(running.beat(round(g.start * stepped_session.rate)), 2))
         for g in running.stage.gestures
     }
-    return sorted((p, n, round(b - since + 8.0, 2)) for p, n, b in found if since <= b < until)
+    return sorted((p, n, round(b - since + 8.0, 2)) for p, n, b in result if since <= b < until)
 
 
 @pytest.mark.parametrize(
@@ -357,42 +365,42 @@ def started(at: Stepped, since: float, until: float) -> list[tuple[str, str, flo
         2,
     ),
 )
-def test_strikes_by_patterns_come_back(at: Stepped, line: str):
+def test_strikes_by_patterns_come_back(stepped_session: Stepped, line: str):
     """`scene` was an internal error, or its strikes had the scene's length as their step."""
-    at.ok("play")
-    to_bar(at, 2)
-    at.ok(line)
-    to_bar(at, 6)
-    at.ok("keep 2bar as verse")
-    at.ok("scene verse")
-    to_bar(at, 13)
-    first, second = heard(at, 9, 2), heard(at, 11, 2)
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    stepped_session.ok(line)
+    to_bar(stepped_session, 6)
+    stepped_session.ok("keep 2bar as verse")
+    stepped_session.ok("scene verse")
+    to_bar(stepped_session, 13)
+    first, second = heard(stepped_session, 9, 2), heard(stepped_session, 11, 2)
     assert np.abs(first).max() > 1e-5
     assert np.max(np.abs(first[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
-    kept = heard(at, 4, 2)
-    assert np.max(np.abs(kept[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    saved = heard(stepped_session, 4, 2)
+    assert np.max(np.abs(saved[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
     """Those with notes too: they are written out on the grid of their steps."""
     path = next(path for path in SCORES if path.endswith("patterns.yaml"))
     texts, piece = opened(path)
-    kept = excerpt.keep(texts, piece, "verse-2", 0.0, 16.0)
-    scene = Scene.of(kept, piece_of(kept))
+    saved = excerpt.keep(texts, piece, "verse-2", 0.0, 16.0)
+    scene = Scene.of(saved, piece_of(saved))
 
-    def struck(of, name, first, last):
-        found = []
-        for one in (own for own in of.strikes if own.name.startswith(name)):
+    def struck(source, name, first, last):
+        result = []
+        for item in (own for own in source.strikes if own.name.startswith(name)):
             steps = dataclasses.replace(
-                one, pattern=dataclasses.replace(one.pattern, chance=None)
-            ).steps(of)
+                item, pattern=dataclasses.replace(item.pattern, chance=None)
+            ).steps(source)
             for place, beat in enumerate(steps):
                 note = steps.course.played(place)
                 if note is not None and first - 1e-9 <= beat < last - 1e-9:
-                    found.append((beat - first, one.notes[note].value))
-        return sorted(found)
+                    result.append((beat - first, item.notes[note].value))
+        return sorted(result)
 
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 132.0))
     for name in ("tune", "walk"):
@@ -401,79 +409,85 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
         for begin in (100.0, 116.0):
             again = struck(back, f"{name}-", begin, begin + 16.0)
             assert [note for _, note in again] == [note for _, note in once]
-            assert [at for at, _ in again] == pytest.approx([at for at, _ in once])
+            assert [stepped_session for stepped_session, _ in again] == pytest.approx(
+                [stepped_session for stepped_session, _ in once]
+            )
 
 
 @pytest.mark.slow
-def test_a_scene_ends_automation_that_is_not_its_own(at: Stepped):
+def test_a_scene_ends_automation_that_is_not_its_own(stepped_session: Stepped):
     """An lfo, a pattern and a glide that began after the bars were kept went on for ever."""
-    at.ok("lfo drum.m.K 0.5..2 period 2bar")
-    a_verse(at)
-    at.ok("lfo bell.m.K 0.8..1.2 period 1bar\nset drum.m.M 10g 20g every 1")
-    at.ok("set bell.b.K 2kN/m over 8bar")
-    to_bar(at, 8)
-    reply = at.ok("scene verse")
+    stepped_session.ok("lfo drum.m.K 0.5..2 period 2bar")
+    a_verse(stepped_session)
+    stepped_session.ok("lfo bell.m.K 0.8..1.2 period 1bar\nset drum.m.M 10g 20g every 1")
+    stepped_session.ok("set bell.b.K 2kN/m over 8bar")
+    to_bar(stepped_session, 8)
+    reply = stepped_session.ok("scene verse")
     assert reply.text == (
         "ok 9|1 verse, from its beginning, again and again; "
         "bell.m.K, drum.m.M, bell.b.K have their own values again"
     )
-    at.run(4.0)
-    piece = at.session.schedule.running.version.piece
+    stepped_session.run(4.0)
+    piece = stepped_session.session.schedule.running.version.piece
     running = [one for one in piece.automation if automation.is_automated_from(piece, one, 40.0)]
     assert [one.name for one in running] == ["drum.m.K"]
     assert running[0].swing is not None
     assert running[0].swing.phase == 0.0  # bar 3: a whole period has passed
     assert piece.tempo_map.resolve(running[0].at) == 32.0
-    kept = opened(str(Path(at.session.schedule.head.texts.path).with_name("verse.yaml")))[1]
-    own = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
-    assert own == [[*matter.quantities(one)] for one in kept.instruments["bell"].modules]
-    at.ok("undo")
-    at.run(1.3)
-    back = at.session.schedule.running.version.piece
+    saved = opened(
+        str(Path(stepped_session.session.schedule.head.texts.path).with_name("verse.yaml"))
+    )[1]
+    item = [[*matter.quantities(one)] for one in piece.instruments["bell"].modules]
+    assert item == [[*matter.quantities(one)] for one in saved.instruments["bell"].modules]
+    stepped_session.ok("undo")
+    stepped_session.run(1.3)
+    back = stepped_session.session.schedule.running.version.piece
     ended = {one.name for one in back.automation if automation.is_automated_from(back, one, 60.0)}
     assert ended == {"drum.m.K", "bell.m.K", "drum.m.M", "bell.b.K"}
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(at: Stepped):
-    at.ok("play")
-    to_bar(at, 2)
-    at.ok("ada plays knock every 1")
-    at.ok("set bell.m.f 220Hz 330Hz 440Hz every 1")
-    to_bar(at, 5)
-    at.ok("keep 2bar as verse")
-    at.ok("leo plays knock every 1\nset bell.m.f 200Hz")
-    at.run(2.0)
-    at.ok("keep 1bar as refrain")
-    reply = at.ok("scene verse -> refrain over 2bar")
+def test_automation_of_a_scene_begins_with_it_and_ends_where_another_begins(
+    stepped_session: Stepped,
+):
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    stepped_session.ok("ada plays knock every 1")
+    stepped_session.ok("set bell.m.f 220Hz 330Hz 440Hz every 1")
+    to_bar(stepped_session, 5)
+    stepped_session.ok("keep 2bar as verse")
+    stepped_session.ok("leo plays knock every 1\nset bell.m.f 200Hz")
+    stepped_session.run(2.0)
+    stepped_session.ok("keep 1bar as refrain")
+    reply = stepped_session.ok("scene verse -> refrain over 2bar")
     assert reply.text.endswith("verse, then refrain, from its beginning, again and again")
-    piece = at.session.schedule.head.piece
-    found = [one for one in piece.automation if one.pattern is not None]
-    begin, stop = (piece.tempo_map.resolve(when) for when in (found[-1].at, found[-1].until))
+    piece = stepped_session.session.schedule.head.piece
+    result = [one for one in piece.automation if one.pattern is not None]
+    begin, stop = (piece.tempo_map.resolve(when) for when in (result[-1].at, result[-1].until))
     assert stop - begin == 8.0
-    at.run(5.0)
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.run(5.0)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_automation_that_begins_behind_the_next_scene_is_left_out(at: Stepped):
+def test_automation_that_begins_behind_the_next_scene_is_left_out(stepped_session: Stepped):
     """It was refused: "`until` must be later than `at`"."""
-    at.ok("play")
-    to_bar(at, 2)
-    at.ok("ada plays knock every 1")
-    to_bar(at, 5)
-    at.ok("lfo bell.m.K 0.8..1.2 period 1bar")  # from bar 6 on: bar 3 of what is kept
-    to_bar(at, 8)
-    at.ok("keep 4bar as verse")
-    at.ok("lfo bell.m.K off")
-    at.ok("leo plays knock every 1")
-    at.run(2.0)
-    at.ok("keep 1bar as refrain")
-    at.ok("scene verse -> refrain over 2bar")
-    at.run(5.0)
-    piece = at.session.schedule.head.piece
+    stepped_session.ok("play")
+    to_bar(stepped_session, 2)
+    stepped_session.ok("ada plays knock every 1")
+    to_bar(stepped_session, 5)
+    stepped_session.ok("lfo bell.m.K 0.8..1.2 period 1bar")  # from bar 6 on: bar 3 of what is kept
+    to_bar(stepped_session, 8)
+    stepped_session.ok("keep 4bar as verse")
+    stepped_session.ok("lfo bell.m.K off")
+    stepped_session.ok("leo plays knock every 1")
+    stepped_session.run(2.0)
+    stepped_session.ok("keep 1bar as refrain")
+    stepped_session.ok("scene verse -> refrain over 2bar")
+    stepped_session.run(5.0)
+    piece = stepped_session.session.schedule.head.piece
     begun = [piece.tempo_map.resolve(one.at) for one in piece.automation]
     assert max(begun) < 36.0  # the lfo that was typed, and none of the scene
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)

@@ -31,14 +31,14 @@ DONE_BY_PIPE = {
 }
 
 
-def begun(folder: Path, command: str, heard: str) -> Terminal:
+def begun(folder: Path, command: str, listened: str) -> Terminal:
     """The session of a block of the page, on devices and a port of its own."""
     words = re.sub(r" --(live|midi) \S+", "", command).split()
-    own = [*words[1:], "--audio", f"file:{heard}", "--midi", "keyboard", "--unchecked"]
+    single = [*words[1:], "--audio", f"file:{listened}", "--midi", "keyboard", "--unchecked"]
     pipe = folder / "pipe"
     if not pipe.exists():
         os.mkfifo(pipe)
-    program = [sys.executable, str(SESSION), str(pipe), *own]
+    program = [sys.executable, str(SESSION), str(pipe), *single]
     return Terminal(program, rows=60, columns=140, cwd=folder, HOME=str(folder))
 
 
@@ -102,29 +102,29 @@ def test_the_concert_with_hands_is_heard_again_from_its_journals(tmp_path: Path)
     with begun(tmp_path, first["command"], "heard.wav") as terminal:
         terminal.sees("1|1 >")
         typed(tmp_path, terminal, first["text"])
-    again, said = rendered(tmp_path, "session.jsonl")
-    assert "session.jsonl has no end" in said
-    assert "was never finished" in said
+    again, message = rendered(tmp_path, "session.jsonl")
+    assert "session.jsonl has no end" in message
+    assert "was never finished" in message
     (part,) = tmp_path.glob(".heard.wav.*.part")  # no header says how long it is
-    heard = captured(part)
-    n = min(len(heard), len(again))
+    listened = captured(part)
+    n = min(len(listened), len(again))
     # On a busy machine a killed session may have written less of its hands than of its sound.
-    if cut := re.search(r"recording of hands ends at ([\d.]+) s", said):
+    if cut := re.search(r"recording of hands ends at ([\d.]+) s", message):
         n = min(n, int((float(cut[1]) - 0.05) * 44_100))
     assert n > 10 * 6.5 / 4 * 44_100  # ten bars of 1.67 s, but for what was not written yet
-    assert np.array_equal(heard[:n], again[:n])
-    assert np.abs(heard).max(axis=0).min() > 1e-3
+    assert np.array_equal(listened[:n], again[:n])
+    assert np.abs(listened).max(axis=0).min() > 1e-3
 
     with begun(tmp_path, second["command"], "heard-2.wav") as terminal:
         terminal.sees("11|1 >")
         typed(tmp_path, terminal, second["text"])
         assert terminal.ends() == 0
-    again, said = rendered(tmp_path, "session-2.jsonl")
-    assert "warning" not in said
-    heard, _ = soundfile.read(tmp_path / "heard-2.wav", dtype="float32", always_2d=True)
-    n = min(len(heard), len(again)) - 4 * 1024  # the last frames fall silent, for it ends
+    again, message = rendered(tmp_path, "session-2.jsonl")
+    assert "warning" not in message
+    listened, _ = soundfile.read(tmp_path / "heard-2.wav", dtype="float32", always_2d=True)
+    n = min(len(listened), len(again)) - 4 * 1024  # the last frames fall silent, for it ends
     assert n > 10 * 6.5 / 4 * 44_100
-    assert np.array_equal(heard[:n], again[:n])
+    assert np.array_equal(listened[:n], again[:n])
     text = (tmp_path / "evening.yaml").read_text(encoding="utf-8")
     assert "smooth 4mm@60ms" in text
     assert "# edited on stage" in text

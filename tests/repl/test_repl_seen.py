@@ -51,8 +51,8 @@ def played(folder: Path, *, is_seen: bool, then: str | None = None) -> tuple[Ste
             (folder / "score.yaml").write_text(then, encoding="utf-8")
             stepped.ok("reload")
             stepped.run(2.0)
-        found = kinds(stepped)
-    return stepped, found
+        result = kinds(stepped)
+    return stepped, result
 
 
 def test_what_is_heard_keeps_its_samples(tmp_path: Path) -> None:
@@ -69,10 +69,10 @@ def test_a_journal_renders_what_had_moved_before_it_was_heard(tmp_path: Path) ->
     plain, _ = played(tmp_path / "plain", is_seen=False, then=HEARD)
     seen, _ = played(tmp_path / "seen", is_seen=True, then=HEARD)
     assert not np.array_equal(plain.sound, seen.sound)
-    for one in (plain, seen):
-        again = one.again()
-        assert np.array_equal(again, one.sound[: len(again)])
-        assert len(again) > 0.9 * len(one.sound)
+    for item in (plain, seen):
+        again = item.again()
+        assert np.array_equal(again, item.sound[: len(again)])
+        assert len(again) > 0.9 * len(item.sound)
 
 
 def test_a_journal_that_says_it_otherwise_is_refused(tmp_path: Path) -> None:
@@ -85,9 +85,9 @@ def test_a_journal_that_says_it_otherwise_is_refused(tmp_path: Path) -> None:
         read_journal(stepped.journal)
 
 
-def test_it_says_what_pages_show(own_folder: Path) -> None:
+def test_it_says_what_pages_show(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
-    refused = forked(["repl", "s.yaml", "--audio", "null", "--see", "all"], own_folder)
+    refused = forked(["repl", "s.yaml", "--audio", "null", "--see", "all"], work_folder)
     assert refused.returncode == 2
     assert "--see: this needs a page; add the option view" in refused.stderr
     assert not Path("session.jsonl").exists()

@@ -67,11 +67,11 @@ def written(text: str, tmp_path: Path, seconds: float) -> np.ndarray:
     path.write_text(text, encoding="utf-8")
     piece = load(path).piece
     assert piece is not None
-    whole = stage(piece, planned=True, is_draft=True)
-    frames = np.zeros((int(seconds * whole.rate), whole.simulation.n_out))
-    whole.simulation.process(frames)
-    mixed = np.zeros((len(frames), whole.n_channels))
-    whole.mixer().process(frames, mixed)
+    complete = stage(piece, planned=True, is_draft=True)
+    frames = np.zeros((int(seconds * complete.rate), complete.simulation.n_out))
+    complete.simulation.process(frames)
+    mixed = np.zeros((len(frames), complete.n_channels))
+    complete.mixer().process(frames, mixed)
     return mixed
 
 
@@ -92,10 +92,10 @@ def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp
     wanted = written(text, tmp_path, 4.0)
     shift = round(begun * session.rate)
     assert begun * session.rate == pytest.approx(shift, abs=1e-6)
-    found = session.sound[shift : shift + len(wanted)]
-    assert onset(found) == onset(wanted)
+    result = session.sound[shift : shift + len(wanted)]
+    assert onset(result) == onset(wanted)
     # Instants are counted from another beginning, so that their last bits differ.
-    assert np.max(np.abs(found - wanted)) < 1e-9 * np.max(np.abs(wanted))
+    assert np.max(np.abs(result - wanted)) < 1e-9 * np.max(np.abs(wanted))
 
 
 def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):

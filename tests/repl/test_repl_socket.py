@@ -21,30 +21,30 @@ from ergon.repl.wire.serve import MAX_PROMPTS
 
 
 def test_the_protocol_as_it_is_written_down(short_folder: Path):
-    with serving(short_folder / "s") as face, raw(short_folder / "s") as one:
-        assert one.greeting is not None
-        assert one.greeting["ergon"] == VERSION == 1
+    with serving(short_folder / "s") as face, raw(short_folder / "s") as first:
+        assert first.greeting is not None
+        assert first.greeting["ergon"] == VERSION == 1
         reply = {"taken": False, "text": "unknown verb", "try": "ada", "leaves": False}
-        told = one.ask(id=1, do="submit", text="adda")
-        assert told == {"id": 1, "is": {**reply, "lines": ["⣀⡠", "b"]}}
-        state = one.ask(id="a", do="state")
+        output = first.ask(id=1, do="submit", text="adda")
+        assert output == {"id": 1, "is": {**reply, "lines": ["⣀⡠", "b"]}}
+        state = first.ask(id="a", do="state")
         assert state is not None
         assert state["is"] == {
             **{"bar": 2, "beat": 1.5, "tempo": 72.0, "playing": [["ada", "lean"]], "load": 0.0},
             **{"late": 0, "level": None, "quant": "bar", "recording": None, "panicked": False},
         }
-        assert one.ask(id=2, do="tokens", line="ada") == {"id": 2, "is": [[0, 3, "name"]]}
-        assert one.ask(id=3, do="complete", line="a", cursor=-9) == {"id": 3, "is": []}
-        assert one.ask(id=4, do="is_whole", text="a\\") == {"id": 4, "is": False}
+        assert first.ask(id=2, do="tokens", line="ada") == {"id": 2, "is": [[0, 3, "name"]]}
+        assert first.ask(id=3, do="complete", line="a", cursor=-9) == {"id": 3, "is": []}
+        assert first.ask(id=4, do="is_whole", text="a\\") == {"id": 4, "is": False}
         face.happened.append("remi is gone")
-        told = {"is": []}
-        while not told["is"]:
-            told = one.ask(id=5, do="messages")
-        assert told == {"id": 5, "is": ["remi is gone"]}
-        assert one.ask(id=6, do="panic") == {"id": 6, "is": True}
+        output = {"is": []}
+        while not output["is"]:
+            output = first.ask(id=5, do="messages")
+        assert output == {"id": 5, "is": ["remi is gone"]}
+        assert first.ask(id=6, do="panic") == {"id": 6, "is": True}
         assert face.panicked.is_set()
-        assert one.ask(id=7, do="leave") == {"id": 7, "is": True}
-        assert one.read() is None
+        assert first.ask(id=7, do="leave") == {"id": 7, "is": True}
+        assert first.read() is None
         with raw(short_folder / "s") as other:
             assert other.ask(id=8, do="end") == {"id": 8, "is": True}
             assert "ended" in (other.read() or {})
@@ -77,20 +77,20 @@ def test_hostile_bytes_harm_nobody(short_folder: Path):
     ]
     with (
         serving(short_folder / "s") as face,
-        raw(short_folder / "s") as one,
+        raw(short_folder / "s") as first,
         raw(short_folder / "s") as other,
     ):
         for line in bad:
-            one.say(line)
-            told = one.read()
-            assert told is not None
-            assert "error" in told, line[:60]
-        assert one.ask(id=2, do="submit", text="\ud800\x1b[2J") is not None
-        one.say(b"x" * (MAX_LINE + 10))  # and what follows cannot be found any more
-        told = one.read()
-        assert told is not None
-        assert "bytes" in str(told["error"])
-        assert one.read() is None
+            first.say(line)
+            output = first.read()
+            assert output is not None
+            assert "error" in output, line[:60]
+        assert first.ask(id=2, do="submit", text="\ud800\x1b[2J") is not None
+        first.say(b"x" * (MAX_LINE + 10))  # and what follows cannot be found any more
+        output = first.read()
+        assert output is not None
+        assert "bytes" in str(output["error"])
+        assert first.read() is None
         assert face.lines == ["\ud800\x1b[2J"]
         assert other.ask(id=1, do="is_whole", text="") == {"id": 1, "is": True}
         other.say(b'{"id": 1, "do": "sub')  # cut off in its middle
@@ -123,11 +123,11 @@ def test_who_does_not_read_holds_up_nobody(short_folder: Path):
 def test_while_a_line_takes_long_panic_acts_and_others_see(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
-        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as first,
         contextlib.closing(remote(short_folder / "s")) as other,
     ):
         replies: list[Reply] = []
-        thread = threading.Thread(target=lambda: replies.append(one.submit("slow")))
+        thread = threading.Thread(target=lambda: replies.append(first.submit("slow")))
         thread.start()
         assert face.slow.wait(PATIENCE)
         until(lambda: other.state().bar == 2, "a state")
@@ -141,41 +141,41 @@ def test_while_a_line_takes_long_panic_acts_and_others_see(short_folder: Path):
 def test_lines_are_done_in_order_and_told_to_the_others(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
-        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as first,
         contextlib.closing(remote(short_folder / "s")) as other,
     ):
         for number in range(20):
-            assert (one, other)[number % 2].submit(f"line {number}").taken
+            assert (first, other)[number % 2].submit(f"line {number}").taken
         assert face.lines == [f"line {number}" for number in range(20)]
-        assert not one.submit("adda").taken
-        heard: list[str] = []
+        assert not first.submit("adda").taken
+        listened: list[str] = []
 
         def all_heard() -> bool:
-            heard.extend(other.messages())
-            return any("adda" in message for message in heard)
+            listened.extend(other.messages())
+            return any("adda" in message for message in listened)
 
         until(all_heard, "what the other one typed")
-        numbers = [message for message in heard if "line" in message]
+        numbers = [message for message in listened if "line" in message]
         assert [message.rpartition(" ")[2] for message in numbers] == [
             str(number) for number in range(0, 20, 2)
         ]
-        assert heard[-1].endswith("adda   not taken: unknown verb")
-        assert one.submit("fail").text == "internal error: SystemExit: "
-        assert one.submit("after it").taken
+        assert listened[-1].endswith("adda   not taken: unknown verb")
+        assert first.submit("fail").text == "internal error: SystemExit: "
+        assert first.submit("after it").taken
 
 
 def test_quit_at_one_prompt_ends_it_for_all(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
-        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as first,
         contextlib.closing(remote(short_folder / "s")) as other,
     ):
-        assert one.submit("quit").leaves
+        assert first.submit("quit").leaves
         until(lambda: any("ended" in message for message in other.messages()), "the end")
         assert other.submit("ada plays") == Reply(False, "the session has ended", leaves=True)
         assert face.lines == ["quit"]
-        one.close()
-        assert not any("goes on" in message for message in one.messages())
+        first.close()
+        assert not any("goes on" in message for message in first.messages())
 
 
 def vanishing(path: Path, vanish: threading.Event) -> None:
@@ -198,21 +198,21 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
     path, vanish = short_folder / "s", threading.Event()
     thread = threading.Thread(target=vanishing, args=(path, vanish))
     thread.start()
-    found: list[RemoteSession] = []
+    result: list[RemoteSession] = []
 
     def connected() -> bool:
         with contextlib.suppress(local_socket.NoSessionError):
-            found.append(remote(path))
-        return bool(found)
+            result.append(remote(path))
+        return bool(result)
 
     until(connected, "a session")
-    with contextlib.closing(found[0]) as prompt:
-        heard: list[str] = []
+    with contextlib.closing(result[0]) as prompt:
+        listened: list[str] = []
 
         def hears(words: str) -> None:
             def heard_it() -> bool:
-                heard.extend(prompt.messages())
-                return any(words in message for message in heard)
+                listened.extend(prompt.messages())
+                return any(words in message for message in listened)
 
             until(heard_it, words)
 
@@ -255,8 +255,8 @@ def test_every_request_is_answered_by_the_server(short_folder: Path):
         for do, fields in REQUESTS.items():
             if do == "end":
                 continue
-            with raw(short_folder / "s") as one:
-                given = {name: values[kind] for name, kind in fields.items()}
-                told = one.ask(id=1, do=do, **given)
-                assert told is not None
-                assert "is" in told, do
+            with raw(short_folder / "s") as first:
+                arguments = {name: values[kind] for name, kind in fields.items()}
+                output = first.ask(id=1, do=do, **arguments)
+                assert output is not None
+                assert "is" in output, do

@@ -19,12 +19,14 @@ from tests.repl.test_repl_session import SCORE
 
 
 def _heard(session: Session) -> list[str]:
-    said: list[str] = []
+    messages: list[str] = []
     until(
-        lambda: any("-> " in (said.extend(session.messages()) or " ".join(said)) for _ in [0]),
+        lambda: any(
+            "-> " in (messages.extend(session.messages()) or " ".join(messages)) for _ in [0]
+        ),
         "the file is whole",
     )
-    return said
+    return messages
 
 
 def _frames(session: Session, count: int) -> None:
@@ -44,10 +46,10 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
         assert "still being recorded" in session.submit("record audio other").text
         _frames(session, 11_000)
         assert session.submit("record audio off").taken
-        said = _heard(session)
+        text = _heard(session)
         assert "no sound is being recorded" in session.submit("record audio off").text
         assert "overwrites no file" in session.submit("record audio part.wav").text
-    assert any(one.startswith("sound of 1.") for one in said)
+    assert any(one.startswith("sound of 1.") for one in text)
     done = subprocess.run(
         [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
         cwd=tmp_path,
@@ -104,6 +106,6 @@ def test_a_folder_that_takes_nothing_is_said(tmp_path: Path):
 
 
 def test_where_nothing_is_heard_nothing_is_recorded(tmp_path: Path):
-    own = Stepped(SCORE, tmp_path)
-    assert "`ergon render` writes a file" in own.type("record audio x.wav").text
-    own.close()
+    player_session = Stepped(SCORE, tmp_path)
+    assert "`ergon render` writes a file" in player_session.type("record audio x.wav").text
+    player_session.close()

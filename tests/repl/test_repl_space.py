@@ -38,111 +38,124 @@ mix: {channels: 2, route: [{from: bell, to: [1, 2]}, {from: drone, to: [1, 2]}]}
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     yield stepped
     stepped.close()
 
 
-def level(at: Stepped, seconds: float) -> list[float]:
+def level(stepped_session: Stepped, seconds: float) -> list[float]:
     """The level of each channel over the last seconds."""
-    return [float(x) for x in np.sqrt(np.mean(at.sound[-int(seconds * at.rate) :] ** 2, axis=0))]
+    return [
+        float(x)
+        for x in np.sqrt(
+            np.mean(stepped_session.sound[-int(seconds * stepped_session.rate) :] ** 2, axis=0)
+        )
+    ]
 
 
-def same_again(at: Stepped) -> None:
+def same_again(stepped_session: Stepped) -> None:
     """Saved, undone and computed anew, it is what was heard."""
-    text = at.session.schedule.head.texts.text
-    at.ok("save typed")
-    at.run(0.3)
-    assert opened(str(at.journal.with_name("typed.yaml")))
-    at.ok(f"back {len(at.session.history.numbers) - 1}")
-    at.run(1.1)
-    assert at.session.schedule.head.texts.text == SCORE
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    text = stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("save typed")
+    stepped_session.run(0.3)
+    assert opened(str(stepped_session.journal.with_name("typed.yaml")))
+    stepped_session.ok(f"back {len(stepped_session.session.history.numbers) - 1}")
+    stepped_session.run(1.1)
+    assert stepped_session.session.schedule.head.texts.text == SCORE
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
     assert text != SCORE
 
 
-def test_an_instrument_is_placed_between_its_channels(at: Stepped):
-    at.ok("mute bell now")
-    at.ok("route drone pan -0.6 now")
-    at.run(1.0)
-    left, right = level(at, 0.5)
+def test_an_instrument_is_placed_between_its_channels(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.ok("route drone pan -0.6 now")
+    stepped_session.run(1.0)
+    left, right = level(stepped_session, 0.5)
     assert right / left == pytest.approx(0.5, rel=1e-3)  # (1 - 0.6) / (1 + 0.6), by the power
-    at.ok("route drone gain -6dB now")
-    at.run(1.0)
-    assert level(at, 0.5)[0] / left == pytest.approx(10 ** (-6 / 20), rel=0.01)
-    (route,) = (r for r in at.session.schedule.head.piece.mix.routes if r.part == "drone")
+    stepped_session.ok("route drone gain -6dB now")
+    stepped_session.run(1.0)
+    assert level(stepped_session, 0.5)[0] / left == pytest.approx(10 ** (-6 / 20), rel=0.01)
+    (route,) = (
+        r for r in stepped_session.session.schedule.head.piece.mix.routes if r.part == "drone"
+    )
     assert route.to == (1, 2)
     assert route.pan == pytest.approx((0.8**0.5, 0.2**0.5))
-    same_again(at)
+    same_again(stepped_session)
 
 
-def test_a_pan_moves_over_a_length_from_where_it_is(at: Stepped):
-    at.ok("mute bell now")
-    at.ok("pan drone -1 now")
-    at.run(0.5)
-    at.ok("pan drone 1 over 2bar")
-    at.run(1.0)
-    at.run(2.0)
-    piece = at.session.schedule.head.piece
+def test_a_pan_moves_over_a_length_from_where_it_is(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.ok("pan drone -1 now")
+    stepped_session.run(0.5)
+    stepped_session.ok("pan drone 1 over 2bar")
+    stepped_session.run(1.0)
+    stepped_session.run(2.0)
+    piece = stepped_session.session.schedule.head.piece
     path = piece.mix.routes[1].pan_path
-    begin, end = (at.rate * piece.tempo_map.seconds(piece.tempo_map.resolve(p.at)) for p in path)
+    begin, end = (
+        stepped_session.rate * piece.tempo_map.seconds(piece.tempo_map.resolve(p.at)) for p in path
+    )
     assert [point.pan for point in path] == [-1.0, 1.0]
-    assert end - begin == pytest.approx(2.0 * at.rate)
+    assert end - begin == pytest.approx(2.0 * stepped_session.rate)
     frames = np.arange(int(begin) + 4096, int(end))
-    heard = np.abs(at.sound[frames])
-    power = np.hypot(*heard.T)
+    listened = np.abs(stepped_session.sound[frames])
+    power = np.hypot(*listened.T)
     loud = power > 1e-2 * power.max()
-    angles = np.arctan2(heard[loud, 1], heard[loud, 0])
+    angles = np.arctan2(listened[loud, 1], listened[loud, 0])
     slope, first = np.polyfit(frames[loud] - begin, angles, 1)
     assert slope == pytest.approx(np.pi / 2 / (end - begin), rel=1e-6)
     assert np.abs(slope * (frames[loud] - begin) + first - angles).max() < 1e-6
-    assert abs(first / slope) < 0.03 * at.rate, "the clock of the sound began that much later"
-    at.ok("pan drone 0 over 1bar now")
-    at.run(0.2)
-    same_again(at)
+    assert abs(first / slope) < 0.03 * stepped_session.rate, (
+        "the clock of the sound began that much later"
+    )
+    stepped_session.ok("pan drone 0 over 1bar now")
+    stepped_session.run(0.2)
+    same_again(stepped_session)
 
 
-def test_a_filter_and_a_delay_are_typed_changed_and_taken_away(at: Stepped):
-    at.ok("mute bell now")
-    at.run(0.5)
-    plain = level(at, 0.3)[0]
-    smooth = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3)).max()
-    at.ok("filter drone lowpass 100Hz now")
-    at.run(0.7)
-    route = at.session.schedule.head.piece.mix.routes[1]
+def test_a_filter_and_a_delay_are_typed_changed_and_taken_away(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.run(0.5)
+    plain = level(stepped_session, 0.3)[0]
+    smooth = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3)).max()
+    stepped_session.ok("filter drone lowpass 100Hz now")
+    stepped_session.run(0.7)
+    route = stepped_session.session.schedule.head.piece.mix.routes[1]
     assert [(tone.kind, tone.frequency) for tone in route.tones] == [("lowpass", 100.0)]
     f = np.sqrt(85e3 / 0.02) / 2 / np.pi
-    w = [np.tan(np.pi * x / at.rate) for x in (f, 100.0)]
-    assert level(at, 0.3)[0] / plain == pytest.approx(1 / np.hypot(1, (w[0] / w[1]) ** 2), rel=0.01)
-    at.ok("filter drone lowpass off now")
-    at.ok("filter drone highshelf 50Hz -12dB now")
-    at.run(0.7)
-    assert level(at, 0.3)[0] / plain == pytest.approx(10 ** (-12 / 20), rel=0.02)
-    at.ok("filter drone highshelf off now")
-    at.ok("filter drone delay 250ms -6dB now")
-    at.run(1.0)
-    route = at.session.schedule.head.piece.mix.routes[1]
+    w = [np.tan(np.pi * x / stepped_session.rate) for x in (f, 100.0)]
+    assert level(stepped_session, 0.3)[0] / plain == pytest.approx(
+        1 / np.hypot(1, (w[0] / w[1]) ** 2), rel=0.01
+    )
+    stepped_session.ok("filter drone lowpass off now")
+    stepped_session.ok("filter drone highshelf 50Hz -12dB now")
+    stepped_session.run(0.7)
+    assert level(stepped_session, 0.3)[0] / plain == pytest.approx(10 ** (-12 / 20), rel=0.02)
+    stepped_session.ok("filter drone highshelf off now")
+    stepped_session.ok("filter drone delay 250ms -6dB now")
+    stepped_session.run(1.0)
+    route = stepped_session.session.schedule.head.piece.mix.routes[1]
     assert not route.tones
     assert (route.echo.time, route.echo.feedback) == (0.25, pytest.approx(10 ** (-6 / 20)))
-    at.ok("filter drone delay off now")
-    at.run(0.5)
-    steps = np.abs(np.diff(at.sound[int(0.6 * at.rate) :, 0], 3))
+    stepped_session.ok("filter drone delay off now")
+    stepped_session.run(0.5)
+    steps = np.abs(np.diff(stepped_session.sound[int(0.6 * stepped_session.rate) :, 0], 3))
     assert steps.max() < 5.0 * smooth, "nothing clicks"
-    reply = at.type("filter drone lowpass off")
+    reply = stepped_session.type("filter drone lowpass off")
     assert not reply.taken
     assert "no route of drone has a lowpass" in reply.text
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_a_room_is_added_sent_to_and_changed(at: Stepped):
-    at.ok("room hall t60=1s size=8m gain=-3dB")
-    at.ok("route bell send hall -6dB")
-    at.run(3.0)
-    piece = at.session.schedule.head.piece
+def test_a_room_is_added_sent_to_and_changed(stepped_session: Stepped):
+    stepped_session.ok("room hall t60=1s size=8m gain=-3dB")
+    stepped_session.ok("route bell send hall -6dB")
+    stepped_session.run(3.0)
+    piece = stepped_session.session.schedule.head.piece
     assert [(room.name, room.size, room.t60[0][1]) for room in piece.mix.rooms] == [
         ("hall", 8.0, 1.0)
     ]
@@ -150,106 +163,106 @@ def test_a_room_is_added_sent_to_and_changed(at: Stepped):
         (("hall", pytest.approx(10 ** (-6 / 20))),),
         (),
     ]
-    at.ok("room hall t60=2s")
-    at.run(1.5)
-    assert at.session.schedule.running.version.piece.mix.rooms[0].t60[0][1] == 2.0
-    same_again(at)
+    stepped_session.ok("room hall t60=2s")
+    stepped_session.run(1.5)
+    assert stepped_session.session.schedule.running.version.piece.mix.rooms[0].t60[0][1] == 2.0
+    same_again(stepped_session)
 
 
-def test_an_instrument_fades_out_and_in_again(at: Stepped):
-    at.ok("mute bell now")
-    at.run(0.5)
-    before = level(at, 0.3)[0]
-    at.ok("fade drone out over 2bar")
-    at.run(1.6)
-    half = level(at, 0.1)[0]
+def test_an_instrument_fades_out_and_in_again(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.run(0.5)
+    before = level(stepped_session, 0.3)[0]
+    stepped_session.ok("fade drone out over 2bar")
+    stepped_session.run(1.6)
+    half = level(stepped_session, 0.1)[0]
     assert 0.4 * before < half < 0.65 * before
-    at.run(1.2)
-    assert level(at, 0.1)[0] == 0.0
-    at.ok("fade drone in over 1bar")
-    at.run(2.3)
-    assert level(at, 0.2)[0] == pytest.approx(before, rel=0.02)
-    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
-    assert bends.max() < 1.2 * bends[: int(0.2 * at.rate)].max()  # nothing clicks
-    same_again(at)
+    stepped_session.run(1.2)
+    assert level(stepped_session, 0.1)[0] == 0.0
+    stepped_session.ok("fade drone in over 1bar")
+    stepped_session.run(2.3)
+    assert level(stepped_session, 0.2)[0] == pytest.approx(before, rel=0.02)
+    bends = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3))
+    assert bends.max() < 1.2 * bends[: int(0.2 * stepped_session.rate)].max()  # nothing clicks
+    same_again(stepped_session)
 
 
-def test_a_fade_that_is_turned_goes_on_from_its_level(at: Stepped):
-    at.ok("mute bell now")
-    at.ok("fade drone out over 2bar now")
-    at.run(1.0)
-    at.ok("fade drone in over 1bar now")
-    at.run(0.1)
-    piece = at.session.schedule.running.version.piece
+def test_a_fade_that_is_turned_goes_on_from_its_level(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.ok("fade drone out over 2bar now")
+    stepped_session.run(1.0)
+    stepped_session.ok("fade drone in over 1bar now")
+    stepped_session.run(0.1)
+    piece = stepped_session.session.schedule.running.version.piece
     (route,) = (r for r in piece.mix.routes if r.part == "drone")
     assert 0.3 < route.fade[0].gain < 0.7
-    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
-    assert bends.max() < 1.2 * bends[: int(0.1 * at.rate)].max()
-    at.run(1.5)
-    same_again(at)
+    bends = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3))
+    assert bends.max() < 1.2 * bends[: int(0.1 * stepped_session.rate)].max()
+    stepped_session.run(1.5)
+    same_again(stepped_session)
 
 
-def test_a_change_of_tempo_moves_the_end_of_a_fade(at: Stepped):
-    at.ok("mute bell now")
-    at.ok("fade drone out over 4bar now")
-    at.run(0.5)
-    at.ok("tempo 480 now")
-    at.run(1.9)
-    assert level(at, 0.05)[0] == 0.0
-    same_again(at)
+def test_a_change_of_tempo_moves_the_end_of_a_fade(stepped_session: Stepped):
+    stepped_session.ok("mute bell now")
+    stepped_session.ok("fade drone out over 4bar now")
+    stepped_session.run(0.5)
+    stepped_session.ok("tempo 480 now")
+    stepped_session.run(1.9)
+    assert level(stepped_session, 0.05)[0] == 0.0
+    same_again(stepped_session)
 
 
-def test_everything_fades_and_a_fade_is_kept(at: Stepped):
-    at.ok("fade master out over 4bar")
-    at.run(3.3)
-    at.ok("keep 2bar as verse")
-    text, piece = opened(str(at.journal.with_name("verse.yaml")))
+def test_everything_fades_and_a_fade_is_kept(stepped_session: Stepped):
+    stepped_session.ok("fade master out over 4bar")
+    stepped_session.run(3.3)
+    stepped_session.ok("keep 2bar as verse")
+    text, piece = opened(str(stepped_session.journal.with_name("verse.yaml")))
     assert "master" in text.text
     assert piece.mix.master is not None
-    own = at.session.schedule.head.piece
-    assert own.mix.master is not None
-    start = own.tempo_map.bars.start(2)
+    player_session = stepped_session.session.schedule.head.piece
+    assert player_session.mix.master is not None
+    start = player_session.tempo_map.bars.start(2)
     for beat in (0.0, 3.0, 7.0):
-        there = space.level(own.mix.master.fade, own.tempo_map, start + beat)
+        there = space.level(player_session.mix.master.fade, player_session.tempo_map, start + beat)
         assert space.level(piece.mix.master.fade, piece.tempo_map, beat) == pytest.approx(there)
-    at.run(2.0)
-    assert level(at, 0.1) == [0.0, 0.0]
-    same_again(at)
+    stepped_session.run(2.0)
+    assert level(stepped_session, 0.1) == [0.0, 0.0]
+    same_again(stepped_session)
 
 
 @pytest.mark.parametrize("name", ["master", "drone"])
-def test_a_jump_leaves_a_fade_behind_or_lands_in_it(at: Stepped, name: str):
-    at.ok("mute bell now")
-    at.ok(f"fade {name} out over 2bar")
-    at.run(0.5)
-    at.ok("play from 9|1")  # the fade began before the frames of the session
-    at.run(0.5)
-    assert level(at, 0.1)[0] == 0.0
-    at.ok("play from 2|3")
-    at.run(0.3)
-    assert level(at, 0.1)[0] > 0.0
-    same_again(at)
+def test_a_jump_leaves_a_fade_behind_or_lands_in_it(stepped_session: Stepped, name: str):
+    stepped_session.ok("mute bell now")
+    stepped_session.ok(f"fade {name} out over 2bar")
+    stepped_session.run(0.5)
+    stepped_session.ok("play from 9|1")  # the fade began before the frames of the session
+    stepped_session.run(0.5)
+    assert level(stepped_session, 0.1)[0] == 0.0
+    stepped_session.ok("play from 2|3")
+    stepped_session.run(0.3)
+    assert level(stepped_session, 0.1)[0] > 0.0
+    same_again(stepped_session)
 
 
 @pytest.mark.parametrize("name", few(["master", "drone"], 1))
-@pytest.mark.parametrize("way", ["out", "in"])
-def test_a_fade_that_is_undone_does_not_jump(at: Stepped, name: str, way: str):
-    at.ok("mute bell now")
-    at.run(0.3)
-    plain = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3)).max()
-    if way == "in":
-        at.ok(f"fade {name} out over 1bar now")
-        at.run(1.3)
-    at.ok(f"fade {name} {way} over 1bar now")
-    at.run(1.3)
-    at.ok("undo now")
-    at.run(0.3)
-    assert (level(at, 0.2)[0] > 0.0) == (way == "out")
-    at.ok("redo now")  # to a fade that begins again
-    at.run(0.5)
-    bends = np.abs(np.diff(at.sound[int(0.2 * at.rate) :, 0], 3))
+@pytest.mark.parametrize("method", ["out", "in"])
+def test_a_fade_that_is_undone_does_not_jump(stepped_session: Stepped, name: str, method: str):
+    stepped_session.ok("mute bell now")
+    stepped_session.run(0.3)
+    plain = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3)).max()
+    if method == "in":
+        stepped_session.ok(f"fade {name} out over 1bar now")
+        stepped_session.run(1.3)
+    stepped_session.ok(f"fade {name} {method} over 1bar now")
+    stepped_session.run(1.3)
+    stepped_session.ok("undo now")
+    stepped_session.run(0.3)
+    assert (level(stepped_session, 0.2)[0] > 0.0) == (method == "out")
+    stepped_session.ok("redo now")  # to a fade that begins again
+    stepped_session.run(0.5)
+    bends = np.abs(np.diff(stepped_session.sound[int(0.2 * stepped_session.rate) :, 0], 3))
     assert bends.max() < 1.2 * plain
-    same_again(at)
+    same_again(stepped_session)
 
 
 @pytest.mark.parametrize(
@@ -266,8 +279,8 @@ def test_a_fade_that_is_undone_does_not_jump(at: Stepped, name: str, way: str):
         ("fade nobody out over 2bar", "is not an instrument or master"),
     ],
 )
-def test_what_cannot_be_is_refused(at: Stepped, line: str, message: str):
-    reply = at.type(line)
+def test_what_cannot_be_is_refused(stepped_session: Stepped, line: str, message: str):
+    reply = stepped_session.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text
-    assert at.session.schedule.head.texts.text == SCORE
+    assert stepped_session.session.schedule.head.texts.text == SCORE

@@ -28,7 +28,7 @@ MONO = SCORE.replace("channels: 2", "channels: 1").replace("to: [2]", "to: [1]")
 
 
 @pytest.fixture
-def at(tmp_path: Path) -> Iterator[Stepped]:
+def stepped_session(tmp_path: Path) -> Iterator[Stepped]:
     with closing(Stepped(SCORE, tmp_path)) as stepped:
         yield stepped
 
@@ -46,57 +46,59 @@ def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
     assert np.any(out[began:])  # within a second of the session's own time
 
 
-def test_bars_of_a_jump_lie_between_its_frames(at: Stepped) -> None:
-    at.ok("play from 100|1")
-    running = at.session.schedule.running
-    found = bar_frames(running.stage, running.start, running.start + int(10 * at.rate))
-    assert found == sorted(set(found))
-    assert len(found) >= 4
-    assert found[0] >= running.start
+def test_bars_of_a_jump_lie_between_its_frames(stepped_session: Stepped) -> None:
+    stepped_session.ok("play from 100|1")
+    running = stepped_session.session.schedule.running
+    result = bar_frames(
+        running.stage, running.start, running.start + int(10 * stepped_session.rate)
+    )
+    assert result == sorted(set(result))
+    assert len(result) >= 4
+    assert result[0] >= running.start
 
 
 def test_a_score_of_other_channels_is_refused_and_nothing_is_changed(
-    at: Stepped, tmp_path: Path
+    stepped_session: Stepped, tmp_path: Path
 ) -> None:
     (tmp_path / "mono.yaml").write_text(MONO)
-    at.ok("play")
-    reply = at.type(f"load {tmp_path / 'mono.yaml'}")
+    stepped_session.ok("play")
+    reply = stepped_session.type(f"load {tmp_path / 'mono.yaml'}")
     assert not reply.taken
     assert "number of channels of a session cannot change" in reply.text
-    at.run(4.0)
-    assert at.session.state().bar > 1
-    assert at.session.schedule.head.texts.path == str(tmp_path / "score.yaml")
-    assert at.session.history.numbers == [0]
+    stepped_session.run(4.0)
+    assert stepped_session.session.state().bar > 1
+    assert stepped_session.session.schedule.head.texts.path == str(tmp_path / "score.yaml")
+    assert stepped_session.session.history.numbers == [0]
 
 
 def test_a_change_that_the_engine_refuses_is_dropped(
-    at: Stepped, monkeypatch: pytest.MonkeyPatch
+    stepped_session: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ergon._core import EngineError
 
     def refuse(change):
         raise EngineError("no such change")
 
-    at.ok("play")
-    at.run(0.5)
-    monkeypatch.setattr(at.engine, "change", refuse)
-    before = at.session.schedule.head
-    at.ok("seed 7 now")
-    at.session.pump()
-    assert any("is dropped: no such change" in said for said in at.session.messages())
-    assert at.session.schedule.head is before
+    stepped_session.ok("play")
+    stepped_session.run(0.5)
+    monkeypatch.setattr(stepped_session.engine, "change", refuse)
+    before = stepped_session.session.schedule.head
+    stepped_session.ok("seed 7 now")
+    stepped_session.session.pump()
+    assert any("is dropped: no such change" in said for said in stepped_session.session.messages())
+    assert stepped_session.session.schedule.head is before
 
 
 def test_a_gesture_is_tried_on_keys_that_play_it(tmp_path: Path) -> None:
-    with closing(Stepped(NARROW, tmp_path)) as at:
-        reply = at.ok("knock = 0@0 smooth 6@60ms smooth 0@160ms")
+    with closing(Stepped(NARROW, tmp_path)) as stepped_session:
+        reply = stepped_session.ok("knock = 0@0 smooth 6@60ms smooth 0@160ms")
         assert "only k1" in reply.text
-        at.ok("ada plays knock every 1 do scale 0.5")
+        stepped_session.ok("ada plays knock every 1 do scale 0.5")
         # Ada's key bears it as she plays it, at half its height.
-        assert "only" not in at.ok("knock = 0@0 smooth 20@1/2 smooth 0@1").text
-        refused = at.type("knock = 0@0 smooth 200@1/2 smooth 0@1")
+        assert "only" not in stepped_session.ok("knock = 0@0 smooth 20@1/2 smooth 0@1").text
+        refused = stepped_session.type("knock = 0@0 smooth 200@1/2 smooth 0@1")
         assert "outside the travel of key 'k1'" in refused.text
-        assert at.session.submit("? knock").lines[0] == "knock on k1"
+        assert stepped_session.session.submit("? knock").lines[0] == "knock on k1"
 
 
 def test_any_score_that_is_checked_can_be_rehearsed(tmp_path: Path) -> None:
@@ -105,12 +107,15 @@ def test_any_score_that_is_checked_can_be_rehearsed(tmp_path: Path) -> None:
     stage(rehearsal(piece), planned=True)
 
 
-def test_show_tells_what_sounds(at: Stepped) -> None:
-    at.ok("play")
-    at.ok("ada plays knock every 1 at 2|1")
-    at.ok("ada plays lean every 2 at 9|1")
-    at.run(at.session.schedule.head.piece.tempo_map.seconds(7.0))
-    assert any("knock from 2|1 until 9|1, then lean from 9|1" in x for x in at.ok("show").lines)
+def test_show_tells_what_sounds(stepped_session: Stepped) -> None:
+    stepped_session.ok("play")
+    stepped_session.ok("ada plays knock every 1 at 2|1")
+    stepped_session.ok("ada plays lean every 2 at 9|1")
+    stepped_session.run(stepped_session.session.schedule.head.piece.tempo_map.seconds(7.0))
+    assert any(
+        "knock from 2|1 until 9|1, then lean from 9|1" in x
+        for x in stepped_session.ok("show").lines
+    )
 
 
 @pytest.mark.parametrize(
@@ -124,6 +129,6 @@ def test_show_tells_what_sounds(at: Stepped) -> None:
     ],
 )
 def test_errors_of_the_performers_python_are_the_performers(
-    at: Stepped, line: str, said: str
+    stepped_session: Stepped, line: str, text: str
 ) -> None:
-    assert at.type(line).text.startswith(said)
+    assert stepped_session.type(line).text.startswith(text)

@@ -36,92 +36,94 @@ def settled(own: Rig, line: str) -> float:
     few([STIFF, "set bell.b.K 5kN/m over 2bar now", "couple k1 k2 K=5kN/m Z=3Ns/m now"], 1),
 )
 def test_what_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
-    with rig(tmp_path, hand, Scene().text) as own:
-        assert own.scale == 1.0
-        assert settled(own, line) <= MOST
-        assert 0.02 <= own.scale < 0.9
-        assert own.trips == 0
+    with rig(tmp_path, hand, Scene().text) as single:
+        assert single.scale == 1.0
+        assert settled(single, line) <= MOST
+        assert 0.02 <= single.scale < 0.9
+        assert single.trips == 0
 
 
 def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
-    with rig(tmp_path, "firm", Scene().text) as own:
-        own.run(0.1)
-        said = own.ok(STIFF).text
-        assert "remi gets " in said
-        assert "N/m stiff at this key" in said
-        own.run(0.4)
-        low = own.scale
+    with rig(tmp_path, "firm", Scene().text) as single:
+        single.run(0.1)
+        text = single.ok(STIFF).text
+        assert "remi gets " in text
+        assert "N/m stiff at this key" in text
+        single.run(0.4)
+        low = single.scale
         assert low < 0.9
-        assert "feels" not in own.ok("ada plays knock now").text
-        own.run(0.2)
-        assert "feels" not in own.ok("undo").text  # the knock
-        own.run(0.2)
-        assert own.scale == low
-        assert "remi gets the full force of the piece again" in own.ok("undo").text
-        own.run(0.5)
-        assert own.scale == 1.0
+        assert "feels" not in single.ok("ada plays knock now").text
+        single.run(0.2)
+        assert "feels" not in single.ok("undo").text  # the knock
+        single.run(0.2)
+        assert single.scale == low
+        assert "remi gets the full force of the piece again" in single.ok("undo").text
+        single.run(0.5)
+        assert single.scale == 1.0
 
 
 def test_undo_reload_and_load_take_the_same_road(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     soft, stiff = Scene(), Scene(stiffness=5e3)
-    with rig(tmp_path, "firm", soft.text) as own:
-        assert settled(own, STIFF) <= MOST
-        low = own.scale
-        own.ok("undo")
-        own.run(0.5)
-        assert own.scale == 1.0
-        own.path.write_text(stiff.text, encoding="utf-8")
-        assert settled(own, "reload") <= MOST
-        assert own.scale == pytest.approx(low, rel=1e-3)
-        own.path.with_name("soft.yaml").write_text(soft.text, encoding="utf-8")
-        own.ok("load soft.yaml")
-        own.run(0.5)
-        assert own.scale == 1.0
-        own.path.with_name("stiff.yaml").write_text(stiff.text, encoding="utf-8")
-        assert settled(own, "load stiff.yaml") <= MOST
-        assert own.scale == pytest.approx(low, rel=1e-3)
-        assert own.trips == 0
+    with rig(tmp_path, "firm", soft.text) as single:
+        assert settled(single, STIFF) <= MOST
+        low = single.scale
+        single.ok("undo")
+        single.run(0.5)
+        assert single.scale == 1.0
+        single.path.write_text(stiff.text, encoding="utf-8")
+        assert settled(single, "reload") <= MOST
+        assert single.scale == pytest.approx(low, rel=1e-3)
+        single.path.with_name("soft.yaml").write_text(soft.text, encoding="utf-8")
+        single.ok("load soft.yaml")
+        single.run(0.5)
+        assert single.scale == 1.0
+        single.path.with_name("stiff.yaml").write_text(stiff.text, encoding="utf-8")
+        assert settled(single, "load stiff.yaml") <= MOST
+        assert single.scale == pytest.approx(low, rel=1e-3)
+        assert single.trips == 0
 
 
 def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_path: Path):
-    with rig(tmp_path, "none", Scene().text) as own:
-        own.ok("play")
-        own.ok("ada plays knock every 1/2 now")
-        own.run(0.3)
-        reply = own.session.submit("couple k1 k2 K=800kN/m Z=0Ns/m now")
+    with rig(tmp_path, "none", Scene().text) as single:
+        single.ok("play")
+        single.ok("ada plays knock every 1/2 now")
+        single.run(0.3)
+        reply = single.session.submit("couple k1 k2 K=800kN/m Z=0Ns/m now")
         assert not reply.taken
         assert reply.text.startswith("with this line the piece would be ")
         assert "\n" not in reply.text
-        own.run(1.0)
-        assert own.scale == 1.0
-        assert ("ada", "knock") in own.session.state().playing
-        assert not own.session.schedule.head.piece.duet
-        own.kick()
-        since = own.board.periods
-        own.run(0.5)
-        assert own.power(since) <= MOST
+        single.run(1.0)
+        assert single.scale == 1.0
+        assert ("ada", "knock") in single.session.state().playing
+        assert not single.session.schedule.head.piece.duet
+        single.kick()
+        since = single.board.periods
+        single.run(0.5)
+        assert single.power(since) <= MOST
 
 
 def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gone(tmp_path: Path):
-    with rig(tmp_path, "firm", Scene().text) as own:
-        own.ok(STIFF)
-        at = own.session.schedule.running.start
-        last = own.session.schedule.running.force_bounds[0].last.scale
-        seen = _ticks(own, at + 40 * 44)
+    with rig(tmp_path, "firm", Scene().text) as single:
+        single.ok(STIFF)
+        position = single.session.schedule.running.start
+        last = single.session.schedule.running.force_bounds[0].last.scale
+        seen = _ticks(single, position + 40 * 44)
         # The tick whose first frame is that of the change is the first to end behind it.
-        assert next(scale for frame, scale in seen if frame > at) == pytest.approx(last, abs=1e-9)
+        assert next(scale for frame, scale in seen if frame > position) == pytest.approx(
+            last, abs=1e-9
+        )
         assert np.abs(np.diff([1.0, *(scale for _, scale in seen)])).max() < 0.1  # no step
         # Softer over a second: nothing is given back before the glide says so.
-        own.ok("set bell.b.K 300N/m over 1bar now")
-        running = own.session.schedule.running
+        single.ok("set bell.b.K 300N/m over 1bar now")
+        running = single.session.schedule.running
         (bearing,) = running.force_bounds
         assert bearing.last.scale == 1.0
         bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]
-        for frame, scale in _ticks(own, bounds[-1][0] + 300 * 44):
+        for frame, scale in _ticks(single, bounds[-1][0] + 300 * 44):
             allowed = [bound for begins, bound in bounds if begins < frame]
             assert scale <= (allowed[-1] if allowed else last) + 1e-9
-        assert own.scale == 1.0
+        assert single.scale == 1.0
 
 
 def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
@@ -136,15 +138,15 @@ def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
 
 def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
     """Counted: how often a scene is played against the key."""
-    with rig(tmp_path, "firm", Scene().text) as own:
-        bounds = own.engine.bounds_finder
+    with rig(tmp_path, "firm", Scene().text) as single:
+        bounds = single.engine.bounds_finder
         lines = "ada plays knock every 1 now", "tempo 200 now", "gain bell -6dB now", "undo"
         before = bounds.n_responses
         for line in lines:
-            own.ok(line)
-            own.run(0.1)
+            single.ok(line)
+            single.run(0.1)
         assert bounds.n_responses == before
-        own.ok(STIFF)
+        single.ok(STIFF)
         assert bounds.n_responses == before + 1  # where it glides to: what it glides from is known
 
 
@@ -154,9 +156,9 @@ def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
     for hand in HANDS:
         folder = tmp_path / hand
         folder.mkdir()
-        power, trips, _, said = measured(folder, hand, seed)
-        assert power <= MOST, said
-        assert trips == 0, said
+        power, trips, _, text = measured(folder, hand, seed)
+        assert power <= MOST, text
+        assert trips == 0, text
 
 
 @pytest.mark.slow
@@ -165,9 +167,9 @@ def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
     for seed, hand in itertools.product(range(200), HANDS):
         folder = tmp_path / f"{seed}-{hand}"
         folder.mkdir()
-        power, trips, _, said = measured(folder, hand, seed)
-        assert power <= MOST, (seed, hand, said)
-        assert trips == 0, (seed, hand, said)
+        power, trips, _, text = measured(folder, hand, seed)
+        assert power <= MOST, (seed, hand, text)
+        assert trips == 0, (seed, hand, text)
         worst = max(worst, power)
     print(f"200 stiffenings x {len(HANDS)} hands: {worst:.3f} W at most, no trip")
 
@@ -188,18 +190,18 @@ SOFT_GROUND = Scene(stiffness=3e3, ground=100.0, mass=0.002)
     ),
 )
 def test_automation_that_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
-    with rig(tmp_path, hand, SOFT_GROUND.text) as own:
-        assert own.scale == 1.0
-        own.ok("play")
-        own.run(0.2)
+    with rig(tmp_path, hand, SOFT_GROUND.text) as single:
+        assert single.scale == 1.0
+        single.ok("play")
+        single.run(0.2)
         settled(
-            own, line
+            single, line
         )  # a spring that stiffens under a hand that is away does some work at first
-        since = own.board.periods
-        own.run(2.0)
-        assert own.power(since) <= MOST
-        assert 0.02 <= own.scale < 0.9
-        assert own.trips == 0
+        since = single.board.periods
+        single.run(2.0)
+        assert single.power(since) <= MOST
+        assert 0.02 <= single.scale < 0.9
+        assert single.trips == 0
 
 
 @pytest.mark.parametrize("target", ["bell.m.K", "k1.K"])
@@ -208,28 +210,28 @@ def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path
     automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
     path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
     staged = stage(piece_of(Texts.read(path)), real={"remi": None})
-    found = felt_modules(staged, ["remi"])
-    assert found == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
+    result = felt_modules(staged, ["remi"])
+    assert result == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
 
 
 def test_automation_that_no_hand_feels_takes_no_force_away(tmp_path: Path):
-    with rig(tmp_path, "firm", SOFT_GROUND.text) as own:
-        own.ok("play")
-        own.ok("lfo k1.K 1..30 period 2bar now")
-        own.run(0.5)
-        assert own.scale == 1.0
-        asked = own.engine.bounds_finder.n_responses
-        own.ok("lfo k1.K 1..40 period 2bar now")
-        own.run(0.3)
-        assert own.engine.bounds_finder.n_responses <= asked + 1
+    with rig(tmp_path, "firm", SOFT_GROUND.text) as single:
+        single.ok("play")
+        single.ok("lfo k1.K 1..30 period 2bar now")
+        single.run(0.5)
+        assert single.scale == 1.0
+        asked = single.engine.bounds_finder.n_responses
+        single.ok("lfo k1.K 1..40 period 2bar now")
+        single.run(0.3)
+        assert single.engine.bounds_finder.n_responses <= asked + 1
 
 
 def test_automation_with_more_values_than_are_checked_is_refused(tmp_path: Path):
     values = " ".join(f"{200 + n}N/m" for n in range(65))
-    with rig(tmp_path, "firm", SOFT_GROUND.text) as own:
-        own.ok("play")
-        own.run(0.2)
-        reply = own.session.submit(f"set bell.m.K {values} every 1/4 now")
+    with rig(tmp_path, "firm", SOFT_GROUND.text) as single:
+        single.ok("play")
+        single.run(0.2)
+        reply = single.session.submit(f"set bell.m.K {values} every 1/4 now")
         assert not reply.taken
         assert "the automation of bell.m can change the force on the key of remi" in reply.text
         assert "takes more than 64 combinations of values" in reply.text

@@ -45,22 +45,22 @@ mix: {channels: 4, route: [{from: bell, to: [1]}]}
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     stepped.ok("play")
     yield stepped
     stepped.close()
 
 
-def same_again(at: Stepped) -> None:
+def same_again(stepped_session: Stepped) -> None:
     """Undone to the beginning, saved and resumed; the journal is the sound."""
-    text = at.session.schedule.head.texts.text
-    at.ok("save typed")
-    at.run(0.3)
-    assert opened(str(at.journal.with_name("typed.yaml")))
-    at.session.close()
-    assert np.array_equal(at.again(), at.sound)
-    again = Stepped.resumed(at.journal)
+    text = stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("save typed")
+    stepped_session.run(0.3)
+    assert opened(str(stepped_session.journal.with_name("typed.yaml")))
+    stepped_session.session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
+    again = Stepped.resumed(stepped_session.journal)
     assert again.session.schedule.head.texts.text == text
     again.ok("play from 2|1")
     again.run(1.5)
@@ -72,18 +72,20 @@ def same_again(at: Stepped) -> None:
     assert np.array_equal(again.again(), again.sound)
 
 
-def level(at: Stepped, channel: int, seconds: float) -> float:
-    return float(np.abs(at.sound[-int(seconds * at.rate) :, channel - 1]).max())
+def level(stepped_session: Stepped, channel: int, seconds: float) -> float:
+    return float(
+        np.abs(stepped_session.sound[-int(seconds * stepped_session.rate) :, channel - 1]).max()
+    )
 
 
-def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
-    at.run(1.2)
-    at.ok("bell2 = bell/bell transpose 7st")
-    at.ok("mia takes k3 like k1\nlink k3 bell2.hammer BUT K=4kN/m Z=2Ns/m")
-    at.ok("route bell2 3 4 gain 60dB")
-    at.ok("mia plays knock every 1/2")
-    at.run(4.0)
-    version = at.session.schedule.running.version
+def test_a_new_instrument_is_built_linked_routed_and_played(stepped_session: Stepped):
+    stepped_session.run(1.2)
+    stepped_session.ok("bell2 = bell/bell transpose 7st")
+    stepped_session.ok("mia takes k3 like k1\nlink k3 bell2.hammer BUT K=4kN/m Z=2Ns/m")
+    stepped_session.ok("route bell2 3 4 gain 60dB")
+    stepped_session.ok("mia plays knock every 1/2")
+    stepped_session.run(4.0)
+    version = stepped_session.session.schedule.running.version
     bell2 = {module.name: module.fields for module in version.piece.instruments["bell2"].modules}
     ratio = 2.0 ** (7.0 / 12.0)
     assert bell2["prime"]["f"] == 440.0 * ratio  # E5, to the last bit
@@ -93,124 +95,128 @@ def test_a_new_instrument_is_built_linked_routed_and_played(at: Stepped):
     assert version.piece.players["mia"].key == "k3"
     for comment in ("# a bar is a second", "# rings", "# once", "# a table"):
         assert comment in version.texts.text
-    assert level(at, 1, 1.0) > 0
-    assert level(at, 3, 1.0) > 0
-    assert level(at, 2, 4.0) == 0
-    same_again(at)
+    assert level(stepped_session, 1, 1.0) > 0
+    assert level(stepped_session, 3, 1.0) > 0
+    assert level(stepped_session, 2, 4.0) == 0
+    same_again(stepped_session)
 
 
 @pytest.mark.parametrize(("base", "struck"), [("bell", "b2.m"), ("skins/kick", "b2.hammer")])
-def test_build_routes_to_all_channels(at: Stepped, base: str, struck: str):
-    at.ok(f"b2 = {base}")
-    at.ok(f"d1 strikes {struck} every 1/2 impulse 50mNs")
-    at.run(4.0)
-    assert min(level(at, channel, 1.0) for channel in (2, 3, 4)) > 0
-    same_again(at)
+def test_build_routes_to_all_channels(stepped_session: Stepped, base: str, struck: str):
+    stepped_session.ok(f"b2 = {base}")
+    stepped_session.ok(f"d1 strikes {struck} every 1/2 impulse 50mNs")
+    stepped_session.run(4.0)
+    assert min(level(stepped_session, channel, 1.0) for channel in (2, 3, 4)) > 0
+    same_again(stepped_session)
 
 
-def test_an_instrument_like_another_is_transposed_where_it_sounds(at: Stepped):
-    at.ok("deep = bell transpose -12st")
-    piece = at.session.schedule.head.piece
-    own = {module.name: module.fields for module in piece.instruments["deep"].modules}
-    assert own["m"]["f"] == pytest.approx(110.0)
-    assert own["low"]["K"] == pytest.approx(1250.0)
-    assert own["slow"]["f"] == 2.0
+def test_an_instrument_like_another_is_transposed_where_it_sounds(stepped_session: Stepped):
+    stepped_session.ok("deep = bell transpose -12st")
+    piece = stepped_session.session.schedule.head.piece
+    item = {module.name: module.fields for module in piece.instruments["deep"].modules}
+    assert item["m"]["f"] == pytest.approx(110.0)
+    assert item["low"]["K"] == pytest.approx(1250.0)
+    assert item["slow"]["f"] == 2.0
     assert piece.instruments["bell"].modules[0].fields["f"] == 220.0
 
 
-def test_cents_and_ratios_transpose_too(at: Stepped):
-    at.ok("low = bell transpose -14cents")
-    at.ok("fifth = bell transpose x1.5")
-    piece = at.session.schedule.head.piece
+def test_cents_and_ratios_transpose_too(stepped_session: Stepped):
+    stepped_session.ok("low = bell transpose -14cents")
+    stepped_session.ok("fifth = bell transpose x1.5")
+    piece = stepped_session.session.schedule.head.piece
     assert piece.instruments["low"].modules[0].fields["f"] == pytest.approx(
         220.0 * 2.0 ** (-14.0 / 1200.0), rel=1e-15
     )
     assert piece.instruments["fifth"].modules[0].fields["f"] == 330.0
-    assert "transpose: x1.5" in at.session.schedule.head.texts.text
+    assert "transpose: x1.5" in stepped_session.session.schedule.head.texts.text
 
 
-def test_a_generator_takes_fields_of_its_own(at: Stepped):
-    at.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
-    (module,) = at.session.schedule.head.piece.instruments["gong2"].modules
+def test_a_generator_takes_fields_of_its_own(stepped_session: Stepped):
+    stepped_session.ok("gong2 = gong/plate f=C2 t60=3s transpose 12st")
+    (module,) = stepped_session.session.schedule.head.piece.instruments["gong2"].modules
     assert module.fields["f"] == pytest.approx(2 * 65.406, rel=1e-3)
     assert module.fields["t60"] == 3.0
 
 
-def test_a_link_comes_in_without_a_jump(at: Stepped):
-    at.ok("ada plays knock every 1")
-    at.run(2.0)
-    at.ok("link bell.m bell.low REF K=2kN/m now")
-    at.run(0.3)
-    (glide,) = at.session.schedule.running.glides
+def test_a_link_comes_in_without_a_jump(stepped_session: Stepped):
+    stepped_session.ok("ada plays knock every 1")
+    stepped_session.run(2.0)
+    stepped_session.ok("link bell.m bell.low REF K=2kN/m now")
+    stepped_session.run(0.3)
+    (glide,) = stepped_session.session.schedule.running.glides
     assert (glide.part, glide.module, glide.before) == ("links", "ref-1", (0.0,))
-    at.run(1.0)
-    bends = np.abs(np.diff(at.sound[:, 0], 3))
-    n = int(at.rate)
+    stepped_session.run(1.0)
+    bends = np.abs(np.diff(stepped_session.sound[:, 0], 3))
+    n = int(stepped_session.rate)
     before, within = bends[: 2 * n].max(), bends[2 * n : int(2.4 * n)].max()
     assert within < 1.5 * before
-    same_again(at)
+    same_again(stepped_session)
 
 
-def test_what_was_built_is_removed_with_what_belongs_to_it(at: Stepped):
-    at.ok("couple k1 k2 K=20N/m\nb2 = bell\nroute b2 2\nlink k2 b2.m BUT K=500N/m gap=1mm")
-    at.run(2.0)
-    assert "links" in at.session.schedule.head.piece.instruments
-    at.ok("remove links.but-1")
-    assert "links" not in at.session.schedule.head.piece.instruments
-    at.ok("remove b2")
-    assert [route.part for route in at.session.schedule.head.piece.mix.routes] == ["bell"]
-    at.ok("remove leo\nremove k2")
-    piece = at.session.schedule.head.piece
+def test_what_was_built_is_removed_with_what_belongs_to_it(stepped_session: Stepped):
+    stepped_session.ok(
+        "couple k1 k2 K=20N/m\nb2 = bell\nroute b2 2\nlink k2 b2.m BUT K=500N/m gap=1mm"
+    )
+    stepped_session.run(2.0)
+    assert "links" in stepped_session.session.schedule.head.piece.instruments
+    stepped_session.ok("remove links.but-1")
+    assert "links" not in stepped_session.session.schedule.head.piece.instruments
+    stepped_session.ok("remove b2")
+    assert [route.part for route in stepped_session.session.schedule.head.piece.mix.routes] == [
+        "bell"
+    ]
+    stepped_session.ok("remove leo\nremove k2")
+    piece = stepped_session.session.schedule.head.piece
     assert [*piece.players] == ["ada"]
     assert [*piece.keys] == ["k1"]
     assert piece.duet == ()
-    at.run(2.0)
-    assert level(at, 1, 1.0) > 0
-    same_again(at)
+    stepped_session.run(2.0)
+    assert level(stepped_session, 1, 1.0) > 0
+    same_again(stepped_session)
 
 
-def test_what_is_renamed_is_renamed_wherever_it_is_named(at: Stepped):
-    at.run(1.1)
-    at.ok("rename knock tap2")
-    piece = at.session.schedule.head.piece
+def test_what_is_renamed_is_renamed_wherever_it_is_named(stepped_session: Stepped):
+    stepped_session.run(1.1)
+    stepped_session.ok("rename knock tap2")
+    piece = stepped_session.session.schedule.head.piece
     assert [*piece.gestures] == ["tap2", "lean"]
     assert {play.what for play in piece.parts} == {"tap2", "lean"}
-    at.ok("rename leo eva")
-    piece = at.session.schedule.head.piece
+    stepped_session.ok("rename leo eva")
+    piece = stepped_session.session.schedule.head.piece
     assert [*piece.players] == ["ada", "eva"]
     assert [play.what for play in piece.parts if play.player == "eva"] == ["tap2", "lean"]
-    text = at.session.schedule.head.texts.text
+    text = stepped_session.session.schedule.head.texts.text
     assert text.replace("tap2", "knock").replace("eva:", "leo:") == SCORE
-    at.run(2.0)
-    same_again(at)
+    stepped_session.run(2.0)
+    same_again(stepped_session)
 
 
-def test_what_is_renamed_is_renamed_in_patterns(at: Stepped):
-    at.ok("ada plays knock (lean knock) ~ every 1")
-    at.ok("leo plays choose knock lean every 1 chance 0.5")
-    at.run(1.0)
-    at.ok("rename knock tap2")
-    text = at.session.schedule.head.texts.text
+def test_what_is_renamed_is_renamed_in_patterns(stepped_session: Stepped):
+    stepped_session.ok("ada plays knock (lean knock) ~ every 1")
+    stepped_session.ok("leo plays choose knock lean every 1 chance 0.5")
+    stepped_session.run(1.0)
+    stepped_session.ok("rename knock tap2")
+    text = stepped_session.session.schedule.head.texts.text
     assert "tap2 (lean tap2) ~" in text
     assert "choose tap2 lean" in text
     assert "knock" not in text.partition("gestures:")[2]
-    at.run(1.0)
+    stepped_session.run(1.0)
 
 
-def test_a_player_takes_another_key(at: Stepped):
-    at.ok("leo takes k1")
-    assert at.session.schedule.head.piece.players["leo"].key == "k1"
-    at.run(1.5)
-    at.ok("leo takes k9")
-    assert at.session.schedule.head.piece.keys["k9"].travel == (-0.015, 0.015)
+def test_a_player_takes_another_key(stepped_session: Stepped):
+    stepped_session.ok("leo takes k1")
+    assert stepped_session.session.schedule.head.piece.players["leo"].key == "k1"
+    stepped_session.run(1.5)
+    stepped_session.ok("leo takes k9")
+    assert stepped_session.session.schedule.head.piece.keys["k9"].travel == (-0.015, 0.015)
 
 
 def test_without_routes_what_sounds_stays_where_it_is():
     text = SCORE[: SCORE.index("mix:")] + "mix: {channels: 4}\n"
     texts, piece = opened("s.yaml", text)
-    made = structure.build(texts, piece, "b2", "bell", {})
-    made = structure.route(made, opened("s.yaml", made.text)[1], "b2", ["3"], None)
-    _, after = opened("s.yaml", made.text)
+    built = structure.build(texts, piece, "b2", "bell", {})
+    built = structure.route(built, opened("s.yaml", built.text)[1], "b2", ["3"], None)
+    _, after = opened("s.yaml", built.text)
     assert [(route.part, route.to) for route in after.mix.routes] == [("bell", (1,)), ("b2", (3,))]
 
 
@@ -249,17 +255,19 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(at: Stepped, line: str, message: str):
-    reply = at.type(line)
+def test_what_cannot_be_is_refused_and_changes_nothing(
+    stepped_session: Stepped, line: str, message: str
+):
+    reply = stepped_session.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text
-    assert at.session.schedule.head.texts.text == SCORE
+    assert stepped_session.session.schedule.head.texts.text == SCORE
 
 
 def test_what_ships_keeps_its_own_text():
     texts, piece = opened(DUET)
-    made = structure.build(texts, piece, "gong2", "gong", {})
-    assert made.overlay == texts.overlay
+    built = structure.build(texts, piece, "gong2", "gong", {})
+    assert built.overlay == texts.overlay
 
 
 STRUCK = """
@@ -271,42 +279,42 @@ strikes:
 
 
 def test_what_is_referred_to_is_not_removed_and_all_that_does_is_named(tmp_path: Path) -> None:
-    with closing(Stepped(SCORE + STRUCK, tmp_path)) as own:
-        own.ok("play")
-        reply = own.type("remove bell.m now")
+    with closing(Stepped(SCORE + STRUCK, tmp_path)) as player_session:
+        player_session.ok("play")
+        reply = player_session.type("remove bell.m now")
         assert not reply.taken
         assert reply.text.startswith("cannot remove bell.m, because it is used by ")
         for name in ("strikes 'tick'", "strikes 'tab'"):
             assert name in reply.text
         assert reply.try_ == "remove tick"
-        own.ok("remove tick\nremove tab")
-        own.run(3.0)
-        assert own.session.schedule.head.piece.strikes == ()
-    assert np.array_equal(own.again(), own.sound)
+        player_session.ok("remove tick\nremove tab")
+        player_session.run(3.0)
+        assert player_session.session.schedule.head.piece.strikes == ()
+    assert np.array_equal(player_session.again(), player_session.sound)
 
 
-def test_unheard_part_is_refused_by_its_line(at: Stepped) -> None:
+def test_unheard_part_is_refused_by_its_line(stepped_session: Stepped) -> None:
     """It was taken, and the next line was refused for it."""
     vibraphone = "vib = bars/vibraphone notes=C8"  # all its modes: none can be left out
     for line in (vibraphone, f"{vibraphone}\nroute vib 1 2"):
-        reply = at.type(line)
+        reply = stepped_session.type(line)
         assert not reply.taken
         assert reply.text.startswith("vib.C8.one: its frequency is 4186 Hz, above half the rate")
-    at.ok("route bell 1 2")
-    at.ok("cup = bell transpose 3st")
-    assert "above half the rate" in at.type("set cup.m.f 9kHz").text
-    at.ok("set cup.m.f 200Hz")
-    at.ok("route cup 2")
+    stepped_session.ok("route bell 1 2")
+    stepped_session.ok("cup = bell transpose 3st")
+    assert "above half the rate" in stepped_session.type("set cup.m.f 9kHz").text
+    stepped_session.ok("set cup.m.f 200Hz")
+    stepped_session.ok("route cup 2")
 
 
 FOUND = "ergon: 1\nuse: instruments/found.yaml\nmix: {channels: 2}\n"
 
 
 def test_build_with_name_of_used_file(tmp_path: Path):
-    at = Stepped(FOUND, tmp_path)
-    reply = at.type("bottle = found/bottle")
+    stepped_session = Stepped(FOUND, tmp_path)
+    reply = stepped_session.type("bottle = found/bottle")
     assert reply.text.startswith("bottle exists: a file that the score uses has it")
-    at.close()
+    stepped_session.close()
 
 
 @pytest.mark.parametrize(
@@ -317,13 +325,13 @@ def test_build_with_name_of_used_file(tmp_path: Path):
     ],
 )
 def test_strikes_on_instrument_of_used_file(tmp_path: Path, line: str):
-    at = Stepped(FOUND, tmp_path)
-    at.ok("play")
-    at.ok(line)
-    at.run(6.0)
-    assert min(level(at, channel, 1.0) for channel in (1, 2)) > 0
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session = Stepped(FOUND, tmp_path)
+    stepped_session.ok("play")
+    stepped_session.ok(line)
+    stepped_session.run(6.0)
+    assert min(level(stepped_session, channel, 1.0) for channel in (1, 2)) > 0
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 def test_build_beside_notes_without_routes():

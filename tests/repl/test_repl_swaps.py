@@ -35,10 +35,10 @@ BEFORE, LONGEST = 0.06, 0.05  # [s] of quiet looked at on both sides; the longes
 def edits(count: int) -> list[str]:
     """Lines and texts that change what rings."""
     chance = random.Random(11)
-    found = []
+    result = []
     for _ in range(count):
         factor = round(chance.uniform(0.7, 1.45), 3)
-        found.append(
+        result.append(
             chance.choice(
                 [
                     f"set bells.{chance.choice('ac')}.K x{factor}",
@@ -55,7 +55,7 @@ def edits(count: int) -> list[str]:
                 ]
             )
         )
-    return found
+    return result
 
 
 def edited(stepped: Stepped, edit: str, count: int) -> None:

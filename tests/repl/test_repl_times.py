@@ -89,11 +89,11 @@ def test_a_mark_is_where_it_was_set():
 def test_a_gesture_is_what_was_said(name):
     texts, piece = opened(DUET)
     after = names.define(texts, name, "0@0 smooth 7@1/8 0@1/4")
-    found = piece_of(after).gestures[name]
-    assert [point.x for point in found.points] == [0.0, 0.007, 0.0]
+    result = piece_of(after).gestures[name]
+    assert [point.x for point in result.points] == [0.0, 0.007, 0.0]
     if name in piece.gestures:
-        assert found.do == piece.gestures[name].do
-        assert found.manner == piece.gestures[name].manner
+        assert result.do == piece.gestures[name].do
+        assert result.manner == piece.gestures[name].manner
 
 
 def test_a_gesture_of_a_file_is_redefined_there():
@@ -121,12 +121,12 @@ def test_a_take_and_a_seed():
 
 
 def acting(piece, at):
-    found = []
+    result = []
     for c in piece.duet:
         until = piece.tempo_map.resolve(c.until) if c.until else float("inf")
         if piece.tempo_map.resolve(c.at) <= at < until:
-            found.append(c.link.fields["K"])
-    return found
+            result.append(c.link.fields["K"])
+    return result
 
 
 @pytest.mark.parametrize("at", [8.0, 32.0, 40.0])

@@ -104,9 +104,9 @@ def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
     at.run(1.0)
     at.engine.process(int(200.0 * at.rate))  # as where the program is stopped, and the sound is not
     at.session.pump()
-    said = [one for one in at.session.messages() if "was skipped" in one]
-    assert len(said) == 1
-    assert said[0].startswith("the program was suspended, or the machine was too busy: ")
+    messages = [one for one in at.session.messages() if "was skipped" in one]
+    assert len(messages) == 1
+    assert messages[0].startswith("the program was suspended, or the machine was too busy: ")
     at.run(1.0)
     assert not at.session.messages()
     at.close()

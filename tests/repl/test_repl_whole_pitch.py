@@ -48,7 +48,7 @@ MOVED = ("m", "low", "s", "some", "r", "b")
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
     yield stepped
     stepped.close()
@@ -100,55 +100,61 @@ def test_a_module_that_glides_by_itself_goes_with_the_whole(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(at, tmp_path):
-    at.ok("play from 1|1")
-    at.ok("set bell.f A4 over 1bar\nada plays knock every 1")
-    at.run(3.5)
-    rate = at.rate
-    assert pitch(at.sound[int(0.2 * rate) : int(0.9 * rate), 0], rate) == pytest.approx(
-        220, rel=0.01
+def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(stepped_session, tmp_path):
+    stepped_session.ok("play from 1|1")
+    stepped_session.ok("set bell.f A4 over 1bar\nada plays knock every 1")
+    stepped_session.run(3.5)
+    rate = stepped_session.rate
+    assert pitch(
+        stepped_session.sound[int(0.2 * rate) : int(0.9 * rate), 0], rate
+    ) == pytest.approx(220, rel=0.01)
+    assert pitch(stepped_session.sound[int(2.5 * rate) :, 0], rate) == pytest.approx(
+        440.0, rel=0.01
     )
-    assert pitch(at.sound[int(2.5 * rate) :, 0], rate) == pytest.approx(440.0, rel=0.01)
-    at.ok("keep 1bar as verse\nsave typed")
+    stepped_session.ok("keep 1bar as verse\nsave typed")
     for name in ("typed", "verse"):
-        _, piece = opened(str(at.journal.with_name(f"{name}.yaml")))
+        _, piece = opened(str(stepped_session.journal.with_name(f"{name}.yaml")))
         assert value_on(piece, ("bell", ""), "f", 99.0) == pytest.approx(440.0)
-    at.ok("set bell.f x1.5 over 1bar")
-    at.run(2.5)
-    assert pitch(at.sound[-int(0.7 * rate) :, 0], rate) == pytest.approx(660.0, rel=0.01)
-    at.ok("lfo bell.f 0.9..1.1 period 1bar\nset bell2.f A3 C4 E4 every 1")
-    at.run(2.5)
-    at.ok("lfo bell.f off\nset sky.f x1@0 smooth x2@2")
-    at.run(2.5)
-    at.ok("undo")
-    at.run(1.0)
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.ok("set bell.f x1.5 over 1bar")
+    stepped_session.run(2.5)
+    assert pitch(stepped_session.sound[-int(0.7 * rate) :, 0], rate) == pytest.approx(
+        660.0, rel=0.01
+    )
+    stepped_session.ok("lfo bell.f 0.9..1.1 period 1bar\nset bell2.f A3 C4 E4 every 1")
+    stepped_session.run(2.5)
+    stepped_session.ok("lfo bell.f off\nset sky.f x1@0 smooth x2@2")
+    stepped_session.run(2.5)
+    stepped_session.ok("undo")
+    stepped_session.run(1.0)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
-def test_the_pitch_is_set_where_it_is_written(at):
+def test_the_pitch_is_set_where_it_is_written(stepped_session):
     def said(name):
-        return at.session.schedule.head.piece.instruments[name].pitch
+        return stepped_session.session.schedule.head.piece.instruments[name].pitch
 
-    at.ok("play from 1|1")
-    at.run(0.5)
-    at.ok("set bell.f C4 now")
-    assert "transpose: 3st" in at.session.schedule.head.texts.text
+    stepped_session.ok("play from 1|1")
+    stepped_session.run(0.5)
+    stepped_session.ok("set bell.f C4 now")
+    assert "transpose: 3st" in stepped_session.session.schedule.head.texts.text
     assert (said("bell"), said("bell2")) == (pytest.approx(261.6256), pytest.approx(261.6256))
-    at.run(1.0)
-    assert pitch(at.sound[-int(0.7 * at.rate) :, 0], at.rate) == pytest.approx(261.6, rel=0.01)
-    at.ok("set bell.f x1.5 now")
+    stepped_session.run(1.0)
+    assert pitch(
+        stepped_session.sound[-int(0.7 * stepped_session.rate) :, 0], stepped_session.rate
+    ) == pytest.approx(261.6, rel=0.01)
+    stepped_session.ok("set bell.f x1.5 now")
     assert said("bell") == pytest.approx(392.4384)
-    at.ok("set bell2.f A4 now")
-    assert "bell2: {like: bell, f: A4}" in at.session.schedule.head.texts.text
-    at.ok("set bell.f A3 now")
-    assert "transpose" not in at.session.schedule.head.texts.text
-    at.ok("set sky.f x2 now\nset sky.t60 x0.5 now")
-    assert "f: 400Hz..1800Hz, t60: 2s" in at.session.schedule.head.texts.text
-    at.run(1.0)
-    at.ok("map cc 21 bell.f A3..A4")
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.ok("set bell2.f A4 now")
+    assert "bell2: {like: bell, f: A4}" in stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("set bell.f A3 now")
+    assert "transpose" not in stepped_session.session.schedule.head.texts.text
+    stepped_session.ok("set sky.f x2 now\nset sky.t60 x0.5 now")
+    assert "f: 400Hz..1800Hz, t60: 2s" in stepped_session.session.schedule.head.texts.text
+    stepped_session.run(1.0)
+    stepped_session.ok("map cc 21 bell.f A3..A4")
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 @pytest.mark.parametrize(
@@ -164,8 +170,8 @@ def test_the_pitch_is_set_where_it_is_written(at):
         ("set bell.t60 2s over 1bar", "'bell.t60' is not a parameter"),
     ],
 )
-def test_what_cannot_glide_is_refused(at, line, message):
-    at.ok("play from 1|1")
-    reply = at.type(line)
+def test_what_cannot_glide_is_refused(stepped_session, line, message):
+    stepped_session.ok("play from 1|1")
+    reply = stepped_session.type(line)
     assert not reply.taken
     assert message in reply.text

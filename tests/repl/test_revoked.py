@@ -66,8 +66,8 @@ def test_change_after_revocation(tmp_path: Path) -> None:
             engine.revoke(10 * EVERY)
         ticket = engine.change(damped(begun, 10 * EVERY))
         sounds.append(engine.process(50 * EVERY))
-        made = [one for one in engine.events() if not one.is_late]
-        assert made == [EngineEvent(10 * EVERY, ticket)]
+        built = [one for one in engine.events() if not one.is_late]
+        assert built == [EngineEvent(10 * EVERY, ticket)]
     np.testing.assert_array_equal(*sounds)
 
 
@@ -83,22 +83,22 @@ def test_revoke_at_present_frame(begun: Stage) -> None:
 def test_revoke_by_the_live_engine(begun: Stage) -> None:
     with closing(LiveEngine(begun, PlaybackConfig(audio="null"))) as engine:
         soon = (engine.frame // engine.tick_frames + 1) * engine.tick_frames
-        at = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on
-        tickets = [engine.change(damped(begun, at)) for _ in range(3)]
-        engine.revoke(at + 1)
-        path = engine.guide(at, {})
-        engine.revoke(at)
-        last = engine.change(damped(begun, at))
-        found: list[EngineEvent] = []
+        position = soon + 600 * engine.tick_frames * engine.tick_frames  # minutes on
+        tickets = [engine.change(damped(begun, position)) for _ in range(3)]
+        engine.revoke(position + 1)
+        path = engine.guide(position, {})
+        engine.revoke(position)
+        last = engine.change(damped(begun, position))
+        result: list[EngineEvent] = []
 
         def read(found: list[EngineEvent]) -> list[EngineEvent]:
             found += engine.events()
             return found
 
-        until(lambda: len(read(found)) >= len(tickets), "the revoked changes are reported")
+        until(lambda: len(read(result)) >= len(tickets), "the revoked changes are reported")
         time.sleep(0.05)
-        read(found)
-        assert [(one.ticket, one.is_late) for one in found] == [(own, True) for own in tickets]
+        read(result)
+        assert [(one.ticket, one.is_late) for one in result] == [(own, True) for own in tickets]
         assert path not in tickets
         assert last not in tickets
     engine.revoke(0)  # nothing is left to withdraw

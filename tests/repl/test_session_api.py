@@ -269,10 +269,10 @@ def test_what_the_page_shows(
 
     monkeypatch.setattr(ergon, "open_session", stepped)
     exec(code, {})
-    said = capsys.readouterr().out
-    assert "kock" in said
-    assert "try: ada plays knock" in said
-    assert said.count("knock = 0@0") == 4
+    output = capsys.readouterr().out
+    assert "kock" in output
+    assert "try: ada plays knock" in output
+    assert output.count("knock = 0@0") == 4
 
 
 def test_what_is_not_closed_is_closed_at_the_end(tmp_path: Path):

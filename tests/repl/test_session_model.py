@@ -196,13 +196,13 @@ class SessionMachine(RuleBasedStateMachine):
 
     def check_quick(self, events: list[dict[str, Any]]) -> None:
         """Faders and ends that act now take effect with the next tick."""
-        kinds = {one["number"]: one["kind"] for one in events if one["event"] == "line"}
-        for one in events:
-            number = one.get("number")
-            if one["event"] == "commit" and kinds[number] in ("faders", "ends"):
+        kinds = {item["number"]: item["kind"] for item in events if item["event"] == "line"}
+        for item in events:
+            number = item.get("number")
+            if item["event"] == "commit" and kinds[number] in ("faders", "ends"):
                 frame = self.at_submit.get(number)
                 if frame is not None:
-                    assert one["frame"] <= frame + MARGIN + 2 * EVERY, [self.story, one]
+                    assert item["frame"] <= frame + MARGIN + 2 * EVERY, [self.story, item]
 
 
 def _numbers(change: Any) -> list[int]:

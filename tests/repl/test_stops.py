@@ -115,9 +115,9 @@ STOPS = {
 }
 
 
-@pytest.mark.parametrize("way", few(STOPS, ["panic"]))
-def test_a_stop_waits_for_no_line(tmp_path: Path, way: str):
-    line, stop = STOPS[way]
+@pytest.mark.parametrize("method", few(STOPS, ["panic"]))
+def test_a_stop_waits_for_no_line(tmp_path: Path, method: str):
+    line, stop = STOPS[method]
     with played(tmp_path) as board, piped(tmp_path, board, line) as process:
         until(lambda: pushes(board), "a force")
         stop(process)
@@ -129,14 +129,14 @@ def test_a_stop_waits_for_no_line(tmp_path: Path, way: str):
 @contextmanager
 def terminal(folder: Path, board: Simulated, *options: str) -> Iterator[Terminal]:
     """A session in a terminal that pushes; a line may be stuck in it in the end."""
-    with Terminal(command(folder, board, *options), cwd=folder) as at:
+    with Terminal(command(folder, board, *options), cwd=folder) as window:
         try:
-            until(lambda: at.look(0) and pushes(board), "a force")
-            at.until(lambda: at.cursor_line.endswith(" >"), "a prompt")
-            yield at
+            until(lambda: window.look(0) and pushes(board), "a force")
+            window.until(lambda: window.cursor_line.endswith(" >"), "a prompt")
+            yield window
         finally:
-            at.child.kill(signal.SIGKILL)
-            at.child.wait()
+            window.child.kill(signal.SIGKILL)
+            window.child.wait()
 
 
 @pytest.mark.slow
@@ -145,29 +145,29 @@ def terminal(folder: Path, board: Simulated, *options: str) -> Iterator[Terminal
 def test_a_terminal_stops_while_a_line_is_at_work(
     tmp_path: Path, options: tuple[str, ...], key: str
 ):
-    with played(tmp_path) as board, terminal(tmp_path, board, *options) as at:
-        at.type(LINE.rstrip() + ENTER)
-        at.sees("\nstuck\n")
+    with played(tmp_path) as board, terminal(tmp_path, board, *options) as position:
+        position.type(LINE.rstrip() + ENTER)
+        position.sees("\nstuck\n")
         if key == "SIGINT":
-            at.child.kill(signal.SIGINT)
+            position.child.kill(signal.SIGINT)
         else:  # a terminal that draws nothing gives F12 with the line
-            at.type(key + (ENTER if options and key == F12 else ""))
-        until(lambda: at.look(0) and has_let_go(board), "zero force")
+            position.type(key + (ENTER if options and key == F12 else ""))
+        until(lambda: position.look(0) and has_let_go(board), "zero force")
 
 
 def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: Path):
-    with played(tmp_path) as board, terminal(tmp_path, board) as at:
-        at.type("half a line")
-        at.sees("half a line")
-        at.type(CTRL_C)
-        at.until(lambda: at.cursor_line.endswith(" >"), "an empty prompt")
-        at.type("half a line")
-        at.until(lambda: at.cursor_line.endswith("half a line"), "half a line again")
-        at.child.kill(signal.SIGINT)
-        at.until(lambda: at.cursor_line.endswith(" >"), "an empty prompt")
-        at.type("help" + ENTER)
-        at.sees("all hands lift, and the session ends")
-        until(lambda: at.look(0) and pushes(board), "a force")
+    with played(tmp_path) as board, terminal(tmp_path, board) as position:
+        position.type("half a line")
+        position.sees("half a line")
+        position.type(CTRL_C)
+        position.until(lambda: position.cursor_line.endswith(" >"), "an empty prompt")
+        position.type("half a line")
+        position.until(lambda: position.cursor_line.endswith("half a line"), "half a line again")
+        position.child.kill(signal.SIGINT)
+        position.until(lambda: position.cursor_line.endswith(" >"), "an empty prompt")
+        position.type("help" + ENTER)
+        position.sees("all hands lift, and the session ends")
+        until(lambda: position.look(0) and pushes(board), "a force")
 
 
 # --- lines, stops, and their turns ---------------------------------------------------------------
@@ -177,13 +177,13 @@ def test_a_stop_in_a_pipe_is_done_before_the_line_that_it_follows_ends(tmp_path:
     """`slow` ends by a panic alone."""
     done = script(tmp_path, "slow 1000\nada a\npanic\nada b\n")
     assert "stopped by the panic" in done.stdout
-    said = [call for call in calls(tmp_path) if call["what"] in ("submit", "panic")]
-    texts = [call.get("text", "panic at once") for call in said]
+    message = [call for call in calls(tmp_path) if call["what"] in ("submit", "panic")]
+    texts = [call.get("text", "panic at once") for call in message]
     assert sorted(texts) == sorted(["slow 1000", "panic at once", "ada a", "panic", "ada b"])
     assert [text for text in texts if text != "panic at once"] == [
         *["slow 1000", "ada a", "panic", "ada b"]
     ]
-    assert [call["releases"] for call in said if call.get("text") == "ada a"] == [False]
+    assert [call["releases"] for call in message if call.get("text") == "ada a"] == [False]
 
 
 def test_a_file_is_read_one_line_ahead(tmp_path: Path):
@@ -229,8 +229,8 @@ def test_lines_before_a_stop_bring_nothing_back():
     turns.enter("play", 4)
     turns.end()
     assert face.asked == ["panic", "panic", "input ends"]
-    found = [turns.next() for _ in range(5)]
-    assert [turn and (turn.sender, turn.releases) for turn in found] == [
+    result = [turns.next() for _ in range(5)]
+    assert [turn and (turn.sender, turn.releases) for turn in result] == [
         *[(1, False), (2, False), (3, False), (4, False)],
         None,
     ]

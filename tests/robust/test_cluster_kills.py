@@ -35,20 +35,20 @@ STRIKES = (
 
 
 @pytest.fixture(autouse=True)
-def here(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(own_folder / "cache"))
+def here(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(work_folder / "cache"))
     monkeypatch.delenv("ERGON_CACHE", raising=False)
     instruments = "".join(
         GONG.format(name=name, radius=r) for name, r in zip("abc", (5, 6, 6), strict=True)
     )
     Path("a.yaml").write_text(GONGS + instruments + STRIKES)
-    return own_folder
+    return work_folder
 
 
 def render(*words: str, **environment: str) -> "subprocess.Popen[bytes]":
     words = (*ERGON, "render", "a.yaml", *words)
-    with Path("said.txt").open("wb") as said:
-        return subprocess.Popen(words, stderr=said, env={**os.environ, **environment})
+    with Path("said.txt").open("wb") as text:
+        return subprocess.Popen(words, stderr=text, env={**os.environ, **environment})
 
 
 def digest(path: str) -> str:
@@ -63,14 +63,14 @@ def expected(here: Path) -> str:
 
 def workers_of(process: "subprocess.Popen[bytes]") -> list[int]:
     """Dask's own worker processes below another, not those that watch them."""
-    found = []
+    result = []
     try:
         for child in psutil.Process(process.pid).children(recursive=True):
             if "spawn_main" in " ".join(child.cmdline()):
-                found.append(child.pid)
+                result.append(child.pid)
     except psutil.NoSuchProcess:
         pass
-    return found
+    return result
 
 
 def stored() -> int:
@@ -130,9 +130,9 @@ def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str
     while n_kills < 10:
         if not runs_on(dice, process):
             if process.returncode == 2:  # whoever begins five times is killed five times
-                said = Path("said.txt").read_text()
-                assert "local:2: the processes did not start" in said
-                assert "Traceback" not in said
+                text = Path("said.txt").read_text()
+                assert "local:2: the processes did not start" in text
+                assert "Traceback" not in text
                 assert not Path("two.wav").exists()
             else:
                 whole(process, expected)
@@ -172,9 +172,9 @@ class Dask:
     """A scheduler and two workers, each a process begun as a person begins it."""
 
     def __init__(self) -> None:
-        with socket.socket() as one:
-            one.bind(("127.0.0.1", 0))
-            self.port = one.getsockname()[1]
+        with socket.socket() as first:
+            first.bind(("127.0.0.1", 0))
+            self.port = first.getsockname()[1]
         self.address = f"tcp://127.0.0.1:{self.port}"
         self.processes: list[subprocess.Popen[bytes]] = []
         self.begin()
@@ -199,9 +199,9 @@ class Dask:
 
 @pytest.fixture
 def dask() -> Iterator[Dask]:
-    own = Dask()
-    yield own
-    own.end()
+    single = Dask()
+    yield single
+    single.end()
 
 
 @pytest.mark.slow
@@ -210,17 +210,17 @@ def test_a_scheduler_is_killed(expected: str, dask: Dask):
     until(lambda: stored() >= 2, "stretches")
     dask.processes[0].kill()
     assert process.wait(PATIENCE) == 2
-    said = Path("said.txt").read_text()
-    assert "Traceback" not in said
-    assert "what arrived is kept: the same command goes on from there" in said
+    text = Path("said.txt").read_text()
+    assert "Traceback" not in text
+    assert "what arrived is kept: the same command goes on from there" in text
     assert not Path("two.wav").exists()
-    kept = stored()
+    saved = stored()
     dask.end()
     dask.begin()
     process = render("-o", "two.wav", "--on", dask.address)
     assert process.wait(PATIENCE) == 0, Path("said.txt").read_text()
     assert digest("two.wav") == expected
-    assert stored() >= kept
+    assert stored() >= saved
 
 
 @pytest.mark.slow
@@ -244,9 +244,9 @@ def test_schedulers_are_killed_at_random_instants(
             if process.wait(PATIENCE) == 0:
                 whole(process, expected)
             else:
-                said = Path("said.txt").read_text()
-                assert process.returncode == 2, said
-                assert "Traceback" not in said
+                text = Path("said.txt").read_text()
+                assert process.returncode == 2, text
+                assert "Traceback" not in text
                 assert not Path("two.wav").exists()
             dask.end()
             dask.begin()

@@ -28,7 +28,7 @@ TLS = "DASK_DISTRIBUTED__COMM__TLS__"
 
 
 @pytest.fixture(autouse=True)
-def here(own_folder: Path) -> None:
+def here(work_folder: Path) -> None:
     Path("piece.yaml").write_text(SCORE)
 
 
@@ -39,9 +39,9 @@ def test_by_the_documented_commands():
     if not (binaries / "dask").exists():
         pytest.skip("no command dask")
     environment = {"PATH": f"{binaries}{os.pathsep}{os.environ['PATH']}", "ERGON_CACHE": "plans"}
-    own = {**os.environ, **environment}
+    single = {**os.environ, **environment}
     words = [*ERGON, "render", "piece.yaml", "-o", "one.wav", "-q"]
-    assert subprocess.run(words, env=own).returncode == 0
+    assert subprocess.run(words, env=single).returncode == 0
     with documented_cluster("Where the network is not trusted", environment) as cluster:
         *settings, render = cluster.you
         assert [line.split("=")[0] for line in settings] == [
@@ -50,7 +50,7 @@ def test_by_the_documented_commands():
         assert render.startswith("ergon render piece.yaml --on tls://")
         render = render.replace("ergon", " ".join(ERGON), 1)
         done = subprocess.run(
-            "\n".join((*settings, render)), shell=True, env=own, capture_output=True, text=True
+            "\n".join((*settings, render)), shell=True, env=single, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
         assert "worker " in done.stderr
@@ -62,7 +62,7 @@ def test_by_the_documented_commands():
         plain = render.replace("tls://", "tcp://")
         for lines in ([*theirs, render], [plain]):
             done = subprocess.run(
-                "\n".join(lines), shell=True, env=own, capture_output=True, text=True
+                "\n".join(lines), shell=True, env=single, capture_output=True, text=True
             )
             assert done.returncode == 2
             assert "no scheduler answers" in done.stderr
@@ -78,7 +78,7 @@ def test_by_the_documented_commands():
     ],
 )
 def test_certificates_that_lack(
-    names: dict[str, str], said: str, capsys: pytest.CaptureFixture[str]
+    names: dict[str, str], output: str, capsys: pytest.CaptureFixture[str]
 ):
     import dask.config
 
@@ -87,5 +87,5 @@ def test_certificates_that_lack(
             for n, value in names.items()}  # fmt: skip
     with dask.config.set({key: value or None for key, value in keys.items()}):
         assert app.run(["render", "piece.yaml", "--on", "tls://127.0.0.1:1", "-o", "x.wav"]) == 2
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
     assert not Path("x.wav").exists()

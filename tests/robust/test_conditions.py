@@ -114,17 +114,17 @@ WRITERS = (
 
 @pytest.mark.parametrize("line", WRITERS)
 def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
-    code, _, told = forked_ergon(small, line)
+    code, _, output = forked_ergon(small, line)
     assert code == 2
-    assert " cannot be written: No space left" in told, told
+    assert " cannot be written: No space left" in output, output
     assert files(small) == ["live.yaml", "score.yaml"]
 
 
 @pytest.mark.parametrize("line", WRITERS)
 def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> None:
-    code, _, told = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
+    code, _, output = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
-    assert " cannot be written: File too large" in told, told
+    assert " cannot be written: File too large" in output, output
     assert files(here) == GIVEN
 
 
@@ -138,9 +138,9 @@ def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> N
     ],
 )
 def test_a_device_that_is_full(here: Path, line: str) -> None:
-    code, _, told = forked_ergon(here, line)
+    code, _, output = forked_ergon(here, line)
     assert code == 2
-    assert "No space left" in told, told
+    assert "No space left" in output, output
 
 
 @pytest.mark.parametrize(
@@ -219,22 +219,22 @@ def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, wh
                         time.sleep(0.02)
                     time.sleep(0.5)
                     fill(small)
-                    said = ""
+                    text = ""
                     assert process.stdout is not None
-                    while "No space left" not in said:
+                    while "No space left" not in text:
                         line = process.stdout.readline()
-                        assert line, said
-                        said += line
+                        assert line, text
+                        text += line
                     process.send_signal(signal.SIGINT)
                     rest, _ = process.communicate(timeout=PATIENCE)
                 finally:
                     process.kill()
         finally:
             device.kill()
-    assert not [word for word in NEVER if word in said + rest], said + rest
+    assert not [word for word in NEVER if word in text + rest], text + rest
     assert process.returncode in (2, 130), rest
-    found = _core.read_recording(small / "a.take")
-    assert not found.finished
+    result = _core.read_recording(small / "a.take")
+    assert not result.finished
 
 
 @pytest.mark.parametrize("what", RECORDERS)
@@ -243,21 +243,21 @@ def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> Non
     with subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True) as device:
         assert device.stdout is not None
         url = json.loads(device.stdout.readline())["url"]
-        code, _, told = forked_ergon(
+        code, _, output = forked_ergon(
             small, f"{what} --live {'ada=' if 'duet' in what else ''}{url}"
         )
         device.kill()
     assert code == 2
-    assert "the recording cannot be written: No space left" in told
+    assert "the recording cannot be written: No space left" in output
     assert not (small / "a.take").exists(), "a take of nothing"
 
 
 def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
     fill(small)
     line = "repl score.yaml --audio null --gain 0dB --plain"
-    _, out, told = forked_ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
-    assert "cannot be written" in out + told
-    assert "No space left" in out + told
+    _, out, output = forked_ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
+    assert "cannot be written" in out + output
+    assert "No space left" in out + output
     if (small / "session.jsonl").exists():
         assert "end" not in [event.name for event in read_events(small / "session.jsonl")]
 
@@ -273,14 +273,14 @@ def test_a_folder_that_is_read_only(tmp_path: Path, here: Path, line: str) -> No
     else:
         here.chmod(0o500)
     try:
-        code, _, told = forked_ergon(here, line)
+        code, _, output = forked_ergon(here, line)
     finally:
         if IS_ROOT:
             subprocess.run(["umount", "-l", str(here)], check=True)
         else:
             here.chmod(0o700)
     assert code == 2
-    assert "Read-only" in told or "Permission denied" in told, told
+    assert "Read-only" in output or "Permission denied" in output, output
 
 
 # --- environments ---------------------------------------------------------------------------------
@@ -324,8 +324,8 @@ ENVIRONMENTS: dict[str, dict[str, str | None]] = {
 @pytest.mark.parametrize(("name", "line"), crossed([*ENVIRONMENTS], LINES))
 def test_an_environment_without(here: Path, name: str, line: str) -> None:
     before = files(here)
-    code, _, told = ergon(here, line, **ENVIRONMENTS[name])
-    assert code == 0, told
+    code, _, output = ergon(here, line, **ENVIRONMENTS[name])
+    assert code == 0, output
     assert not [path for path in files(here) if path not in before and "." not in path]
 
 
@@ -341,27 +341,27 @@ def test_a_home_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None
     folders: dict[str, str | None] = {"HOME": str(home), "ERGON_CACHE": "on"}
     folders |= {f"XDG_{name}": None for name in ("CACHE_HOME", "CONFIG_HOME", "STATE_HOME")}
     try:
-        code, _, told = ergon(here, line, **folders)
+        code, _, output = ergon(here, line, **folders)
     finally:
         if IS_ROOT:
             subprocess.run(["umount", "-l", str(home)], check=True)
-    assert code == 0, told
+    assert code == 0, output
 
 
 @pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize("most", few([8, 16], [8]))
-def test_few_descriptors(here: Path, line: str, most: int) -> None:
-    code, out, told = ergon(here, line, limited(resource.RLIMIT_NOFILE, most))
-    assert code in (0, 2, 3), told
-    assert code == 0 or told.strip() or out.strip()
+@pytest.mark.parametrize("limit", few([8, 16], [8]))
+def test_few_descriptors(here: Path, line: str, limit: int) -> None:
+    code, out, output = ergon(here, line, limited(resource.RLIMIT_NOFILE, limit))
+    assert code in (0, 2, 3), output
+    assert code == 0 or output.strip() or out.strip()
     assert not [name for name in files(here) if name.endswith(".part")]
 
 
-@pytest.mark.parametrize("most", few([300, 600, 900], 1))  # [MB]: numpy alone maps some hundred
+@pytest.mark.parametrize("limit", few([300, 600, 900], 1))  # [MB]: numpy alone maps some hundred
 @pytest.mark.parametrize(
     "line", ["check score.yaml", "render long.yaml -o x.wav --normalise -1dB -n"]
 )
-def test_little_memory(here: Path, line: str, most: int) -> None:
+def test_little_memory(here: Path, line: str, limit: int) -> None:
     done = subprocess.run(
         [*ERGON, *line.split()],
         cwd=here,
@@ -369,7 +369,7 @@ def test_little_memory(here: Path, line: str, most: int) -> None:
         text=True,
         timeout=PATIENCE,
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        preexec_fn=limited(resource.RLIMIT_AS, most << 20),
+        preexec_fn=limited(resource.RLIMIT_AS, limit << 20),
     )
     assert done.returncode >= 0, "it ends by itself"
     assert files(here) == GIVEN
@@ -401,14 +401,14 @@ def test_a_signal_ends_it_with_nothing_left(
                 assert process.stdout is not None
                 process.stdin.write("play\n")
                 process.stdin.flush()
-                while "ok" not in (said := process.stdout.readline()):
-                    assert said
+                while "ok" not in (output := process.stdout.readline()):
+                    assert output
             process.send_signal(number)
-            out, told = process.communicate(timeout=PATIENCE)
+            out, printed = process.communicate(timeout=PATIENCE)
         finally:
             process.kill()
-    assert process.returncode == 128 + number, told
-    assert not [word for word in NEVER if word in out + told], told
+    assert process.returncode == 128 + number, printed
+    assert not [word for word in NEVER if word in out + printed], printed
     assert [name for name in files(here) if name not in GIVEN] == (
         ["session.jsonl"] if "repl" in line else []
     )
@@ -433,8 +433,8 @@ def test_two_renders_to_one_file(here: Path) -> None:
     subprocess.run([*line, "one.wav"], cwd=here, check=True)
     both = [subprocess.Popen([*line, "x.wav"], cwd=here, stderr=subprocess.PIPE) for _ in range(4)]
     for process in both:
-        _, told = process.communicate(timeout=PATIENCE)
-        assert process.returncode == 0, told
+        _, output = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 0, output
     assert (here / "x.wav").read_bytes() == (here / "one.wav").read_bytes()
     assert files(here) == sorted([*GIVEN, "one.wav", "x.wav"])
 
@@ -444,15 +444,15 @@ def test_two_sessions_in_one_folder(here: Path) -> None:
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     both = [subprocess.Popen(line, cwd=here, text=True, **pipes) for _ in range(3)]
     for number, process in enumerate(both):
-        out, told = process.communicate(f"gain bell -{number + 1}dB\n", timeout=PATIENCE)
-        assert process.returncode == 0, told
+        out, output = process.communicate(f"gain bell -{number + 1}dB\n", timeout=PATIENCE)
+        assert process.returncode == 0, output
         assert "ok" in out
-    found = set()
+    result = set()
     for name in ("session.jsonl", "session-2.jsonl", "session-3.jsonl"):
         events = list(read_events(here / name))
         assert events[-1].name == "end"
-        found |= {str(event.fields["line"]) for event in events if event.name == "line"}
-    assert found == {f"gain bell -{number}dB" for number in (1, 2, 3)}
+        result |= {str(event.fields["line"]) for event in events if event.name == "line"}
+    assert result == {f"gain bell -{number}dB" for number in (1, 2, 3)}
 
 
 # --- what is no file ------------------------------------------------------------------------------
@@ -503,10 +503,10 @@ def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
                 else:
                     path.symlink_to("/dev/zero")
             before = files(here)
-            code, out, told = forked_ergon(here, line.format(name), (resource.RLIMIT_AS, 4 << 30))
+            code, out, output = forked_ergon(here, line.format(name), (resource.RLIMIT_AS, 4 << 30))
             empty = "take list" in line and what == "folder"
-            assert code in ((0,) if empty else (1, 2)), (name, told)
-            assert told.strip() or out.strip(), name
+            assert code in ((0,) if empty else (1, 2)), (name, output)
+            assert output.strip() or out.strip(), name
             assert files(here) == before
 
 
@@ -515,6 +515,6 @@ def test_load_takes_files_alone(here: Path) -> None:
     (here / "folder").mkdir()
     line = "repl score.yaml --audio null --gain 0dB --plain"
     lines = "load /dev/zero\nload fifo\nload folder\nload /dev/full\nreload\n"
-    code, out, told = forked_ergon(here, line, (resource.RLIMIT_AS, 4 << 30), lines=lines)
-    assert code == 0, told
+    code, out, output = forked_ergon(here, line, (resource.RLIMIT_AS, 4 << 30), lines=lines)
+    assert code == 0, output
     assert "loaded" not in out

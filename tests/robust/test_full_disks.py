@@ -50,7 +50,7 @@ def leave(disk: Path, n_pages: int) -> None:
         file.write(bytes(PAGE * max(0, free - n_pages)))
 
 
-def is_refused(writer: Writer, folder: Path, *limits: tuple[int, int], said: str) -> bool:
+def is_refused(writer: Writer, folder: Path, *limits: tuple[int, int], message: str) -> bool:
     """Whether a command ends with a sentence; False if it does all it should."""
     done = forked([*writer.words, "-q"], folder, limits=limits)
     assert "Traceback" not in done.stderr, done.stderr
@@ -58,7 +58,7 @@ def is_refused(writer: Writer, folder: Path, *limits: tuple[int, int], said: str
     if done.returncode == 0:
         return False
     assert done.returncode == 2, done.stderr
-    assert f" cannot be written: {said}" in done.stderr
+    assert f" cannot be written: {message}" in done.stderr
     return True
 
 
@@ -70,33 +70,33 @@ def names(folder: Path) -> set[str]:
 def test_a_full_disk_leaves_what_was_there(disk: Path, writer: Writer) -> None:
     """Over nothing, and over what an earlier run made; with room for none of it, and for some."""
     before, there = names(disk), contents(disk)
-    whole = shutil.copytree(disk, disk.parent.parent / "whole")
-    assert not is_refused(writer, whole, said="")
-    made = [whole / name for name in writer.files]
-    n_pages = sum(-(-path.stat().st_size // PAGE) for path in made)
+    complete = shutil.copytree(disk, disk.parent.parent / "whole")
+    assert not is_refused(writer, complete, message="")
+    built = [complete / name for name in writer.files]
+    n_pages = sum(-(-path.stat().st_size // PAGE) for path in built)
     is_over = False
     while True:
         for room in {0, n_pages // 3, n_pages - 1}:
             leave(disk.parent, room)
-            assert is_refused(writer, disk, said="No space left"), room
+            assert is_refused(writer, disk, message="No space left"), room
             (disk.parent / "fill").unlink()
             assert contents(disk) == there, room
             assert names(disk) == before, room
         if is_over or writer in MAKERS:
             return
-        assert not is_refused(writer, disk, said="")
+        assert not is_refused(writer, disk, message="")
         before, there, is_over = names(disk), contents(disk), True
 
 
 def test_a_sweep_on_a_full_disk_keeps_what_is_whole_and_goes_on(disk: Path) -> None:
     before = names(disk)
     leave(disk.parent, 8)
-    assert is_refused(SWEEP, disk, said="No space left")
+    assert is_refused(SWEEP, disk, message="No space left")
     (disk.parent / "fill").unlink()
     left = names(disk) - before
     assert left <= {"sw", *SWEEP.files}
     sounds = {name: (disk / name).read_bytes() for name in left if name.endswith(".wav")}
-    assert not is_refused(SWEEP, disk, said="")
+    assert not is_refused(SWEEP, disk, message="")
     assert names(disk) - before == {"sw", *SWEEP.files}
     assert sounds == {name: (disk / name).read_bytes() for name in sounds}
 
@@ -105,11 +105,11 @@ def test_a_sweep_on_a_full_disk_keeps_what_is_whole_and_goes_on(disk: Path) -> N
 def test_the_largest_file_that_may_be_leaves_what_was_there(
     inputs: Path, tmp_path: Path, writer: Writer
 ) -> None:
-    whole, folder = (shutil.copytree(inputs, tmp_path / name) for name in ("whole", "folder"))
-    assert not is_refused(writer, whole, said="")
-    largest = max((whole / name).stat().st_size for name in writer.files)
+    complete, folder = (shutil.copytree(inputs, tmp_path / name) for name in ("whole", "folder"))
+    assert not is_refused(writer, complete, message="")
+    largest = max((complete / name).stat().st_size for name in writer.files)
     before, there = names(folder), contents(folder)
     limit = (resource.RLIMIT_FSIZE, largest - 1)
-    assert is_refused(writer, folder, limit, said="File too large")
+    assert is_refused(writer, folder, limit, message="File too large")
     assert contents(folder) == there
     assert names(folder) == before

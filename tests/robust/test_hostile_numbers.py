@@ -103,13 +103,13 @@ def test_a_value_that_is_hidden_is_left_out_of_a_summary(tmp_path: Path):
         summary(path)
 
 
-def test_a_record_of_what_is_hidden_is_json(own_folder: Path):
+def test_a_record_of_what_is_hidden_is_json(work_folder: Path):
     """It held Infinity, which no other program reads."""
     Path("a.csv").write_text("t [s],x [mm]\n0,nan\n1,nan\n")
-    done = forked(["take", "info", "--json", "a.csv"], own_folder)
+    done = forked(["take", "info", "--json", "a.csv"], work_folder)
     (record,) = done.stdout.splitlines()
-    found = json.loads(record, parse_constant=pytest.fail)
-    assert found["channels"] == [{"name": "x [mm]", "low": None, "high": None}]
+    result = json.loads(record, parse_constant=pytest.fail)
+    assert result["channels"] == [{"name": "x [mm]", "low": None, "high": None}]
 
 
 def wave(rate: int, n_frames: int = 22_000) -> bytes:
@@ -193,11 +193,11 @@ def test_a_plan_has_a_finite_budget(tmp_path: Path):
 
 
 @pytest.mark.parametrize("command", ["play score.yaml", "layout noise stereo"])
-def test_sound_that_is_played_overwrites_no_file(own_folder: Path, command: str):
+def test_sound_that_is_played_overwrites_no_file(work_folder: Path, command: str):
     """It was "entity already exists", with the exit code of a missing device."""
     Path("score.yaml").write_text(SCORE)
     Path("a.wav").write_bytes(b"mine")
-    done = forked([*command.split(), "--audio", "file:a.wav"], own_folder)
+    done = forked([*command.split(), "--audio", "file:a.wav"], work_folder)
     assert done.returncode == 2
     assert "a.wav: this file exists" in done.stderr
     assert "name another" in done.stderr
@@ -220,7 +220,7 @@ OTHER_READERS = (
 
 
 @pytest.mark.parametrize("line", OTHER_READERS)
-def test_other_readers_take_files_alone(own_folder: Path, line: str):
+def test_other_readers_take_files_alone(work_folder: Path, line: str):
     """A pipe that nobody writes to, and a device without an end, which `ergon bell` waited for."""
     soundfile.write("a.wav", np.zeros((100, 2)), 48_000, subtype="PCM_24")
     suffix = Path(line.split()[1 + line.startswith(("layout", "metrology"))]).suffix
@@ -229,6 +229,6 @@ def test_other_readers_take_files_alone(own_folder: Path, line: str):
     Path(f"zero{suffix}").symlink_to("/dev/zero")
     for name in ("pipe", "zero"):
         limits = ((resource.RLIMIT_AS, 4 << 30),)
-        done = forked(line.format(name).split(), own_folder, limits=limits)
+        done = forked(line.format(name).split(), work_folder, limits=limits)
         assert done.returncode == 2
         assert f"{name}{suffix}: not a regular file" in done.stderr

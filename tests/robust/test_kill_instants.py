@@ -37,34 +37,36 @@ def temporary(name: str) -> bool:
     return any(part.endswith(".part") for part in name.split("/"))
 
 
-def alike(found: dict[str, bytes], wanted: dict[str, bytes]) -> bool:
-    return found.keys() == wanted.keys() and all(
-        found[name] == wanted[name] for name in found if not name.endswith(_TIMED)
+def alike(result_wanted: dict[str, bytes], wanted: dict[str, bytes]) -> bool:
+    return result_wanted.keys() == wanted.keys() and all(
+        result_wanted[name] == wanted[name] for name in result_wanted if not name.endswith(_TIMED)
     )
 
 
 @pytest.mark.parametrize("writer", few(EVERY, SHOWN), ids=lambda writer: writer.line)
 def test_a_kill_at_any_change_of_a_file(inputs: Path, tmp_path: Path, writer: Writer) -> None:
-    whole = shutil.copytree(inputs, tmp_path / "whole")
-    before = contents(whole)
-    assert run(writer, whole) == 0
-    made = contents(whole)
-    assert made.keys() - before.keys() == {*writer.files}
+    complete = shutil.copytree(inputs, tmp_path / "whole")
+    before = contents(complete)
+    assert run(writer, complete) == 0
+    built = contents(complete)
+    assert built.keys() - before.keys() == {*writer.files}
     is_maker = writer in MAKERS
     for is_over in (False,) if is_maker else (False, True):
         for number in range(1, _MOST):
-            folder = shutil.copytree(whole if is_over else inputs, tmp_path / f"{is_over}{number}")
+            folder = shutil.copytree(
+                complete if is_over else inputs, tmp_path / f"{is_over}{number}"
+            )
             code = run(writer, folder, number)
             left = {name: data for name, data in contents(folder).items() if not temporary(name)}
             if is_maker:
-                assert alike(left, before) or alike(left, made), "part of a folder"
+                assert alike(left, before) or alike(left, built), "part of a folder"
             for name, data in left.items():
-                assert name.endswith(_TIMED) or data == made[name], f"{name}, change {number}"
+                assert name.endswith(_TIMED) or data == built[name], f"{name}, change {number}"
             if code == 0:
                 break
             assert code == -signal.SIGKILL
-            if not (is_maker and alike(left, made)):
+            if not (is_maker and alike(left, built)):
                 assert run(writer, folder) == 0, f"it does not go on after change {number}"
-            assert alike(contents(folder), made), f"litter after change {number}"
+            assert alike(contents(folder), built), f"litter after change {number}"
             shutil.rmtree(folder)
         assert 3 < number < _MOST - 1, "no kill was tried"

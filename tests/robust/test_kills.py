@@ -110,40 +110,40 @@ def whole(line: tuple[str, ...], tail: str) -> Whole:
         folder = Path(name)
         (folder / "score.yaml").write_text(SCORE.replace("TAIL", tail))
         began = time.monotonic()
-        code, said = ended(folder, *line)
+        code, text = ended(folder, *line)
         seconds = time.monotonic() - began
-        assert code == 0, said
+        assert code == 0, text
         return Whole(contents(folder), seconds)
 
 
 def _makes(line: tuple[str, ...], folder: Path, chance: random.Random) -> None:
     """A command that writes files: each is the old one or the new one; the next start is clean."""
-    made = whole(line, "20s")
+    built = whole(line, "20s")
     old = whole(line, "1s")
     over = chance.random() < 0.5  # over what an earlier run made, of another score
     if over:
         for name, data in old.files.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(data)
-    (folder / "score.yaml").write_bytes(made.files["score.yaml"])
+    (folder / "score.yaml").write_bytes(built.files["score.yaml"])
     again = (*line, "-f") if over and line[0] == "render" else line
-    killed(start(folder, *again), chance.uniform(0.2, 1.1) * made.seconds)
+    killed(start(folder, *again), chance.uniform(0.2, 1.1) * built.seconds)
     left = contents(folder)
     for name, data in left.items():
         if not name.endswith(".part"):
-            assert data in (made.files.get(name), old.files.get(name) if over else None), name
+            assert data in (built.files.get(name), old.files.get(name) if over else None), name
     if "frozen/frozen.json" in left:
-        code, said = ended(
+        code, text = ended(
             folder, "play", "score.yaml", "--frozen", "frozen", "--audio", "null:fast"
         )
         parts = {name for name in left if name.startswith("frozen/") and not name.endswith(".part")}
-        is_new = all(left[name] == made.files.get(name) for name in parts)
-        assert code == (0 if is_new else 2), said
-    code, said = ended(folder, *again)
-    assert code == 0, said
+        is_new = all(left[name] == built.files.get(name) for name in parts)
+        assert code == (0 if is_new else 2), text
+    code, text = ended(folder, *again)
+    assert code == 0, text
     after = contents(folder)
     assert not [name for name in after if name.endswith(".part")], "litter"
-    for name, data in made.files.items():
+    for name, data in built.files.items():
         assert after[name] == data, name
 
 
@@ -180,14 +180,14 @@ def _recorded(folder: Path, chance: random.Random, *line: str, live: str) -> Non
     if take.stat().st_size == 0:  # killed between its name and its first bytes
         assert over["packets"] < TICKS_LOST + OPENING
         return
-    found = _core.read_recording(take)
-    assert not found.finished, "what was cut is called whole"
-    ticks = found.ticks()
+    result = _core.read_recording(take)
+    assert not result.finished, "what was cut is called whole"
+    ticks = result.ticks()
     assert list(ticks) == list(range(len(ticks)))
     assert over["packets"] - len(ticks) <= TICKS_LOST + OPENING
-    code, said = ended(folder, "take", "info", "a.take")
+    code, text = ended(folder, "take", "info", "a.take")
     assert code == (0 if len(ticks) else code)
-    assert "never finished" in said or code == 2, said
+    assert "never finished" in text or code == 2, text
     assert names(folder) == ["a.take", "score.yaml"]
 
 
@@ -216,8 +216,8 @@ def repl(folder: Path, chance: random.Random) -> None:
         for text in LINES[:until]:
             process.stdin.write(text + "\n")
             process.stdin.flush()
-            while "ok" not in (said := process.stdout.readline()):
-                assert said, "it ended"
+            while "ok" not in (output := process.stdout.readline()):
+                assert output, "it ended"
             accepted += 1
         for text in LINES[until:]:
             process.stdin.write(text + "\n")
@@ -230,18 +230,18 @@ def repl(folder: Path, chance: random.Random) -> None:
     )
     journal = folder / "session.jsonl"
     try:
-        found = read_journal(journal, resumes=True, score=str(folder / "score.yaml"))
+        result = read_journal(journal, resumes=True, score=str(folder / "score.yaml"))
     except JournalError:
         assert not accepted
         return
-    events = [event.fields["line"] for _, event in sorted(found.lines.items())]
+    events = [event.fields["line"] for _, event in sorted(result.lines.items())]
     assert events == list(LINES[: len(events)])
     assert len(events) >= accepted
-    text = resumed_state(found)[0].texts.text
+    text = resumed_state(result)[0].texts.text
     assert ("every: 1, until: 999|1" in text) == (len(events) > 1)
     assert ("2@1/8" in text) == (len(events) == len(LINES))
-    code, said = ended(folder, *line, "--resume", "session.jsonl")
-    assert code == 0, said
+    code, output = ended(folder, *line, "--resume", "session.jsonl")
+    assert code == 0, output
     assert names(folder) == ["score.yaml", "session-2.jsonl", "session.jsonl"]
 
 
@@ -252,12 +252,12 @@ WAYS: tuple[Callable[[Path, random.Random], None], ...] = (
 
 def kill(number: int) -> str:
     """One kill; what was wrong, if anything."""
-    way = WAYS[number % len(WAYS)]
+    method = WAYS[number % len(WAYS)]
     with TemporaryDirectory(prefix="ergon-kill-") as name:
         try:
-            way(Path(name), random.Random(f"{SEED} {number}"))
+            method(Path(name), random.Random(f"{SEED} {number}"))
         except Exception:
-            return f"kill {number}, {way.__name__}: {traceback.format_exc()}"
+            return f"kill {number}, {method.__name__}: {traceback.format_exc()}"
     return ""
 
 

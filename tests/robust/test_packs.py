@@ -41,7 +41,7 @@ GESTURES = "gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@160ms}\n"
 LAYOUT = "speakers: [{az: 30deg}, {az: -30deg}]\n"
 HAND = "t [s],x [m]\n" + "".join(f"{i / 100},{0.004 * (1 - abs(i - 10) / 10)}\n" for i in range(21))
 
-pytestmark = pytest.mark.usefixtures("own_folder")
+pytestmark = pytest.mark.usefixtures("work_folder")
 
 
 @pytest.fixture(autouse=True)

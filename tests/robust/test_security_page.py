@@ -25,5 +25,5 @@ def _tests_in(path: Path) -> set[str]:
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".rs":
         return set(re.findall(r"#\[test\]\s+fn (\w+)", text))
-    found = {node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)}
-    return {name for name in found if name.startswith("test_")}
+    result = {node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)}
+    return {name for name in result if name.startswith("test_")}

@@ -44,11 +44,11 @@ def piece(lines: str, seed: int = 5, tail: float = 8.0) -> Piece:
     return loaded.piece
 
 
-def points(of: Piece, module: str = "m", since: float = -math.inf, until: float = 8.0):
+def points(source: Piece, module: str = "m", since: float = -math.inf, until: float = 8.0):
     collector = Collector()
-    found = automation_points(of, since, until, collector)
+    result = automation_points(source, since, until, collector)
     assert not collector.has_errors()
-    return found.points["bell", module]
+    return result.points["bell", module]
 
 
 def frequency(k: float, z: float, m: float) -> float:
@@ -58,16 +58,16 @@ def frequency(k: float, z: float, m: float) -> float:
 def pitch(sound: np.ndarray, rate: float) -> float:
     """By its zero crossings, an independent measure."""
     rising = np.flatnonzero((sound[:-1] < 0) & (sound[1:] >= 0))
-    at = rising - sound[rising] / (sound[rising + 1] - sound[rising])
-    return rate * (len(at) - 1) / (at[-1] - at[0])
+    position = rising - sound[rising] / (sound[rising + 1] - sound[rising])
+    return rate * (len(position) - 1) / (position[-1] - position[0])
 
 
 def test_a_pattern_of_notes_is_heard():
-    of = piece("{set: bell.m.f, to: A3 C4 (E4 A4), at: 1|1, every: 1, times: 2}", tail=7.0)
-    whole = stage(of)
-    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
-    whole.simulation.process(sound)
-    rate = int(whole.rate)
+    source = piece("{set: bell.m.f, to: A3 C4 (E4 A4), at: 1|1, every: 1, times: 2}", tail=7.0)
+    complete = stage(source)
+    sound = np.zeros((complete.n_frames, complete.simulation.n_out))
+    complete.simulation.process(sound)
+    rate = int(complete.rate)
 
     def heard(begin: float, end: float) -> float:
         return pitch(sound[int((begin + 0.05) * rate) : int((end - 0.02) * rate), 0], rate)
@@ -78,8 +78,8 @@ def test_a_pattern_of_notes_is_heard():
 
 
 def test_values_and_factors_are_set_in_twenty_milliseconds():
-    found = points(piece("{set: bell.n.K, to: 1kN/m x0.5 ~, at: 1|2, every: 1/2, times: 1}"), "n")
-    assert [(t, k) for t, k, _, _ in found] == [
+    result = points(piece("{set: bell.n.K, to: 1kN/m x0.5 ~, at: 1|2, every: 1/2, times: 1}"), "n")
+    assert [(t, k) for t, k, _, _ in result] == [
         (1.0, 900.0),
         (1.0 + GLIDE, 1000.0),
         (1.5, 1000.0),
@@ -87,7 +87,7 @@ def test_values_and_factors_are_set_in_twenty_milliseconds():
         (2.5, 450.0),
         (2.5 + GLIDE, 900.0),
     ]
-    assert {(z, m) for _, _, z, m in found} == {(0.2, 0.002)}
+    assert {(z, m) for _, _, z, m in result} == {(0.2, 0.002)}
 
 
 @pytest.mark.parametrize(
@@ -100,36 +100,36 @@ def test_values_and_factors_are_set_in_twenty_milliseconds():
     ],
 )
 def test_a_swing_goes_between_its_ends(shape, expected):
-    of = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: 4, shape: {shape}, at: 1|1}}")
-    found = points(of, "n")
-    t, k = [p[0] for p in found], [p[1] / 900.0 for p in found]
-    for at in np.arange(0.2, 7.99, 0.037):
-        if min(abs(at % 2.0), 2.0 - at % 2.0) < 0.07:  # on its way from end to end
+    source = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: 4, shape: {shape}, at: 1|1}}")
+    result = points(source, "n")
+    t, k = [p[0] for p in result], [p[1] / 900.0 for p in result]
+    for index in np.arange(0.2, 7.99, 0.037):
+        if min(abs(index % 2.0), 2.0 - index % 2.0) < 0.07:  # on its way from end to end
             continue
-        assert np.interp(at, t, k) == pytest.approx(expected(at / 4 % 1.0), abs=1e-3)
-    assert found[0][:2] == (0.0, 900.0)  # from its own value
+        assert np.interp(index, t, k) == pytest.approx(expected(index / 4 % 1.0), abs=1e-3)
+    assert result[0][:2] == (0.0, 900.0)  # from its own value
 
 
 def test_a_swing_moves_up_to_the_end_of_a_piece():
     """Its points are a second apart, and the piece ends in between."""
     line = "{lfo: bell.m.f, range: 200Hz..300Hz, period: 64, at: 1|1}"
-    [cut, whole] = [stage(piece(line, tail=tail)) for tail in (7.5, 9.0)]
+    [cut, complete] = [stage(piece(line, tail=tail)) for tail in (7.5, 9.0)]
     sounds = []
-    for one in (cut, whole):
-        sound = np.zeros((cut.n_frames, one.simulation.n_out))
-        one.simulation.process(sound)
+    for item in (cut, complete):
+        sound = np.zeros((cut.n_frames, item.simulation.n_out))
+        item.simulation.process(sound)
         sounds.append(sound)
     assert np.array_equal(*sounds)
 
 
 def test_a_phase_begins_in_the_middle_of_a_swing():
     half = "{lfo: bell.n.K, range: 1kN/m..2kN/m, period: 4, phase: 0.25, at: 1|1, until: 2|1}"
-    found = points(piece(half), "n")
-    t, k = [p[0] for p in found], [p[1] for p in found]
-    for at in np.arange(0.1, 3.9, 0.1):
-        expected = 1500 + 500 * math.cos(math.pi * at / 2)
-        assert np.interp(at, t, k) == pytest.approx(expected, abs=1.5)
-    assert found[-1][:2] == (4.0 + GLIDE, 900.0)  # its own again
+    result = points(piece(half), "n")
+    t, k = [p[0] for p in result], [p[1] for p in result]
+    for index in np.arange(0.1, 3.9, 0.1):
+        expected = 1500 + 500 * math.cos(math.pi * index / 2)
+        assert np.interp(index, t, k) == pytest.approx(expected, abs=1.5)
+    assert result[-1][:2] == (4.0 + GLIDE, 900.0)  # its own again
 
 
 def test_lines_follow_one_another_and_parameters_go_together():
@@ -138,18 +138,18 @@ def test_lines_follow_one_another_and_parameters_go_together():
         "{lfo: bell.m.t60, range: 1s..3s, period: 2, at: 1|1, until: 2|1},"
         "{set: bell.m.f, to: E4, at: 2|1, every: 4, until: 3|1}"
     )
-    found = points(piece(lines))
+    result = points(piece(lines))
 
     def at(instant: float) -> tuple[float, float]:
-        t = [p[0] for p in found]
-        k, z, m = (float(np.interp(instant, t, [p[i] for p in found])) for i in (1, 2, 3))
+        t = [p[0] for p in result]
+        k, z, m = (float(np.interp(instant, t, [p[i] for p in result])) for i in (1, 2, 3))
         return frequency(k, z, m), 6.907755278982137 / (z / (2 * m)) if z else math.inf
 
     assert at(0.5) == (pytest.approx(220.0, rel=1e-5), pytest.approx(3.0, rel=1e-3))
     assert at(1.5) == (pytest.approx(440.0, rel=1e-5), pytest.approx(1.0, rel=1e-3))
     assert at(4.5)[0] == pytest.approx(329.6276, rel=1e-5)
-    assert frequency(*found[-1][1:]) == pytest.approx(220.0)
-    assert all(a[0] <= b[0] for a, b in pairwise(found))
+    assert frequency(*result[-1][1:]) == pytest.approx(220.0)
+    assert all(a[0] <= b[0] for a, b in pairwise(result))
 
 
 def test_chance_and_choices_are_those_of_the_seed():
@@ -157,24 +157,30 @@ def test_chance_and_choices_are_those_of_the_seed():
     assert points(piece(line)) == points(piece(line))
     assert points(piece(line)) != points(piece(line, 6))
     walk = "{set: bell.m.f, to: walk A3.minor, at: 1|1, every: 1/4, until: 3|1}"
-    heard = {round(frequency(*p[1:]), 2) for p in points(piece(walk))}
+    listened = {round(frequency(*p[1:]), 2) for p in points(piece(walk))}
     scale = {round(220 * 2 ** (n / 12), 2) for n in SCALES["minor"]}
-    assert heard <= scale
-    assert len(heard) > 2
+    assert listened <= scale
+    assert len(listened) > 2
 
 
 def test_a_glide_goes_evenly_in_pitch_and_stays():
-    found = points(piece("{set: bell.m.f, to: A5, at: 1|2, over: 2}"))
-    t, k = [p[0] for p in found], [p[1] for p in found]
-    for at, f in ((0.5, 220.0), (1.5, 220 * 2**0.5), (2.0, 440.0), (3.0, 880.0), (7.5, 880.0)):
-        assert np.interp(at, t, k) == pytest.approx(0.002 * (2 * math.pi * f) ** 2, rel=1e-5)
+    result = points(piece("{set: bell.m.f, to: A5, at: 1|2, over: 2}"))
+    t, k = [p[0] for p in result], [p[1] for p in result]
+    for position, f in (
+        (0.5, 220.0),
+        (1.5, 220 * 2**0.5),
+        (2.0, 440.0),
+        (3.0, 880.0),
+        (7.5, 880.0),
+    ):
+        assert np.interp(position, t, k) == pytest.approx(0.002 * (2 * math.pi * f) ** 2, rel=1e-5)
     straight = points(piece("{set: bell.n.K, to: x3, at: 1|2, over: 2}"), "n")
     assert np.interp(2.0, [p[0] for p in straight], [p[1] for p in straight]) == pytest.approx(1800)
     smooth = points(piece("{set: bell.n.K, to: x3, at: 1|2, over: 2, curve: smooth}"), "n")
     u = 0.25
     expected = 900 + 1800 * u**3 * (10 - 15 * u + 6 * u * u)
-    at = np.interp(1.5, [p[0] for p in smooth], [p[1] for p in smooth])
-    assert at == pytest.approx(expected, rel=1e-4)
+    position = np.interp(1.5, [p[0] for p in smooth], [p[1] for p in smooth])
+    assert position == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_written_curve_passes_its_points():
@@ -182,11 +188,11 @@ def test_a_written_curve_passes_its_points():
     collector = Collector()
     automation_points(piece(line), -math.inf, 8.0, collector)
     assert "do not rise in time" in collector.finish()[0].message
-    found = points(piece(line.replace("250ms", "3")))
+    result = points(piece(line.replace("250ms", "3")))
 
     def at(instant: float) -> float:
-        t = [p[0] for p in found]
-        return frequency(*(float(np.interp(instant, t, [p[i] for p in found])) for i in (1, 2, 3)))
+        t = [p[0] for p in result]
+        return frequency(*(float(np.interp(instant, t, [p[i] for p in result])) for i in (1, 2, 3)))
 
     for instant, f in (
         (0.0, 220),
@@ -202,10 +208,16 @@ def test_a_written_curve_passes_its_points():
 
 def test_a_glide_is_cut_by_what_follows_it():
     lines = "{set: bell.n.K, to: x3, at: 1|1, over: 4},{set: bell.n.K, to: x1, at: 1|3, over: 2}"
-    found = points(piece(lines), "n")
-    t, k = [p[0] for p in found], [p[1] for p in found]
-    for at, expected in ((1.0, 1350.0), (2.0, 1800.0), (3.0, 1350.0), (4.0, 900.0), (7.0, 900.0)):
-        assert np.interp(at, t, k) == pytest.approx(expected, rel=1e-3)
+    result = points(piece(lines), "n")
+    t, k = [p[0] for p in result], [p[1] for p in result]
+    for position, expected in (
+        (1.0, 1350.0),
+        (2.0, 1800.0),
+        (3.0, 1350.0),
+        (4.0, 900.0),
+        (7.0, 900.0),
+    ):
+        assert np.interp(position, t, k) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("since", [2.0, 3.1, 5.77])
@@ -218,21 +230,22 @@ def test_a_glide_is_cut_by_what_follows_it():
     ],
 )
 def test_what_is_entered_in_the_middle_has_the_values_of_the_whole(line, since):
-    of = piece(line)
-    whole, rest = points(of, "n"), points(of, "n", since)
-    for at in np.arange(since, 7.9, 0.003):
+    source = piece(line)
+    complete, rest = points(source, "n"), points(source, "n", since)
+    for index in np.arange(since, 7.9, 0.003):
         values = [
-            np.interp(at, [p[0] for p in some], [p[1] for p in some]) for some in (whole, rest)
+            np.interp(index, [p[0] for p in some], [p[1] for p in some])
+            for some in (complete, rest)
         ]
-        assert values[0] == pytest.approx(values[1], rel=1e-12), at
+        assert values[0] == pytest.approx(values[1], rel=1e-12), index
 
 
 def test_scales_and_chords_have_names():
     order, amounts = parse_values("A3.minor ~ C4.maj*2", lambda text: 0.0, is_pitch=True)
     assert order.places == 7 + 1 + 6
-    found = [amounts[leaf.name].value for leaf in order.leaves()]
-    assert found[:3] == [220.0, pytest.approx(246.94165), pytest.approx(261.62557)]
-    assert found[7:10] == found[10:]
+    result = [amounts[leaf.name].value for leaf in order.leaves()]
+    assert result[:3] == [220.0, pytest.approx(246.94165), pytest.approx(261.62557)]
+    assert result[7:10] == result[10:]
     assert all(0 in steps and list(steps) == sorted(set(steps)) for steps in SCALES.values())
     with pytest.raises(TextError) as caught:
         parse_values("A3 C4.mayor", lambda text: 1.0, is_pitch=True)
@@ -287,11 +300,11 @@ def test_mistakes_are_told(line, code, words):
 
 
 def test_automation_is_part_of_what_a_score_says():
-    one, other = piece("{set: bell.m.f, to: A3, every: 1, at: 1|1}"), piece("")
-    assert one.digest() != other.digest()
+    first, other = piece("{set: bell.m.f, to: A3, every: 1, at: 1|1}"), piece("")
+    assert first.digest() != other.digest()
     assert prepare(other).paths == {}
-    spans = [Span(one, Window(0.0, 4.0))]
-    assert prepare(one, spans=spans).paths.keys() == {("bell", "m")}
+    spans = [Span(first, Window(0.0, 4.0))]
+    assert prepare(first, spans=spans).paths.keys() == {("bell", "m")}
 
 
 def test_notes_strike_at_their_pitch():
@@ -299,16 +312,16 @@ def test_notes_strike_at_their_pitch():
     text = SCORE.format(lines="", seed=1, tail=3.0).replace(", X0: 1mm", ", t60: 300ms")
     loaded = load("s.yaml", text=f"{text}{strikes} impulse: 0.1mNs}}}}\n")
     assert loaded.piece is not None, loaded.diagnostics
-    whole = stage(loaded.piece)
-    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
-    whole.simulation.process(sound)
-    rate = int(whole.rate)
+    complete = stage(loaded.piece)
+    sound = np.zeros((complete.n_frames, complete.simulation.n_out))
+    complete.simulation.process(sound)
+    rate = int(complete.rate)
     level = [np.abs(sound[int(t * rate) : int((t + 0.05) * rate), 0]).max() for t in range(4)]
     assert min(level[0], level[1], level[3]) > 20 * level[2]  # a rest
     for begin, f in ((0.0, 220.0), (1.0, 261.6256), (3.0, 329.6276), (3.5, 440.0), (4.5, 440.0)):
         # From the strike on: the pitch is there when it falls, and stays after the last one.
-        own = sound[int(begin * rate) + 2 : int((begin + 0.3) * rate), 0]
-        assert pitch(own, rate) == pytest.approx(f, rel=3e-3), begin
+        single = sound[int(begin * rate) + 2 : int((begin + 0.3) * rate), 0]
+        assert pitch(single, rate) == pytest.approx(f, rel=3e-3), begin
 
 
 @pytest.mark.parametrize(
@@ -329,5 +342,5 @@ def test_mistakes_in_notes_are_told(fields, code, words):
     strikes = f"strikes: {{tune: {{at: 1|1, impulse: 1mNs, {fields}}}}}\n"
     loaded = load("s.yaml", text=text + strikes)
     assert loaded.piece is None
-    found = loaded.diagnostics[0]
-    assert (found.code, words in found.message) == (code, True), found
+    result = loaded.diagnostics[0]
+    assert (result.code, words in result.message) == (code, True), result

@@ -61,18 +61,18 @@ def _checked(text: str) -> tuple[int, float, str]:
     done = subprocess.run(
         [*line, "check", "-"], input=text, capture_output=True, text=True, cwd=LIBRARY, check=True
     )
-    found = json.loads(done.stdout)
-    return found["code"], found["memory"] * 2**20, done.stderr
+    result = json.loads(done.stdout)
+    return result["code"], result["memory"] * 2**20, done.stderr
 
 
 @pytest.mark.parametrize("name", few(_SCORES, ["occurrences", "gestures", "rain"]))
 def test_a_number_takes_no_memory(name):
     text, code, why = _SCORES[name]
-    ended, peak, said = _checked(text)
-    assert ended == code, said
-    assert why in said
+    ended, peak, message = _checked(text)
+    assert ended == code, message
+    assert why in message
     assert peak < _ENOUGH
-    assert "Traceback" not in said
+    assert "Traceback" not in message
 
 
 def test_a_long_part_of_a_live_hand_is_refused():
@@ -96,7 +96,7 @@ def test_a_long_part_of_a_live_hand_is_refused():
 def test_any_numbers_are_answered(seed):
     texts = [*bases().values()]
     text = texts[seed % len(texts)]
-    ended, peak, said = _checked(mutated(text, random.Random(1000 * seed)))
-    assert ended in (0, 1), said
+    ended, peak, message = _checked(mutated(text, random.Random(1000 * seed)))
+    assert ended in (0, 1), message
     assert peak < _ENOUGH
-    assert "Traceback" not in said
+    assert "Traceback" not in message

@@ -66,8 +66,8 @@ def test_the_whole_key_is_played(piece):
 
 
 def test_simple_leaves_mass_spring_and_damper(piece):
-    (own,) = piece(more=", simple: true").keys["k"].modules
-    fields = {name: own.fields[name] for name in ("M", "K", "Z", "rest", "X0")}
+    (single,) = piece(more=", simple: true").keys["k"].modules
+    fields = {name: single.fields[name] for name in ("M", "K", "Z", "rest", "X0")}
     assert fields == {"M": 0.4, "K": 60.0, "Z": 1.2, "rest": 0.0, "X0": 0.0}
 
 
@@ -82,11 +82,11 @@ def test_what_the_key_writes_holds(piece):
 def test_gestures_meet_their_points(piece, touch: str, curve: str):
     how = f", touch: {touch}"
     text = piece(how=how)
-    made = stage(text)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
-    at = [round(when * 44100) for when in (0.125, 0.25)]
-    assert sound[at, 0] == pytest.approx(5e-3, abs=2e-7)
+    built = stage(text)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
+    position = [round(when * 44100) for when in (0.125, 0.25)]
+    assert sound[position, 0] == pytest.approx(5e-3, abs=2e-7)
     # Let go at -2 mm it rests there: its spring pulls 30 mN, and friction holds up to 80 mN.
     assert np.ptp(sound[-2000:, 0]) < 1e-9
     assert sound[-1, 0] == pytest.approx(-2e-3, abs=5e-5)
@@ -94,30 +94,30 @@ def test_gestures_meet_their_points(piece, touch: str, curve: str):
 
 def test_a_real_hand_holds_the_struck_mass_alone(piece):
     text = piece(hand=", hand: live")
-    whole = stage(text)
+    complete = stage(text)
     real = stage(text, real={"ada": np.zeros(500)})
-    assert whole.network.n_mat - real.network.n_mat == 2  # what swings, and the ground
-    assert whole.network.n_lia - real.network.n_lia == 2
+    assert complete.network.n_mat - real.network.n_mat == 2  # what swings, and the ground
+    assert complete.network.n_lia - real.network.n_lia == 2
     assert real.live[0].mat == 0
 
 
 def test_a_duet_is_told_what_was_measured(piece, monkeypatch: pytest.MonkeyPatch):
     from ergon.live import perform
 
-    told = []
+    output = []
 
     class Stop(Exception):
         pass
 
     def performance(*_: object, hands: list[_core.LiveHand], **__: object) -> None:
-        told.extend(hands)
+        output.extend(hands)
         raise Stop
 
     monkeypatch.setattr(perform._core, "Performance", performance)
-    made = stage(piece(hand=", hand: live"), real={"ada": None})
+    built = stage(piece(hand=", hand: live"), real={"ada": None})
     with pytest.raises(Stop):
-        perform.perform(made, perform.PlaybackConfig())
-    assert [hand.measured for hand in told] == [(pytest.approx(0.38), 1.2, 1e-3)]
+        perform.perform(built, perform.PlaybackConfig())
+    assert [hand.measured for hand in output] == [(pytest.approx(0.38), 1.2, 1e-3)]
 
 
 @pytest.mark.parametrize(
@@ -132,5 +132,5 @@ def test_what_no_key_can_be_is_told_at_its_place(
 ):
     (tmp_path / "key.yaml").write_text(MEASURED.replace(before, after))
     text = SCORE.format(more="", how="", hand="")
-    found = load(str(tmp_path / "score.yaml"), text=text).diagnostics
-    assert [(one.code, Path(one.place.file).name) for one in found] == [(code, "key.yaml")]
+    result = load(str(tmp_path / "score.yaml"), text=text).diagnostics
+    assert [(one.code, Path(one.place.file).name) for one in result] == [(code, "key.yaml")]

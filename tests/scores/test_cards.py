@@ -22,11 +22,11 @@ HISSES = ("pebbles", "hat", "triangle")  # stones click, a hat and a triangle hi
 
 
 def test_every_instrument_of_a_family_has_a_card() -> None:
-    for family, said in FAMILIES.items():
+    for family, message in FAMILIES.items():
         text = (ROOT / "instruments" / "library" / f"{family}.yaml").read_text(encoding="utf-8")
-        assert list(said["cards"]) == list(yaml.safe_load(text)["instruments"]), family
+        assert list(message["cards"]) == list(yaml.safe_load(text)["instruments"]), family
         page = (FOLDER / f"{family}.md").read_text(encoding="utf-8")
-        assert all(f"## {name}\n" in page for name in said["cards"])
+        assert all(f"## {name}\n" in page for name in message["cards"])
     assert list(ROWS) == [name for _, name in CARDS]
 
 
@@ -64,8 +64,8 @@ def test_pictures_are_small() -> None:
 def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
     """The centre of its spectrum rises for 0.2 s after the stroke."""
     family = "plucked"
-    said = {**FAMILIES[family]["cards"]["jawari"], "impulse": "0.1mNs 0.1mNs 0.1mNs"}
-    text = score(family, "jawari", said)
+    message = {**FAMILIES[family]["cards"]["jawari"], "impulse": "0.1mNs 0.1mNs 0.1mNs"}
+    text = score(family, "jawari", message)
     bare = "{like: jawari, modules: {bridge: {BUT: {gap: 9mm}}}}"
     text = text.replace("  hard: {like: jawari}", f"  hard: {bare}")
     sounds, rate = play(text, 0.4)
@@ -80,17 +80,17 @@ def test_a_jawari_blooms_and_a_bare_string_does_not() -> None:
 
 @pytest.mark.parametrize(("family", "name"), few(CARDS, {card[0]: card for card in CARDS}.values()))
 def test_an_instrument_sounds_as_its_card_says(family: str, name: str) -> None:
-    said: dict[str, Any] = FAMILIES[family]["cards"][name]
-    own = measured(family, name, said).figures
-    for key, value in asdict(own).items():
+    text: dict[str, Any] = FAMILIES[family]["cards"][name]
+    single = measured(family, name, text).figures
+    for key, value in asdict(single).items():
         if isinstance(value, str):
             assert ROWS[name][key] == value
         elif key not in ("treble", "lean"):  # those two are about what is nearly nothing
             assert value == pytest.approx(float(ROWS[name][key]), rel=0.01, abs=0.5), key
-    assert own.lean < -55.0  # no mean: it does not lean on the loudspeaker
-    assert own.treble < -20.0 or name in HISSES
-    if "follows" in said:
-        assert own.hard >= 2.0 ** said["follows"] * own.soft
-    if "reaches" in said:
-        assert own.partials >= 20
-        assert own.highest >= said["reaches"]
+    assert single.lean < -55.0  # no mean: it does not lean on the loudspeaker
+    assert single.treble < -20.0 or name in HISSES
+    if "follows" in text:
+        assert single.hard >= 2.0 ** text["follows"] * single.soft
+    if "reaches" in text:
+        assert single.partials >= 20
+        assert single.highest >= text["reaches"]

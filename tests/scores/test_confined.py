@@ -57,17 +57,19 @@ def found(text, name="s.yaml", **options):
 
 
 @pytest.mark.parametrize("what", NAMED)
-@pytest.mark.parametrize("way", ["absolute", "above", "link", "folder that is a link", "missing"])
-def test_what_lies_outside_is_refused(piece, what, way):
+@pytest.mark.parametrize(
+    "method", ["absolute", "above", "link", "folder that is a link", "missing"]
+)
+def test_what_lies_outside_is_refused(piece, what, method):
     text, content = NAMED[what]
     suffix = ".csv" if content == CSV else ".yaml"
     outside = piece.parent / f"x{suffix}"
-    if way != "missing":
+    if method != "missing":
         outside.write_text(content or "")
-    name = {"absolute": str(outside), "link": f"in{suffix}"}.get(way, f"../x{suffix}")
-    if way == "link":
+    name = {"absolute": str(outside), "link": f"in{suffix}"}.get(method, f"../x{suffix}")
+    if method == "link":
         os.symlink(outside, name)
-    elif way == "folder that is a link":
+    elif method == "folder that is a link":
         os.symlink("..", "in")
         name = f"in/x{suffix}"
     codes = [code for code, _ in found(text.format(name))]
@@ -75,7 +77,7 @@ def test_what_lies_outside_is_refused(piece, what, way):
     assert "E107" not in codes
     trusted = [c for c, _ in found(text.format(name), bounds=FileBounds.around(piece, trust=True))]
     assert "E112" not in trusted
-    assert ("E107" in trusted) == (way == "missing" and content is not None)
+    assert ("E107" in trusted) == (method == "missing" and content is not None)
 
 
 @pytest.mark.parametrize("what", NAMED)
@@ -87,8 +89,8 @@ def test_what_lies_inside_is_read(piece, what):
         Path(name).write_text(content or "")
         here = os.path.abspath(name)
         os.symlink(here, f"{name}.link{suffix}")
-        for way in (name, here, f"{name}.link{suffix}"):
-            assert not {c for c, _ in found(text.format(way))} & {"E112", "E107"}
+        for method in (name, here, f"{name}.link{suffix}"):
+            assert not {c for c, _ in found(text.format(method))} & {"E112", "E107"}
 
 
 def test_no_line_of_a_file_outside_is_told(piece, capsys):
@@ -106,9 +108,9 @@ def test_the_place_and_a_way_out_are_told(piece, capsys):
     Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
     assert app.run(["check", "s.yaml"]) == 1
-    told = capsys.readouterr().err
-    assert "s.yaml:2:7: error[E112] " in told
-    assert "--trust" in told
+    output = capsys.readouterr().err
+    assert "s.yaml:2:7: error[E112] " in output
+    assert "--trust" in output
     assert app.run(["check", "--trust", "s.yaml"]) == 0
 
 

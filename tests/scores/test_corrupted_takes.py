@@ -41,10 +41,10 @@ def npz(packed: bool, **arrays) -> bytes:
 
 
 def recorded() -> bytes:
-    own = (row(i, Axis(i * 1e-6, 0.5, 0.25, 16, i), Axis(0.001)) for i in range(20))
+    item = (row(i, Axis(i * 1e-6, 0.5, 0.25, 16, i), Axis(0.001)) for i in range(20))
     axes = (("remi", "k2"), ("ada", "k1"))
     lines = chunk(EVENTS, event(3, "play") + event(5, "stop"))
-    return header(axes, about='{"day": "x"}') + rows(*own) + lines + end()
+    return header(axes, about='{"day": "x"}') + rows(*item) + lines + end()
 
 
 def captured() -> Iterator[tuple[str, tuple[bytes, ...]]]:
@@ -92,21 +92,21 @@ MEANT = (TakeError, Outcome, OSError)
 
 def internal(path, quiet) -> list[str]:
     """What goes wrong that nobody meant, in all that reads a take."""
-    found = []
+    result = []
     ways = [lambda: quiet(path)] if path.suffix != ".wav" else []
     if path.suffix in POINT:
         for channel in (None, POINT[path.suffix]):
             ways += [lambda c=channel, u=unit: played(path, c, None, u) for unit in (None, 0.01)]
     for channel, rate in ((None, None), ("x", None), ("1", None), ("remi", None), ("x", 100.0)):
         ways.append(lambda c=channel, r=rate: played(path, c, r))
-    for way in ways:
+    for method in ways:
         try:
-            way()
+            method()
         except MEANT:
             pass
         except BaseException as error:  # a panic of the core is no Exception
-            found.append(f"{type(error).__name__}: {error}")
-    return found
+            result.append(f"{type(error).__name__}: {error}")
+    return result
 
 
 def played(path, channel, rate, unit=None):
@@ -117,18 +117,18 @@ def played(path, channel, rate, unit=None):
 
 def tried(suffix, count, seed, tmp_path, capsys) -> Counter:
     path = tmp_path / f"hand{suffix}"
-    whole = FORMATS[suffix]
+    complete = FORMATS[suffix]
     others = [data for every in FORMATS.values() for data in every]
-    found: Counter = Counter()
+    result: Counter = Counter()
     n = 0
-    for i, data in enumerate(whole):
-        for damaged in corrupted(data, count // len(whole), seed + i, *others):
+    for i, data in enumerate(complete):
+        for damaged in corrupted(data, count // len(complete), seed + i, *others):
             path.write_bytes(damaged)
-            found.update(internal(path, lambda path: told(Console(json=True), path)))
+            result.update(internal(path, lambda path: told(Console(json=True), path)))
             n += 1
             if n % 500 == 0:
                 capsys.readouterr()
-    return found
+    return result
 
 
 @pytest.mark.parametrize("suffix", few(FORMATS, 3))

@@ -91,8 +91,10 @@ def test_a_body_is_moved_through_the_room():
 
 def test_height_is_a_place_in_the_room_not_on_the_plan():
     """3 m to the right and 3.5 m high is nearest to the ring at 35°."""
-    (heard,) = sounding("place: galaxy", "place: {across: 0.1m, at: [2.5m, 0.6m], height: 1.7m}", 0)
-    assert 12 <= heard < 20
+    (listened,) = sounding(
+        "place: galaxy", "place: {across: 0.1m, at: [2.5m, 0.6m], height: 1.7m}", 0
+    )
+    assert 12 <= listened < 20
 
 
 def test_without_words_the_ring_is_as_it_was():
@@ -162,10 +164,10 @@ def test_random_angles_of_a_galaxy_by_seed(bank: str):
     ],
 )
 def test_what_cannot_be_placed_is_told_with_its_place(bank: str, lying: str, code: str, words: str):
-    found = [one for one in scored(bank, lying).diagnostics if one.severity == "error"]
-    assert [one.code for one in found] == [code], found
-    assert words in f"{found[0].message} {found[0].suggestion}"
-    assert found[0].place.line in (4, 6)
+    result = [one for one in scored(bank, lying).diagnostics if one.severity == "error"]
+    assert [one.code for one in result] == [code], result
+    assert words in f"{result[0].message} {result[0].suggestion}"
+    assert result[0].place.line in (4, 6)
 
 
 def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
@@ -173,9 +175,9 @@ def test_the_force_of_a_link_is_nearest_to_no_loudspeaker():
     modules = "wall: {SOL: {}}, m: {MAS: {M: 1g}}, spring: {RES: {between: [wall, m], K: 1N/m}}"
     spring = f"  spring: {{modules: {{{modules}}}, out: {{SOF: {{RES: spring}}}}}}\nstrikes:"
     text = text.replace("strikes:", spring).replace("from: sky", "from: spring")
-    (found,) = (one for one in load("a.yaml", text=text).diagnostics if one.severity == "error")
-    assert (found.code, found.place.line) == ("E304", 9)
-    assert "`nearest` needs masses" in found.message
+    (result,) = (one for one in load("a.yaml", text=text).diagnostics if one.severity == "error")
+    assert (result.code, result.place.line) == ("E304", 9)
+    assert "`nearest` needs masses" in result.message
     named = load("a.yaml", text=text.replace("to: nearest", "to: 1"))
     assert named.piece is not None, named.diagnostics
 

@@ -49,9 +49,9 @@ class Counted:
 
 def ergons_of(piece: Piece, built: BuiltNetwork) -> int:
     counted, collector = Counted(built.assembly.network), Collector()
-    for one in piece.strikes:
-        mats = [mat for target in one.to for mat in built.assembly.members(target)]
-        Striking(piece, counted, one, mats, 0, ALL_TIME, built.assembly).play(collector)  # type: ignore[arg-type]
+    for item in piece.strikes:
+        mats = [mat for target in item.to for mat in built.assembly.members(target)]
+        Striking(piece, counted, item, mats, 0, ALL_TIME, built.assembly).play(collector)  # type: ignore[arg-type]
     assert not collector.has_errors()
     return counted.ergons
 
@@ -130,13 +130,13 @@ def computed(stage: Stage, seconds: float) -> np.ndarray:
 def test_what_is_frozen_and_what_is_live_are_the_whole() -> None:
     """By the hands that stand in, bit for bit."""
     text = from_the_serpent("feathers-small")
-    whole = planned(text, ())
+    complete = planned(text, ())
     frozen, live = planned(text, None), planned(text, ("sky", "gong"))
-    sky, gong = whole.listening.taps("sky"), whole.listening.taps("gong")
+    sky, gong = complete.listening.taps("sky"), complete.listening.taps("gong")
     together = computed(live, 0.3)
     assert np.max(np.abs(together[:, [*sky, *gong]])) == 0.0
     together[:, [*sky, *gong]] = computed(frozen, 0.3)[:, [*sky, *gong]]
-    sound = computed(whole, 0.3)
+    sound = computed(complete, 0.3)
     for part in ("sky", "gong", "h1", "h2"):
-        assert np.max(np.abs(sound[:, whole.listening.taps(part)])) > 0.0, part
+        assert np.max(np.abs(sound[:, complete.listening.taps(part)])) > 0.0, part
     np.testing.assert_array_equal(together, sound)

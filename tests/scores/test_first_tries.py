@@ -79,15 +79,15 @@ def test_a_name_without_a_colon_is_shown_on_its_own_line():
 def test_two_players_on_one_key_are_named_with_the_key():
     loaded = read("strikes", "  bob: [{at: 1|1.05, play: knock}]\nstrikes")
     assert loaded.piece is not None
-    (found,) = stage(loaded.piece).diagnostics
-    assert "'knock' at 1|1.05 cuts 'knock' of 'ada' on key 'k'" in found.message
-    assert found.help == "write `layer: true` to play both, or give each player a key"
+    (result,) = stage(loaded.piece).diagnostics
+    assert "'knock' at 1|1.05 cuts 'knock' of 'ada' on key 'k'" in result.message
+    assert result.help == "write `layer: true` to play both, or give each player a key"
 
 
 def test_a_group_whose_commas_part_fields_is_read_as_before():
     """`a: 4, 5s: 1` has a space: a mistake of another kind."""
-    found = [d.code for d in read("tail: 4s", "tail: 4s, 5s: 1").diagnostics]
-    assert found == ["E101"]
+    result = [d.code for d in read("tail: 4s", "tail: 4s, 5s: 1").diagnostics]
+    assert result == ["E101"]
 
 
 def test_an_entry_of_a_melody_says_what_is_struck():
@@ -119,9 +119,9 @@ def test_what_is_typed_first_is_answered_once(text, code, words, suggestion):
     score = (
         f"ergon: 1\ninstruments: {{bell: {{modules: {modules}, out: {{SOX: [a, b]}}}}}}\n{text}\n"
     )
-    (found,) = [d for d in load("s.yaml", text=score).diagnostics if d.code[0] == "E"]
-    assert (found.code, found.suggestion) == (code, suggestion)
-    assert words in found.message
+    (result,) = [d for d in load("s.yaml", text=score).diagnostics if d.code[0] == "E"]
+    assert (result.code, result.suggestion) == (code, suggestion)
+    assert words in result.message
 
 
 def test_a_misspelt_field_is_one_mistake():
@@ -160,15 +160,17 @@ def test_a_tempo_begins_at_the_beginning():
     ],
 )
 def test_a_file_that_is_not_there_is_looked_for_where_it_was_named(line, suggestion, help):
-    found = load("s.yaml", text=f"ergon: 1\n{line}\n").diagnostics
-    (missing,) = [one for one in found if one.code in ("E107", "E112") and "no file" in one.message]
+    result = load("s.yaml", text=f"ergon: 1\n{line}\n").diagnostics
+    (missing,) = [
+        one for one in result if one.code in ("E107", "E112") and "no file" in one.message
+    ]
     assert (missing.suggestion, missing.help) == (suggestion, help)
 
 
 @pytest.mark.parametrize("name", ["gain bell", "bell.gain", "bell.hum.gain"])
 def test_a_level_that_automation_is_to_move_is_sent_to_its_route(name):
-    found = read("mix:", f"automation: [{{at: 1|1, set: {name}, to: -6dB, over: 2}}]\nmix:")
-    (error,) = found.diagnostics
+    result = read("mix:", f"automation: [{{at: 1|1, set: {name}, to: -6dB, over: 2}}]\nmix:")
+    (error,) = result.diagnostics
     assert error.place.line == 12
     assert "`fade` of its route" in (error.help or "")
 
@@ -388,11 +390,11 @@ def test_a_misspelt_section_below_an_empty_one_is_no_lost_indentation(text, sugg
     [("3.1", ("3|1", "3.1beats")), ("12.2", ("12|2", "12.2beats"))],
 )
 def test_mark_without_unit_is_refused_with_what_it_could_mean(mark, readings):
-    (found,) = load("s.yaml", text=f"ergon: 1\nmarks: {{B: {mark}}}\n").diagnostics
-    assert found.code == "E203"
-    assert found.suggestion == readings[0]
+    (result,) = load("s.yaml", text=f"ergon: 1\nmarks: {{B: {mark}}}\n").diagnostics
+    assert result.code == "E203"
+    assert result.suggestion == readings[0]
     for reading in readings:
-        assert f"({reading})" in found.message
+        assert f"({reading})" in result.message
         assert not load("s.yaml", text=f"ergon: 1\nmarks: {{B: {reading}}}\n").diagnostics
 
 

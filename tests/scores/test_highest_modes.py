@@ -19,9 +19,9 @@ def modes(fields: str) -> list:
 
 
 def test_the_highest_mode_of_a_row_is_that_of_its_formula():
-    (one,) = modes("STRING: {masses: 40, M: 1g, f: 100Hz, t60: 3s}")
+    (first,) = modes("STRING: {masses: 40, M: 1g, f: 100Hz, t60: 3s}")
     # sin(40·π/82)/sin(π/82) of the lowest; losses do not count.
-    assert (one.name, one.hertz) == ("s.body", pytest.approx(2608.9, rel=1e-3))
+    assert (first.name, first.hertz) == ("s.body", pytest.approx(2608.9, rel=1e-3))
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,10 @@ def test_the_highest_mode_of_a_row_is_that_of_its_formula():
 def test_a_body_that_stops_low_says_what_would_reach_and_that_does(body, low, enough):
     (warning,) = warn_low_modes(modes(body % low))
     assert warning.code == "W331"
-    said = re.fullmatch(
+    text = re.fullmatch(
         r"(?:`masses: (\d+)`|[\d,]+ masses \((\d+) rings\)) would reach about 5 kHz", warning.help
     )
-    number = int(said[1] or said[2])
+    number = int(text[1] or text[2])
     assert low < number <= enough
     assert modes(body % number)[0].hertz > 0.93 * 5000.0
     assert warn_low_modes(modes(body % (number + 4))) == []
@@ -51,10 +51,10 @@ def test_a_rectangle_says_its_masses():
         modes("PLATE: {shape: rectangle, sides: [9, 7], M: 1g, f: 100Hz, bending: true}")
     )
     across, up = map(int, re.search(r"\((\d+) by (\d+)\)", warning.help).groups())
-    (one,) = modes(
+    (first,) = modes(
         f"PLATE: {{shape: rectangle, sides: [{across}, {up}], M: 1g, f: 100Hz, bending: true}}"
     )
-    assert one.hertz > 4000.0
+    assert first.hertz > 4000.0
 
 
 def test_check_warns_without_playing_once_for_all_notes_and_never_of_the_library(tmp_path):
@@ -65,8 +65,8 @@ def test_check_warns_without_playing_once_for_all_notes_and_never_of_the_library
         " out: {SOX: m.0}}\n"
         "  g: {from: gong/tamtam}\n"
     )
-    found = [one for one in api_check.check(path).diagnostics if one.code == "W331"]
-    assert [(one.place.line, one.message) for one in found] == [
+    result = [one for one in api_check.check(path).diagnostics if one.code == "W331"]
+    assert [(one.place.line, one.message) for one in result] == [
         (3, "'s.D3.m' has no mode above 1.96 kHz")
     ]
 
@@ -84,14 +84,14 @@ render: {tail: 1s}
 def test_automation_that_passes_the_limit_of_a_step_says_when(tmp_path, accuracy):
     path = tmp_path / "a.yaml"
     path.write_text(AUTOMATED % "A2@0 line A5@4" + accuracy)
-    (found,) = [one for one in api_check.check(path).diagnostics if one.code == "W332"]
+    (result,) = [one for one in api_check.check(path).diagnostics if one.code == "W332"]
     highest = modes("STRING: {masses: 80, M: 4g, f: A2, t60: 2s}")[0].hertz
-    assert found.place.line == 4
+    assert result.place.line == 4
     # At 60 bpm the glide lasts from 1 s to 5 s, evenly in semitones.
-    at = float(re.search(r"\((.*?) s\)", found.message)[1])
-    pitch = 110.0 * 8.0 ** ((at - 1.0) / 4.0)
+    position = float(re.search(r"\((.*?) s\)", result.message)[1])
+    pitch = 110.0 * 8.0 ** ((position - 1.0) / 4.0)
     assert highest * pitch / 110.0 == pytest.approx(44100.0 / np.pi, rel=1e-2)
-    times = int(re.search(r"takes (\d+) steps", found.help)[1])
+    times = int(re.search(r"takes (\d+) steps", result.help)[1])
     assert times == np.ceil(highest * 8.0 / (44100.0 / np.pi))
     path.write_text(AUTOMATED % "A2@0 line A3@4")
     assert not [one for one in api_check.check(path).diagnostics if one.code == "W332"]

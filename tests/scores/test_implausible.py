@@ -76,11 +76,11 @@ def test_no_bundled_score_is_implausible(path):
 
 def test_a_measurement_may_be_soft(tmp_path):
     """A file of floats without a master is in metres: nothing is said of its level."""
-    heard = []
+    listened = []
 
     class Listener(ergon.Report):
         def diagnostics(self, found, files, left_out):
-            heard.extend(one.code for one in found)
+            listened.extend(one.code for one in found)
 
     path = tmp_path / "bell.yaml"
     bell = "{modules: {m: {CEL: {M: 2g, f: A4, X0: 1um}}}, out: {SOX: m}}"
@@ -92,7 +92,7 @@ def test_a_measurement_may_be_soft(tmp_path):
         ("24", "mix: {route: {from: bell, to: 1}, master: {normalise: -1dB}}\n", []),
     ):
         path.write_text(text + master + f"render: {{tail: 100ms, bits: {bits}}}\n")
-        heard.clear()
+        listened.clear()
         options = ergon.FileOptions(force=True)
         ergon.render_to_file(path, tmp_path / "bell.wav", options, report=Listener())
-        assert heard == wanted, (bits, master)
+        assert listened == wanted, (bits, master)

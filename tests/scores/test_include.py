@@ -161,10 +161,10 @@ def test_a_mistake_inside_is_told_there_once():
     wrong = VERSE.replace("play: two", "play: tow")
     Path("wrong.yaml").write_text(wrong, encoding="utf-8")
     loaded = load("main.yaml", text="ergon: 1\ninclude: [{file: wrong.yaml}]\n")
-    (one,) = [d for d in loaded.diagnostics if d.code[0] == "E"]
-    assert one.code == "E301"
-    assert one.place is not None
-    assert one.place.file == "wrong.yaml"
+    (item,) = [d for d in loaded.diagnostics if d.code[0] == "E"]
+    assert item.code == "E301"
+    assert item.place is not None
+    assert item.place.file == "wrong.yaml"
 
 
 def test_a_tempo_of_its_own_is_left_out_with_a_warning():

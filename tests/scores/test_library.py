@@ -276,8 +276,10 @@ def test_bell_has_its_partials() -> None:
     for name, f in notes.items():
         assert abs(cents(pitch(x, staged.rate, f, 0.02), f)) < CENTS, name
     f, s = spectrum(x, staged.rate)
-    heard_partials = [20 * np.log10(s[np.abs(f - at).argmin()] / s.max()) for at in notes.values()]
-    assert min(heard_partials) > -40.0
+    audible_partials = [
+        20 * np.log10(s[np.abs(f - at).argmin()] / s.max()) for at in notes.values()
+    ]
+    assert min(audible_partials) > -40.0
 
 
 def test_a_harder_stroke_is_louder_and_brighter() -> None:
@@ -382,8 +384,8 @@ def test_laws_do_what_they_say() -> None:
 def test_detent_holds_and_pluck_lets_slip() -> None:
     x = np.linspace(-8e-3, 8e-3, 1601)
     for name, sign in (("detent", 1.0), ("pluck", -1.0)):
-        made = law(name, F=2.0, w=1e-3)
-        force = np.array([made.force(float(one)) for one in x])
+        built = law(name, F=2.0, w=1e-3)
+        force = np.array([built.force(float(one)) for one in x])
         assert x[np.argmax(sign * force)] == pytest.approx(1e-3)
         assert np.max(force) == pytest.approx(2.0)
         assert abs(force[-1]) < 1e-9

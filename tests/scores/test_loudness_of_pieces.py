@@ -38,9 +38,9 @@ def check(score: Path) -> None:
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-def test_loudness_of_a_new_piece(template, own_folder):
+def test_loudness_of_a_new_piece(template, work_folder):
     assert app.run(["new", "piece", "-q", "--template", template]) == 0
-    check(own_folder / "piece" / "score.yaml")
+    check(work_folder / "piece" / "score.yaml")
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -44,11 +44,11 @@ def piece(text: str) -> Piece:
 
 
 def falls(text: str, name: str = "s") -> list[tuple[float, tuple[str, ...], tuple[float, float]]]:
-    made = piece(text)
-    strikes = next(s for s in made.strikes if s.name == name)
+    built = piece(text)
+    strikes = next(s for s in built.strikes if s.name == name)
     return [
         (round(beat, 9), tuple(t.part for t in hit.to), (hit.level.low, hit.level.high))
-        for beat, _, hit in strikes.falls(made)
+        for beat, _, hit in strikes.falls(built)
     ]
 
 
@@ -164,12 +164,12 @@ def test_a_phrase_is_transposed_and_transformed(options, expected):
     text = f"{CALL}strikes: {{s: {{play: call, at: 0, {options}}}}}\n"
     loaded = check(CELLS.replace("render:", f"{low}render:") + text)
     assert loaded.piece is not None, loaded.diagnostics
-    made = loaded.piece
-    said = [
+    built = loaded.piece
+    message = [
         f"{beat:.9g} {' '.join(t.part.split('.')[1] for t in hit.to)} {hit.level.low * 1e3:.9g}"
-        for beat, _, hit in made.strikes[0].falls(made)
+        for beat, _, hit in built.strikes[0].falls(built)
     ]
-    assert ", ".join(said) == expected
+    assert ", ".join(message) == expected
 
 
 def test_phrases_come_from_other_files():
@@ -201,14 +201,14 @@ strikes:
 
 def test_scales_and_chances_of_patterns_choose_among_the_notes():
     text = "strikes: {s: {to: string.hammer, at: 0, impulse: 1mNs, notes: D3.min, every: 1}}\n"
-    made = piece(text.replace("D3.min", "choose D3 F3"))
-    assert {t.part for t in made.strikes[0].to} == {"string.D3", "string.F3"}
-    (said,) = check(CELLS + text).diagnostics
+    built = piece(text.replace("D3.min", "choose D3 F3"))
+    assert {t.part for t in built.strikes[0].to} == {"string.D3", "string.F3"}
+    (message,) = check(CELLS + text).diagnostics
     known = "; its notes are D3 to F3"
-    assert said.code == "E301"
-    assert said.message == f"strikes 's': 'string.hammer' has no note 'A3'{known}"
-    (said,) = check(CELLS + text.replace("D3.min", "D3 221Hz")).diagnostics
-    assert said.message == f"strikes 's': 'string.hammer' has no note '221Hz'{known}"
+    assert message.code == "E301"
+    assert message.message == f"strikes 's': 'string.hammer' has no note 'A3'{known}"
+    (message,) = check(CELLS + text.replace("D3.min", "D3 221Hz")).diagnostics
+    assert message.message == f"strikes 's': 'string.hammer' has no note '221Hz'{known}"
 
 
 # --- what is refused ----------------------------------------------------------------------------
@@ -343,14 +343,16 @@ def test_what_is_no_melody_is_refused(text, report):
 
 def test_a_mistake_in_a_table_has_its_place():
     text = f"{CELLS}strikes:\n  s: |\n    0  lone  1mNs\n    1  lne  1mNs\n    2  lone  1mNx\n"
-    said = [(d.code, d.place.line, d.place.column, d.suggestion) for d in check(text).diagnostics]
+    message = [
+        (d.code, d.place.line, d.place.column, d.suggestion) for d in check(text).diagnostics
+    ]
     first = text.count("\n") - 1
-    assert said == [("E203", first + 1, 15, "mNs")]
-    said = [
+    assert message == [("E203", first + 1, 15, "mNs")]
+    message = [
         (d.code, d.place.line, d.place.column, d.suggestion)
         for d in check(text.replace("mNx", "mNs")).diagnostics
     ]
-    assert said == [("E301", first, 8, "lone")]
+    assert message == [("E301", first, 8, "lone")]
 
 
 # --- in a session -------------------------------------------------------------------------------
@@ -361,17 +363,17 @@ TABLE = (
 
 
 def texts(more: str) -> tuple[Texts, Piece]:
-    own = Texts("s.yaml", CELLS + more)
-    made = own.load().piece
-    assert made is not None
-    return own, made
+    single = Texts("s.yaml", CELLS + more)
+    built = single.load().piece
+    assert built is not None
+    return single, built
 
 
 def falling(own: Texts) -> list[tuple[float, int]]:
-    made = own.load().piece
-    assert made is not None, own.load().diagnostics
-    found = [hit for s in made.strikes for hit in s.falls(made)]
-    return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in found)
+    built = own.load().piece
+    assert built is not None, own.load().diagnostics
+    result = [hit for s in built.strikes for hit in s.falls(built)]
+    return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in result)
 
 
 def test_hush_ends_melodies():
@@ -411,8 +413,8 @@ def onsets(do: str, seed: int = 7) -> list[float]:
     staged = stage(loaded.piece)
     out = np.zeros((staged.n_frames, staged.simulation.n_out))
     staged.simulation.process(out)
-    heard = [np.flatnonzero(column) for column in out.T]
-    return sorted(own[0] / staged.rate for own in heard if len(own))
+    listened = [np.flatnonzero(column) for column in out.T]
+    return sorted(own[0] / staged.rate for own in listened if len(own))
 
 
 def test_jitter_moves_each_strike_of_a_phrase_by_a_draw_of_its_own():
@@ -427,8 +429,8 @@ def test_jitter_moves_each_strike_of_a_phrase_by_a_draw_of_its_own():
 
 def test_the_notes_of_an_instrument_are_heard_from_the_same_channels():
     """Without routes: a channel for each output of an instrument, whatever its notes."""
-    made = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
-    staged = stage(made)
+    built = piece(f"{CALL}strikes: {{s: {{play: call, at: 0}}}}")
+    staged = stage(built)
     assert staged.n_channels == 3  # cell, string, lone
     assert {way.channel for way in staged.listening.ways if way.part.startswith("cell.")} == {0}
 

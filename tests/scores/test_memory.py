@@ -45,20 +45,20 @@ _STRANGE = (
 def _changed(text: str, chance: random.Random) -> str:
     """One mistake, or one edit, of those that people and programs make."""
     lines = text.splitlines(keepends=True)
-    at = chance.randrange(len(lines) + 1)
+    index = chance.randrange(len(lines) + 1)
     match chance.randrange(6):
         case 0:
-            return "".join([*lines[:at], chance.choice(_STRANGE), *lines[at:]])
+            return "".join([*lines[:index], chance.choice(_STRANGE), *lines[index:]])
         case 1:
-            return "".join([*lines[:at], *lines[at + 1 :]])
+            return "".join([*lines[:index], *lines[index + 1 :]])
         case 2:
-            return "".join([*lines[:at], *lines[max(0, at - 1) :]])
+            return "".join([*lines[:index], *lines[max(0, index - 1) :]])
         case 3:
             return text.replace("\n", "\r\n")
         case _:
-            found = list(_NUMBER.finditer(text))
-            one = chance.choice(found)
-            return text[: one.start()] + str(chance.randrange(40)) + text[one.end() :]
+            result = list(_NUMBER.finditer(text))
+            first = chance.choice(result)
+            return text[: first.start()] + str(chance.randrange(40)) + text[first.end() :]
 
 
 def _told(loaded: Loaded) -> tuple[object, ...]:
@@ -68,15 +68,15 @@ def _told(loaded: Loaded) -> tuple[object, ...]:
 @pytest.mark.parametrize("name", few(_SCORES, _SCORES[::20]))
 def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) -> None:
     path = _LIBRARY / name
-    whole = path.read_text(encoding="utf-8")
+    complete = path.read_text(encoding="utf-8")
     chance = random.Random(name)
-    memory, text, refused = Memory(), whole, 0
+    memory, text, refused = Memory(), complete, 0
     for _ in range(STEPS):
-        text = _changed(whole if chance.random() < 0.4 else text, chance)
-        kept = load(path, text=text, memory=memory)
+        text = _changed(complete if chance.random() < 0.4 else text, chance)
+        saved = load(path, text=text, memory=memory)
         new = load(path, text=text)
-        assert _told(kept) == _told(new)
-        refused += kept.has_errors
+        assert _told(saved) == _told(new)
+        refused += saved.has_errors
     assert 0 < refused < STEPS
 
 
@@ -84,20 +84,20 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
 @pytest.mark.parametrize("name", few(["drum-machine.yaml", "workshop.yaml", "patterns.yaml"], 1))
 def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> None:
     path = _LIBRARY / name
-    whole = path.read_text(encoding="utf-8")
+    complete = path.read_text(encoding="utf-8")
     chance = random.Random(name)
-    memory, text = Memory(is_loose=True), whole
+    memory, text = Memory(is_loose=True), complete
     for _ in range(20):
-        text = _changed(whole if chance.random() < 0.4 else text, chance)
-        kept = load(path, text=text, memory=memory)
+        text = _changed(complete if chance.random() < 0.4 else text, chance)
+        saved = load(path, text=text, memory=memory)
         new = load(path, text=text)
         if new.piece is None:
-            assert _told(kept) == _told(new)
+            assert _told(saved) == _told(new)
         else:
-            assert kept.piece is not None
-            assert kept.piece.digest() == new.piece.digest()
-            for own, other in zip(kept.piece.starts, new.piece.starts, strict=True):
-                assert (own and own[:20]) == (other and other[:20])
+            assert saved.piece is not None
+            assert saved.piece.digest() == new.piece.digest()
+            for item, other in zip(saved.piece.starts, new.piece.starts, strict=True):
+                assert (item and item[:20]) == (other and other[:20])
 
 
 _SCORE = """\
@@ -114,9 +114,9 @@ parts: {ada: []}
 
 
 def _sections(loaded: Loaded) -> dict[str, document.Node]:
-    (own, *_) = loaded.files.values()
-    assert isinstance(own.root, document.Mapping)
-    return {name: node for name, (_, node) in own.root.entries.items()}
+    (single, *_) = loaded.files.values()
+    assert isinstance(single.root, document.Mapping)
+    return {name: node for name, (_, node) in single.root.entries.items()}
 
 
 def test_only_what_has_changed_or_moved_is_read_again() -> None:
@@ -134,9 +134,9 @@ def test_only_what_has_changed_or_moved_is_read_again() -> None:
 def test_a_mistake_is_told_as_often_as_it_is_read() -> None:
     memory = Memory()
     wrong = _SCORE.replace("f: 200Hz", "f: 200kg").replace("key: k", "key: h")
-    told = [load("s.yaml", text=wrong, memory=memory).diagnostics for _ in range(3)]
-    assert told[0] == told[1] == told[2] == load("s.yaml", text=wrong).diagnostics
-    assert {found.code for found in told[0]} == {"E203", "E301"}
+    output = [load("s.yaml", text=wrong, memory=memory).diagnostics for _ in range(3)]
+    assert output[0] == output[1] == output[2] == load("s.yaml", text=wrong).diagnostics
+    assert {found.code for found in output[0]} == {"E203", "E301"}
     assert load("s.yaml", text=_SCORE, memory=memory).piece is not None
 
 
@@ -148,8 +148,8 @@ def test_two_instruments_may_be_one_node() -> None:
     for text in (twice, wrong):
         memory = Memory()
         for _ in range(2):
-            kept = load("s.yaml", text=text, memory=memory)
-            assert _told(kept) == _told(load("s.yaml", text=text))
+            saved = load("s.yaml", text=text, memory=memory)
+            assert _told(saved) == _told(load("s.yaml", text=text))
 
 
 def test_a_reading_of_names_forgets_no_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -95,8 +95,8 @@ class Reader:
         elif kind == "polytouch":
             self.shares[f"pressure {'C4' if message.note == 60 else 'E4'}"] = message.value / 127
         elif kind == "pitchwheel":
-            way = message.pitch / (8191 if message.pitch > 0 else 8192)
-            self.shares["bend"] = 0.5 + 0.5 * way
+            method = message.pitch / (8191 if message.pitch > 0 else 8192)
+            self.shares["bend"] = 0.5 + 0.5 * method
         if kind == "control_change":
             self.shares["cc 1/33"] = (128 * self.upper + self.lower) / 16383
 
@@ -172,8 +172,8 @@ def test_bars_that_are_cut_out_follow_the_same_values(tmp_path: Path, meter: str
     start = loaded.piece.tempo_map.bars.start(2.5)
     texts = Texts.read(path)
     piece = texts.load().piece
-    kept = keep(texts, piece, "cut", start, start + 60.0)
-    cut = kept.load()
+    saved = keep(texts, piece, "cut", start, start + 60.0)
+    cut = saved.load()
     assert cut.piece is not None, cut.diagnostics
     shift = loaded.piece.tempo_map.seconds(start)
     for instant in (0.4, 1.3, 5.0):

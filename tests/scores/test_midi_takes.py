@@ -37,14 +37,22 @@ def tune(path: Path, notes=TUNE, kind: int = 1, end: int = 1920) -> Path:
     head = mido.MidiTrack([mido.MetaMessage("set_tempo", tempo=700_000)])
     track = head if kind == 0 else mido.MidiTrack()
     events = [
-        *((at, "note_on", number, hard, channel) for at, number, hard, channel in notes),
-        *((at + 200, "note_off", number, 64, channel) for at, number, hard, channel in notes),
+        *(
+            (position, "note_on", number, hard, channel)
+            for position, number, hard, channel in notes
+        ),
+        *(
+            (position + 200, "note_off", number, 64, channel)
+            for position, number, hard, channel in notes
+        ),
     ]
     now = 0
     track.append(mido.Message("sysex", data=(1, 2, 3)))
-    for at, word, number, hard, channel in sorted(events):
-        track.append(mido.Message(word, note=number, velocity=hard, channel=channel, time=at - now))
-        now = at
+    for position, word, number, hard, channel in sorted(events):
+        track.append(
+            mido.Message(word, note=number, velocity=hard, channel=channel, time=position - now)
+        )
+        now = position
     track.append(mido.MetaMessage("end_of_track", time=end - now))
     file.tracks += [head] if kind == 0 else [head, track]
     file.save(path)
@@ -159,15 +167,17 @@ def test_pedal_holds_notes_until_it_comes_up(tmp_path):
         ("note_on", {"note": 64, "velocity": 80}, 1210),  # nothing ends it
     ]
     now = 0
-    for word, fields, at in events:
-        track.append(mido.Message(word, time=at - now, **fields))
-        now = at
+    for word, fields, position in events:
+        track.append(mido.Message(word, time=position - now, **fields))
+        now = position
     file = mido.MidiFile(ticks_per_beat=480)
     file.tracks.append(track)
     file.save(tmp_path / "pedal.mid")
     notes = [(n.at * 480, n.number, n.lasting) for n in read_notes(tmp_path / "pedal.mid").notes]
     expected = [(0, 60, 960), (480, 62, 240), (720, 62, 480), (1210, 64, None)]
-    assert notes == [(at, n, None if held is None else held / 480) for at, n, held in expected]
+    assert notes == [
+        (position, n, None if held is None else held / 480) for position, n, held in expected
+    ]
 
 
 # --- strikes ------------------------------------------------------------------------------------
@@ -196,9 +206,9 @@ def test_a_tune_is_transposed_transformed_and_repeated(tmp_path):
     text += "strikes: {s: {play: t, to: cell, at: 2|1, times: 2, transpose: 2st, do: stretch 2}}\n"
     piece = checked(tmp_path, text).piece
     assert piece is not None
-    found = [(beat, hit.what) for beat, _, hit in piece.strikes[0].falls(piece)]
+    result = [(beat, hit.what) for beat, _, hit in piece.strikes[0].falls(piece)]
     first = [(4.0, "D3"), (5.0, "F#3"), (5.0, "A3"), (7.0, "D#3"), (8.0, "E3")]
-    assert found == [*first, *((beat + 8.0, what) for beat, what in first)]
+    assert result == [*first, *((beat + 8.0, what) for beat, what in first)]
 
 
 def test_the_strikes_may_say_one_impulse(tmp_path):
@@ -375,11 +385,11 @@ def test_hostile_bytes_give_notes_or_a_report(tmp_path, seed):
             counts = [count for each in held.tracks for count in each.notes.values()]
             assert all(0 <= count.low <= count.high < 128 for count in counts)
         try:
-            found = midi_file._read.__wrapped__(path, None, ())
+            result = midi_file._read.__wrapped__(path, None, ())
         except TakeError:
             continue
-        assert all(note.at >= 0.0 and 0 <= note.number < 128 for note in found.notes)
-        assert all(1 <= note.velocity < 128 for note in found.notes)
+        assert all(note.at >= 0.0 and 0 <= note.number < 128 for note in result.notes)
+        assert all(1 <= note.velocity < 128 for note in result.notes)
 
 
 def test_the_size_of_a_file_and_the_number_of_its_notes_are_bounded(tmp_path, monkeypatch):

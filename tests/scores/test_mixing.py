@@ -59,8 +59,8 @@ def test_a_fade_goes_by_positions():
     fade = "{at: A, gain: -40dB}, {at: B, gain: 0dB, curve: line}, {at: B+1/2, gain: -6dB}"
     fade = f"fade: [{fade}]"
     plain, faded = heard(score(), 80_000), heard(score(fade), 80_000)
-    at = np.array([1000, 22_050, 44_100, 55_125, 70_000])
-    gains = 20 * np.log10(faded[at, 0] / plain[at, 0])
+    position = np.array([1000, 22_050, 44_100, 55_125, 70_000])
+    gains = 20 * np.log10(faded[position, 0] / plain[position, 0])
     assert gains == pytest.approx([-40 + 40 * 1000 / 44_100, -20, 0, -3, -6], abs=1e-9)
 
 
@@ -91,12 +91,12 @@ def test_a_room_goes_on_and_stems_add_up():
     staged = stage(load("x.yaml", text=text).piece, planned=True)
     frames = np.zeros((44_100, staged.simulation.n_out))
     staged.simulation.process(frames)
-    whole = np.zeros((44_100, 2))
-    staged.mixer().process(frames, whole)
-    stems = [np.zeros_like(whole) for _ in staged.stems()]
+    complete = np.zeros((44_100, 2))
+    staged.mixer().process(frames, complete)
+    stems = [np.zeros_like(complete) for _ in staged.stems()]
     for (_, mixer), stem in zip(staged.stems(), stems, strict=True):
         mixer.process(frames, stem)
-    assert np.allclose(sum(stems), whole, rtol=0, atol=1e-9 * np.abs(whole).max())
+    assert np.allclose(sum(stems), complete, rtol=0, atol=1e-9 * np.abs(complete).max())
     late = np.abs(stems[0][22_050:]).max() / np.abs(stems[0][:2205]).max()
     assert 1e-4 < late < 0.1, "the bell itself has faded by 600 dB there"
 
@@ -107,14 +107,14 @@ def test_the_notes_of_an_instrument_are_one_stem():
     text = text.replace("route:", "route:\n    - {from: bells, to: 1}")
     staged = stage(load("x.yaml", text=text).piece)
     frames = np.random.default_rng(1).standard_normal((100, staged.simulation.n_out))
-    whole = np.zeros((100, 2))
-    staged.mixer().process(frames, whole)
+    complete = np.zeros((100, 2))
+    staged.mixer().process(frames, complete)
     named = dict(staged.stems())
     assert list(named) == ["bells", "bell"]
-    stems = [np.zeros_like(whole) for _ in named]
+    stems = [np.zeros_like(complete) for _ in named]
     for mixer, stem in zip(named.values(), stems, strict=True):
         mixer.process(frames, stem)
-    assert np.allclose(sum(stems), whole, rtol=0, atol=1e-9 * np.abs(whole).max())
+    assert np.allclose(sum(stems), complete, rtol=0, atol=1e-9 * np.abs(complete).max())
 
 
 def test_live_is_offline(tmp_path):
@@ -295,8 +295,13 @@ def test_filters_follow_each_other():
     written = "highpass: 90Hz, lowpass: 2kHz, lowshelf: {f: 300Hz, gain: 4dB}"
     written += ", highshelf: {f: 1kHz, gain: -7dB}"
     expected = heard(score())[:, 0]
-    for own in (("highpass", 90), ("lowpass", 2000), ("lowshelf", 300, 4), ("highshelf", 1000, -7)):
-        expected = lfilter(*cookbook(*own), expected)
+    for item in (
+        ("highpass", 90),
+        ("lowpass", 2000),
+        ("lowshelf", 300, 4),
+        ("highshelf", 1000, -7),
+    ):
+        expected = lfilter(*cookbook(*item), expected)
     assert np.abs(heard(score(written))[:, 1] - expected).max() < 1e-10 * np.abs(expected).max()
 
 

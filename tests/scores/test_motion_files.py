@@ -22,12 +22,14 @@ def wrote(tmp_path, suffix, data):
     return path
 
 
-def is_of(found: Samples, places, point: int, axis: int, rate: float = 100.0, metres: float = 1e-3):
+def is_of(
+    result_wanted: Samples, places, point: int, axis: int, rate: float = 100.0, metres: float = 1e-3
+):
     """Whether a take is an axis of a point, from its first frame on."""
     x = places[:, point, axis]
     seen = np.isfinite(x)
-    assert np.allclose(found.t, np.flatnonzero(seen) / rate, rtol=0, atol=1e-12)
-    assert np.allclose(found.x, (x[seen] - x[seen][0]) * metres, rtol=1e-12, atol=1e-15)
+    assert np.allclose(result_wanted.t, np.flatnonzero(seen) / rate, rtol=0, atol=1e-12)
+    assert np.allclose(result_wanted.x, (x[seen] - x[seen][0]) * metres, rtol=1e-12, atol=1e-15)
     return True
 
 
@@ -51,19 +53,19 @@ def test_a_c3d_file_of_another_writer_is_read(tmp_path):
     chance = np.random.default_rng(7)
     places = chance.normal(size=(3000, 5, 3)).astype(np.float32).astype(float)
     places[100:105, 2] = np.nan
-    made = ezc3d.c3d()
-    made["parameters"]["POINT"]["RATE"]["value"] = [240.0]
-    made["parameters"]["POINT"]["LABELS"]["value"] = [f"sub:M{i}" for i in range(5)]
-    made["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
-    made["parameters"]["ANALOG"]["RATE"]["value"] = [480.0]
-    made["parameters"]["ANALOG"]["LABELS"]["value"] = ["force", "emg"]
-    made["data"]["points"] = np.concatenate([places.transpose(2, 1, 0), np.ones((1, 5, 3000))])
-    made["data"]["analogs"] = chance.normal(size=(1, 2, 6000))
-    made.write(str(tmp_path / "walk.c3d"))
+    built = ezc3d.c3d()
+    built["parameters"]["POINT"]["RATE"]["value"] = [240.0]
+    built["parameters"]["POINT"]["LABELS"]["value"] = [f"sub:M{i}" for i in range(5)]
+    built["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
+    built["parameters"]["ANALOG"]["RATE"]["value"] = [480.0]
+    built["parameters"]["ANALOG"]["LABELS"]["value"] = ["force", "emg"]
+    built["data"]["points"] = np.concatenate([places.transpose(2, 1, 0), np.ones((1, 5, 3000))])
+    built["data"]["analogs"] = chance.normal(size=(1, 2, 6000))
+    built.write(str(tmp_path / "walk.c3d"))
     assert is_of(read(tmp_path / "walk.c3d", "sub:M4.y"), places, 4, 1, 240.0, 1.0)
-    found = read(tmp_path / "walk.c3d", "sub:M2.z")
-    assert is_of(found, places, 2, 2, 240.0, 1.0)
-    assert found.damage == "'sub:M2' is not seen in 5 frames; a spline runs across them"
+    result = read(tmp_path / "walk.c3d", "sub:M2.z")
+    assert is_of(result, places, 2, 2, 240.0, 1.0)
+    assert result.damage == "'sub:M2' is not seen in 5 frames; a spline runs across them"
 
 
 def channels_used(count: int):
@@ -99,9 +101,9 @@ def test_a_file_that_fits_neither_its_header_nor_its_parameters_is_refused(tmp_p
 def test_more_frames_than_the_header_can_say(tmp_path):
     places = np.zeros((66_000, 1, 3))
     places[:, 0, 0] = np.arange(66_000) % 500
-    own = files._Numbers("intel")
-    begin = (2, "ACTUAL_START_FIELD", 2, (2,), own.word(1) + own.word(0))
-    end = (2, "ACTUAL_END_FIELD", 2, (2,), own.word(66_000 - 65_536) + own.word(1))
+    single = files._Numbers("intel")
+    begin = (2, "ACTUAL_START_FIELD", 2, (2,), single.word(1) + single.word(0))
+    end = (2, "ACTUAL_END_FIELD", 2, (2,), single.word(66_000 - 65_536) + single.word(1))
     data = files.c3d(places, ("p",), scale=1.0, parameters=(begin, end))
     assert is_of(read(wrote(tmp_path, ".c3d", data), "p.x"), places, 0, 0)
 
@@ -167,8 +169,8 @@ def test_auto_goes_along_the_path(tmp_path):
     line, across = np.array([2.0, -1.0, 2.0]) / 3, np.array([1.0, 2.0, 0.0]) / math.sqrt(5)
     places = 300 * along[:, None] * line + 3 * np.sin(40 * s)[:, None] * across
     data = files.c3d(np.stack([places, places[::-1]], 1))
-    found = read(wrote(tmp_path, ".c3d", data), "RWRI.auto")
-    assert np.abs(found.x - 0.3 * along).max() < 3e-4
+    result = read(wrote(tmp_path, ".c3d", data), "RWRI.auto")
+    assert np.abs(result.x - 0.3 * along).max() < 3e-4
     # It goes towards its farther end, wherever it begins.
     back = read(tmp_path / "walk.c3d", "LWRI.auto")
     assert np.abs(back.x - 0.3 * along).max() < 3e-4
@@ -190,9 +192,9 @@ def test_a_point_that_is_hidden_for_long_is_refused(tmp_path, suffix):
     with pytest.raises(TakeError, match=r"'RWRI' is not seen from 0.500 s to 0.800 s"):
         read(path, "RWRI.x")
     # What is hidden before it is seen first is no gap.
-    found = read(path, "LWRI.x")
-    assert is_of(found, places, 1, 0)
-    assert found.damage is None
+    result = read(path, "LWRI.x")
+    assert is_of(result, places, 1, 0)
+    assert result.damage is None
     places[1:, 1] = np.nan
     with pytest.raises(TakeError, match="seen in no two frames"):
         read(wrote(tmp_path, suffix, write(places[30:])), "LWRI.x")
@@ -219,8 +221,8 @@ def test_joints_turn_about_their_parents(tmp_path):
     path = wrote(tmp_path, ".bvh", files.bvh(rows))
     motion = bvh_file.read(path)
     assert motion.points == ("hips", "arm", "hand", "hand end")
-    found = np.concatenate(list(motion.blocks()))
-    for row, places in zip(rows, found, strict=True):
+    result = np.concatenate(list(motion.blocks()))
+    for row, places in zip(rows, result, strict=True):
         z, x, y = 2, 0, 1
         a = np.radians(row)
         hand = turned(a[9], z) @ turned(a[10], y) @ turned(a[11], x) @ [5, 0, 0] + [20, 0, 0]
@@ -229,7 +231,7 @@ def test_joints_turn_about_their_parents(tmp_path):
         assert np.allclose(places[3], end, atol=1e-6)
         assert np.allclose(places[0], row[:3], atol=1e-6)
     taken = read(path, "hand end.y", unit=0.01)
-    assert np.allclose(taken.x, (found[:, 3, 1] - found[0, 3, 1]) * 0.01)
+    assert np.allclose(taken.x, (result[:, 3, 1] - result[0, 3, 1]) * 0.01)
     assert np.allclose(taken.t, np.arange(400) * 0.01)
     with pytest.raises(TakeError, match="such as unit: 1cm"):
         read(path, "hand.x")
@@ -479,9 +481,9 @@ def test_columns_of_sdif_by_their_names(tmp_path):
     table = files.frame(b"1NVT", 0.0, files.matrix(b"1NVT", np.zeros((1, 1))))
     path = wrote(tmp_path, ".sdif", files.sdif(table, files.declared(types), files.moving(t, x)))
     for i, letter in enumerate("xyz"):
-        found = read(path, f"XPOS.{letter}", unit=0.01)
-        assert np.allclose(found.t, t - 0.5)
-        assert np.allclose(found.x, (x[:, i] - x[0, i]) * 0.01)
+        result = read(path, f"XPOS.{letter}", unit=0.01)
+        assert np.allclose(result.t, t - 0.5)
+        assert np.allclose(result.x, (x[:, i] - x[0, i]) * 0.01)
     with pytest.raises(TakeError, match=r"there are XPOS\.x, XPOS\.y, XPOS\.z") as caught:
         read(path, "XPOS.a", unit=0.01)
     assert caught.value.suggestion in ("XPOS.x", "XPOS.y", "XPOS.z")
@@ -503,8 +505,8 @@ def test_streams_and_rows_of_sdif_are_told_apart(tmp_path, kind):
     )
     for stream in (1, 2):
         for row, sign in ((1, 1), (2, -1)):
-            found = read(path, f"XPOS.1 stream {stream} row {row}", unit=0.001)
-            assert np.allclose(found.x, sign * stream * np.arange(3) / 1000)
+            result = read(path, f"XPOS.1 stream {stream} row {row}", unit=0.001)
+            assert np.allclose(result.x, sign * stream * np.arange(3) / 1000)
 
 
 @pytest.mark.parametrize(

@@ -23,61 +23,61 @@ def speed(t):
 def test_a_minimum_jerk_movement():
     """Flash & Hogan 1985: peak speed 15/8, peak acceleration 10/√3, means by the polynomials."""
     t = np.arange(round(T * RATE) + 1) / RATE
-    found = movement_stats(t, minimum_jerk(t), cutoff=100.0)
-    assert found.duration == pytest.approx(T)
-    assert (found.low, found.high) == pytest.approx((0, A))
-    assert found.path == pytest.approx(A, rel=1e-4)
-    assert found.speed_peak == pytest.approx(15 / 8 * A / T, rel=1e-4)
-    assert found.speed_rms == pytest.approx(np.sqrt(10 / 7) * A / T, rel=1e-3)
-    assert found.acceleration_peak == pytest.approx(10 / np.sqrt(3) * A / T**2, rel=1e-3)
-    assert found.acceleration_rms == pytest.approx(np.sqrt(120 / 7) * A / T**2, rel=2e-3)
-    assert found.reversals.size == found.strikes.size == 0
+    result = movement_stats(t, minimum_jerk(t), cutoff=100.0)
+    assert result.duration == pytest.approx(T)
+    assert (result.low, result.high) == pytest.approx((0, A))
+    assert result.path == pytest.approx(A, rel=1e-4)
+    assert result.speed_peak == pytest.approx(15 / 8 * A / T, rel=1e-4)
+    assert result.speed_rms == pytest.approx(np.sqrt(10 / 7) * A / T, rel=1e-3)
+    assert result.acceleration_peak == pytest.approx(10 / np.sqrt(3) * A / T**2, rel=1e-3)
+    assert result.acceleration_rms == pytest.approx(np.sqrt(120 / 7) * A / T**2, rel=2e-3)
+    assert result.reversals.size == result.strikes.size == 0
     # The arc length by quadrature of the Fourier integral of the speed.
-    assert found.smoothness == pytest.approx(-arc_length(), rel=2e-3)
+    assert result.smoothness == pytest.approx(-arc_length(), rel=2e-3)
 
 
 def arc_length() -> float:
     """Balasubramanian & others 2012, of the minimum-jerk speed, by quadrature."""
-    most = 40 * np.pi
-    omega = np.linspace(0, most, 2001)
+    limit = 40 * np.pi
+    omega = np.linspace(0, limit, 2001)
 
     def size(w: float) -> float:
         # About its middle the speed is even, so its transform is a cosine's.
         return abs(quad(lambda t: speed(t) * np.cos(w * (t - T / 2)), 0, T, limit=400)[0]) / A
 
     height = np.array([size(w) for w in omega])
-    return float(np.hypot(np.diff(height), np.diff(omega) / most).sum())
+    return float(np.hypot(np.diff(height), np.diff(omega) / limit).sum())
 
 
 def test_smoothness_knows_neither_size_nor_rest_nor_duration_of_samples():
     t = np.arange(round(T * RATE) + 1) / RATE
     v = speed(t)
-    one = spectral_arc_length(v, RATE)
-    assert spectral_arc_length(7 * v, RATE) == pytest.approx(one, rel=1e-12)
+    first = spectral_arc_length(v, RATE)
+    assert spectral_arc_length(7 * v, RATE) == pytest.approx(first, rel=1e-12)
     rested = np.concatenate([np.zeros(400), v, np.zeros(300)])
-    assert spectral_arc_length(rested, RATE) == pytest.approx(one, rel=1e-3)
-    assert spectral_arc_length(speed(t[::2]), RATE / 2) == pytest.approx(one, rel=1e-3)
+    assert spectral_arc_length(rested, RATE) == pytest.approx(first, rel=1e-3)
+    assert spectral_arc_length(speed(t[::2]), RATE / 2) == pytest.approx(first, rel=1e-3)
     # Two movements in a row are less smooth than one.
-    assert spectral_arc_length(np.concatenate([v, v]), RATE) < one - 0.1
+    assert spectral_arc_length(np.concatenate([v, v]), RATE) < first - 0.1
 
 
-@pytest.mark.parametrize("own_rate", [1002.27, 120.0])
-def test_a_sinusoid(own_rate):
+@pytest.mark.parametrize("single_rate", [1002.27, 120.0])
+def test_a_sinusoid(single_rate):
     f, size, seconds = 3.0, 4e-3, 10.0
-    t = np.arange(int(seconds * own_rate) + 1) / own_rate
-    found = movement_stats(t, size * np.sin(2 * np.pi * f * t))
+    t = np.arange(int(seconds * single_rate) + 1) / single_rate
+    result = movement_stats(t, size * np.sin(2 * np.pi * f * t))
     w = 2 * np.pi * f
-    assert found.rms == pytest.approx(size / np.sqrt(2), rel=1e-3)
-    assert found.speed_peak == pytest.approx(size * w, rel=1e-3)
-    assert found.speed_rms == pytest.approx(size * w / np.sqrt(2), rel=1e-3)
-    assert found.acceleration_rms == pytest.approx(size * w * w / np.sqrt(2), rel=5e-3)
-    assert found.path == pytest.approx(4 * size * f * seconds, rel=1e-3)
-    assert found.centre == pytest.approx(f, rel=1e-3)
+    assert result.rms == pytest.approx(size / np.sqrt(2), rel=1e-3)
+    assert result.speed_peak == pytest.approx(size * w, rel=1e-3)
+    assert result.speed_rms == pytest.approx(size * w / np.sqrt(2), rel=1e-3)
+    assert result.acceleration_rms == pytest.approx(size * w * w / np.sqrt(2), rel=5e-3)
+    assert result.path == pytest.approx(4 * size * f * seconds, rel=1e-3)
+    assert result.centre == pytest.approx(f, rel=1e-3)
     # That of the Hann window itself: 1/(√3 T).
-    assert found.bandwidth == pytest.approx(1 / np.sqrt(3) / seconds, rel=0.02)
+    assert result.bandwidth == pytest.approx(1 / np.sqrt(3) / seconds, rel=0.02)
     quarter = (1 + 2 * np.arange(60)) / 4 / f
-    assert np.abs(found.reversals - quarter).max() < 2e-3
-    assert found.strikes.size == 0
+    assert np.abs(result.reversals - quarter).max() < 2e-3
+    assert result.strikes.size == 0
 
 
 def test_bounces_are_strikes_and_turns_in_the_air_are_none():
@@ -87,10 +87,10 @@ def test_bounces_are_strikes_and_turns_in_the_air_are_none():
     t = np.arange(round(10 * up * RATE)) / RATE
     phase = np.mod(t, 2 * up) - up
     x = height - g * phase**2 / 2
-    found = movement_stats(t, x, cutoff=100.0)
+    result = movement_stats(t, x, cutoff=100.0)
     below = 2 * up * np.arange(1, 5)
-    assert np.abs(found.strikes - below).max() < 2e-3
-    assert found.reversals.size == 9
+    assert np.abs(result.strikes - below).max() < 2e-3
+    assert result.reversals.size == 9
 
 
 def test_small_wobbles_are_no_reversals():
@@ -101,8 +101,10 @@ def test_small_wobbles_are_no_reversals():
 
 def test_what_stays_in_its_place():
     t = np.arange(100) / 100
-    found = movement_stats(t, np.full(100, 0.003))
-    assert (found.low, found.high, found.speed_peak) == pytest.approx((0.003, 0.003, 0), abs=1e-12)
-    assert found.reversals.size == 0
+    result = movement_stats(t, np.full(100, 0.003))
+    assert (result.low, result.high, result.speed_peak) == pytest.approx(
+        (0.003, 0.003, 0), abs=1e-12
+    )
+    assert result.reversals.size == 0
     two = movement_stats(np.array([0.0, 1e-3]), np.array([0.0, 1e-3]))
     assert (two.low, two.high, two.reversals.size) == (0.0, 1e-3, 0)

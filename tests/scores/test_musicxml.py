@@ -236,8 +236,8 @@ def test_compressed_utf_16_and_timewise_files_are_the_same(tmp_path):
         file.writestr("a/b.xml", text)
     attributes = part(A).partition("<measure")[2].partition(">")[2].partition("<note")[0]
     turned = "<part-list><score-part id='P1'/></part-list>"
-    for one, two, head in ((A, C, attributes), (B, D, "")):
-        turned += f"<measure><part id='P1'>{head}{one}</part><part id='P2'>{head}{two}</part>"
+    for item, two, head in ((A, C, attributes), (B, D, "")):
+        turned += f"<measure><part id='P1'>{head}{item}</part><part id='P2'>{head}{two}</part>"
         turned += "</measure>"
     by_measure = tmp_path / "timewise.xml"
     by_measure.write_text(f"<score-timewise>{turned}</score-timewise>", encoding="utf-8")
@@ -300,8 +300,8 @@ render: {tail: 1s}
 def test_a_score_plays_it_at_its_tempo_and_levels(tmp_path):
     first = '<sound tempo="60"/>' + mark("ppp") + note("C", 4, 4) + mark("fff") + note("E", 4, 4)
     written(tmp_path, part(first, note("G", 4, 8)), part(B, name="P2"))
-    found = load(tmp_path / "score.yaml", text=SCORE)
-    assert [d.code for d in found.diagnostics if d.code != "W325"] == []
-    notes = struck_notes(stage(found.piece))
-    heard = [(n.member, round(n.begin, 9), round(n.strength, 9)) for n in notes]
-    assert heard == [("cell.C4", 0.0, 0.0), ("cell.E4", 2.0, 1.0), ("cell.G4", 4.0, 1.0)]
+    result = load(tmp_path / "score.yaml", text=SCORE)
+    assert [d.code for d in result.diagnostics if d.code != "W325"] == []
+    notes = struck_notes(stage(result.piece))
+    listened = [(n.member, round(n.begin, 9), round(n.strength, 9)) for n in notes]
+    assert listened == [("cell.C4", 0.0, 0.0), ("cell.E4", 2.0, 1.0), ("cell.G4", 4.0, 1.0)]

@@ -120,10 +120,10 @@ def test_arithmetic_needs_no_names():
     ],
 )
 def test_expressions_have_these_values(text, literal):
-    found = evaluate(text, {}).literal
-    if found != literal:  # transcendentals to the last bit or so
-        assert found[-2:] == literal[-2:] == "Hz"
-        assert float(found[:-2]) == pytest.approx(float(literal[:-2]), rel=1e-12)
+    result = evaluate(text, {}).literal
+    if result != literal:  # transcendentals to the last bit or so
+        assert result[-2:] == literal[-2:] == "Hz"
+        assert float(result[:-2]) == pytest.approx(float(literal[:-2]), rel=1e-12)
 
 
 def test_a_note_is_the_note_that_is_written():
@@ -163,9 +163,9 @@ def test_a_note_is_the_note_that_is_written():
 def test_mistakes_are_told_in_their_places(let, fields, code, words, column):
     loaded = read(let, **fields)
     assert loaded.piece is None
-    found = loaded.diagnostics[0]
-    assert (found.code, words in found.message) == (code, True), found
-    assert column in (None, found.place.column)
+    result = loaded.diagnostics[0]
+    assert (result.code, words in result.message) == (code, True), result
+    assert column in (None, result.place.column)
 
 
 def test_a_misspelt_name_has_a_suggestion():
@@ -174,8 +174,8 @@ def test_a_misspelt_name_has_a_suggestion():
 
 def test_plain_mistakes_stay_what_they_were():
     for text in ("400", "4,5", "heavy", "400N", "4e", "40g2", "1:30", "400 kg g"):
-        said = read(mass=text).diagnostics
-        assert all("let" not in one.message for one in said), (text, said)
+        message = read(mass=text).diagnostics
+        assert all("let" not in one.message for one in message), (text, message)
 
 
 def test_what_is_remembered_knows_the_names_that_it_was_read_with():
@@ -212,11 +212,11 @@ def texts(shape: Shape, path: str, seen: set[int]) -> Iterator[tuple[str, Text]]
     if isinstance(shape, Record):
         for field in shape.fields:
             yield from texts(field.shape, f"{shape.noun}.{field.name}", seen)
-        for kind, own in shape.kinds.items():
-            yield from texts(own, f"{shape.noun}/{kind}", seen)
-    for own in vars(shape).values():
-        if isinstance(own, Shape):
-            yield from texts(own, path, seen)
+        for kind, item in shape.kinds.items():
+            yield from texts(item, f"{shape.noun}/{kind}", seen)
+    for item in vars(shape).values():
+        if isinstance(item, Shape):
+            yield from texts(item, path, seen)
 
 
 # Words, names, texts and positions, whose names are those of marks.
@@ -251,9 +251,9 @@ def test_a_name_stands_wherever_a_value_does():
             document = compose(f"let: {{own: {example}}}\nx: own", "f", collector)
             assert isinstance(document.root, Mapping)
             node = document.root.entries["x"][1]
-            found = shape.read(node, "x", Context(collector))
-            assert found is not MISSING, (path, example)
-            assert found == shape.parse(example) or path.endswith("at"), (path, example)
+            result = shape.read(node, "x", Context(collector))
+            assert result is not MISSING, (path, example)
+            assert result == shape.parse(example) or path.endswith("at"), (path, example)
             n_values += 1
     assert n_values > 40
 
@@ -298,8 +298,8 @@ BY_NAME = {
 
 def written(words: dict[str, str], let: str = "") -> str:
     text = WORDS
-    for word, said in words.items():
-        text = text.replace(word, said)
+    for word, message in words.items():
+        text = text.replace(word, message)
     return text.replace("LET", let)
 
 
@@ -308,18 +308,18 @@ def test_names_stand_in_notations_tables_curves_and_patterns():
     let = "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n"
     named = load("s.yaml", text=written(BY_NAME, let))
     assert plain.piece is not None
-    assert [one.message for one in named.diagnostics if one.code[0] == "E"] == []
+    assert [item.message for item in named.diagnostics if item.code[0] == "E"] == []
     assert named.piece is not None
-    one, two = plain.piece, named.piece
-    for mine, other in zip(one.gestures.values(), two.gestures.values(), strict=True):
+    item, two = plain.piece, named.piece
+    for mine, other in zip(item.gestures.values(), two.gestures.values(), strict=True):
         points = [[(p.at, p.x, p.curve) for p in own.points] for own in (mine, other)]
         assert points[0] == points[1]
         assert mine.do == other.do
-    assert one.starts == two.starts
-    assert [[hit.level for hit in s.hits] for s in one.strikes] == [
+    assert item.starts == two.starts
+    assert [[hit.level for hit in s.hits] for s in item.strikes] == [
         [hit.level for hit in s.hits] for s in two.strikes
     ]
-    for mine, other in zip(one.automation, two.automation, strict=True):
+    for mine, other in zip(item.automation, two.automation, strict=True):
         assert mine.points == other.points
         assert list(mine.amounts.values()) == list(other.amounts.values())
         assert mine.swing == other.swing
@@ -328,9 +328,9 @@ def test_names_stand_in_notations_tables_curves_and_patterns():
 def test_a_mistake_beside_a_name_is_told_where_it_is_written():
     text = written(BY_NAME, "let: {deep: 3mm, half: 0.5, n: 3, low: A2, soft: 1mNs, long: 2s}\n")
     text = text.replace("line low+7st@3", "lime low+7st@3")
-    found = [d for d in load("s.yaml", text=text).diagnostics if d.code[0] == "E"]
-    assert [(d.code, d.suggestion) for d in found] == [("E204", "line")]
-    place = found[0].place
+    result = [d for d in load("s.yaml", text=text).diagnostics if d.code[0] == "E"]
+    assert [(d.code, d.suggestion) for d in result] == [("E204", "line")]
+    place = result[0].place
     assert place is not None
     assert text.splitlines()[place.line - 1][place.column - 1 :].startswith("lime")
 
@@ -381,15 +381,15 @@ def test_a_table_of_strikes_with_names_is_that_without(named: str, plain: str) -
 def test_a_mistake_in_a_name_of_a_table_is_told_at_the_name(
     rows: str, code: str, message: str, suggestion: str | None
 ) -> None:
-    (found,) = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows)).diagnostics
-    assert (found.code, found.suggestion) == (code, suggestion)
-    assert message in found.message
+    (result,) = load("score.yaml", text=TABLE_SCORE.format(rows="      " + rows)).diagnostics
+    assert (result.code, result.suggestion) == (code, suggestion)
+    assert message in result.message
 
 
 def test_a_wrong_value_where_no_field_is_has_one_message() -> None:
     text = "ergon: 1\ninstruments: {b: {from: bell/bell, t60: 3x}}\n"
-    (found,) = load("score.yaml", text=text).diagnostics
-    assert (found.code, found.place.column) == ("E203", 42)
+    (result,) = load("score.yaml", text=text).diagnostics
+    assert (result.code, result.place.column) == ("E203", 42)
 
 
 PLACED = """\
@@ -429,15 +429,15 @@ def test_names_and_arithmetic_stand_in_positions():
         "at": "c+250ms",
         "cell": "c+4bar",
     }
-    found = [
-        load("s.yaml", text=PLACED.format(let=said, **values))
-        for said, values in ((let, named), ("", plain))
+    result = [
+        load("s.yaml", text=PLACED.format(let=message, **values))
+        for message, values in ((let, named), ("", plain))
     ]
-    assert [one.diagnostics for one in found] == [[], []]
+    assert [item.diagnostics for item in result] == [[], []]
     marks, strikes, parts = (
         [
-            [one.piece.tempo_map.resolve(value.at) for value in getattr(one.piece, name)]
-            for one in found
+            [item.piece.tempo_map.resolve(value.at) for value in getattr(item.piece, name)]
+            for item in result
         ]
         for name in ("marks", "strikes", "parts")
     )
@@ -457,12 +457,12 @@ def test_names_and_arithmetic_stand_in_positions():
         ("3|1+first*x", "E201", "'x' is not a name"),
     ],
 )
-def test_positions_that_are_none_say_so(at: str, code: str, said: str):
+def test_positions_that_are_none_say_so(at: str, code: str, message: str):
     text = f"ergon: 1\nlet: {{first: 4, step: 2bar}}\nmarks: {{A: 2|1, B: '{at}'}}\n"
-    (found,) = load("s.yaml", text=text).diagnostics
-    assert found.code == code
-    assert said in found.message
-    assert found.place.line == 3
+    (result,) = load("s.yaml", text=text).diagnostics
+    assert result.code == code
+    assert message in result.message
+    assert result.place.line == 3
 
 
 @pytest.mark.parametrize(
@@ -482,15 +482,15 @@ def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(at, sugges
         "ergon: 1\nlet: {first: 4, gap: 1/2}\n"
         f"marks: {{A: 2|1, c: 3|1, last-verse: 5|1, x: '{at}'}}\n"
     )
-    (found,) = load("s.yaml", text=text).diagnostics
-    assert (found.code, found.suggestion, found.help) == ("E301", suggestion, help)
+    (result,) = load("s.yaml", text=text).diagnostics
+    assert (result.code, result.suggestion, result.help) == ("E301", suggestion, help)
 
 
 def test_a_mark_with_a_hyphen_is_one_and_a_difference_has_spaces():
     text = "ergon: 1\nlet: {gap: 1/2}\nmarks: {c: 3|1, c-gap: 9|1, x: c-gap, y: c - gap}\n"
-    found = load("s.yaml", text=text)
-    assert not found.diagnostics
-    marks = {mark.name: found.piece.tempo_map.resolve(mark.at) for mark in found.piece.marks}
+    result = load("s.yaml", text=text)
+    assert not result.diagnostics
+    marks = {mark.name: result.piece.tempo_map.resolve(mark.at) for mark in result.piece.marks}
     assert (marks["x"], marks["y"]) == (32, 7.5)
 
 

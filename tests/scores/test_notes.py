@@ -20,8 +20,8 @@ def piece(text: str) -> Piece:
     return loaded.piece
 
 
-def sound(made: Piece, count: int = 5000) -> np.ndarray:
-    staged = stage(made)
+def sound(built: Piece, count: int = 5000) -> np.ndarray:
+    staged = stage(built)
     out = np.zeros((count, staged.simulation.n_out))
     staged.simulation.process(out)
     return out
@@ -95,13 +95,13 @@ def test_every_note_has_a_number_and_a_name():
 
 
 def test_each_note_is_the_instrument_retuned_to_it():
-    made = piece(
+    built = piece(
         "instruments:\n  string: {from: string/string, notes: [D3, F3, Bb3]}\n"
         "  by-hand: {from: string/string, f: F3}\n"
     )
-    assert list(made.instruments) == ["string.D3", "string.F3", "string.Bb3", "by-hand"]
-    plain = [dict(m.fields, between=None) for m in made.instruments["by-hand"].modules]
-    assert [dict(m.fields, between=None) for m in made.instruments["string.F3"].modules] == plain
+    assert list(built.instruments) == ["string.D3", "string.F3", "string.Bb3", "by-hand"]
+    plain = [dict(m.fields, between=None) for m in built.instruments["by-hand"].modules]
+    assert [dict(m.fields, between=None) for m in built.instruments["string.F3"].modules] == plain
 
 
 def test_a_member_sounds_as_one_that_is_written_by_hand_to_the_byte():
@@ -109,10 +109,10 @@ def test_a_member_sounds_as_one_that_is_written_by_hand_to_the_byte():
     by_hand = f"instruments: {{g: {{{gong}, f: F2}}}}\n"
     family = f"instruments: {{g: {{{gong}, notes: [C2, F2]}}}}\n"
     hit = "strikes: {{s: {{to: {}, at: 0, impulse: 1mNs}}}}\n"
-    own = sound(piece(by_hand + hit.format("g.centre")))
+    single = sound(piece(by_hand + hit.format("g.centre")))
     member = sound(piece(family + hit.format("g.F2.centre")))
-    assert np.abs(own).max() > 0
-    assert member[:, 1].tobytes() == own[:, 0].tobytes()
+    assert np.abs(single).max() > 0
+    assert member[:, 1].tobytes() == single[:, 0].tobytes()
 
 
 FAMILY = """\
@@ -129,14 +129,14 @@ instruments:
 
 
 def test_members_stand_wherever_a_module_does():
-    made = piece(
+    built = piece(
         f"{FAMILY}strikes: {{s: {{to: [string.hammer, string.Gb3.body.7, gong.centre, cell.E4],"
         " at: 1, impulse: 1mNs}}\n"
         "automation: {set: cell.C4.f, to: A3 C4, every: 1, at: 1}\n"
         "mix: {route: [{from: string, to: 1}, {from: string.Gb3, to: 3}, {from: gong.G2, to: 2},"
         " {from: mic, to: 1}]}\n"
     )
-    reached = [(t.part, t.module, t.first) for t in made.strikes[0].to]
+    reached = [(t.part, t.module, t.first) for t in built.strikes[0].to]
     assert reached == [
         ("string.D3", "hammer", 0),
         ("string.F#3", "hammer", 0),
@@ -146,7 +146,7 @@ def test_members_stand_wherever_a_module_does():
         ("gong.G2", "", "centre"),
         ("cell.E4", "", 0),
     ]
-    assert [(r.part, r.to) for r in made.mix.routes] == [
+    assert [(r.part, r.to) for r in built.mix.routes] == [
         ("string.D3", (1,)),
         ("string.F#3", (1,)),
         ("string.A3", (1,)),
@@ -154,24 +154,24 @@ def test_members_stand_wherever_a_module_does():
         ("gong.G2", (2,)),
         ("mic", (1,)),
     ]
-    heard = [t.part for t in made.instruments["mic"].outputs[0].targets]
-    assert heard == [
+    listened = [t.part for t in built.instruments["mic"].outputs[0].targets]
+    assert listened == [
         *("string.D3", "string.F#3", "string.A3", "gong.G2"),
         *("cell.A3", "cell.C4", "cell.E4", "cell.G4", "cell.C4"),
     ]
-    assert made.automation[0].target.part == "cell.C4"
+    assert built.automation[0].target.part == "cell.C4"
 
 
 def test_one_key_reaches_every_note():
-    made = piece(FAMILY)
+    built = piece(FAMILY)
     for name in ("string.D3", "string.F#3", "string.A3"):
-        (action,) = [m for m in made.instruments[name].modules if m.name == "action"]
+        (action,) = [m for m in built.instruments[name].modules if m.name == "action"]
         assert [t.part for t in action.fields["between"]] == ["k1", name]
 
 
 def test_notes_come_by_like_and_are_replaced():
-    made = piece(f"{FAMILY}  low: {{like: cell, notes: [C2]}}\n  same: {{like: cell}}\n")
-    assert [n for n in made.instruments if n.startswith(("low", "same"))] == [
+    built = piece(f"{FAMILY}  low: {{like: cell, notes: [C2]}}\n  same: {{like: cell}}\n")
+    assert [n for n in built.instruments if n.startswith(("low", "same"))] == [
         *("low.C2", "same.A3", "same.C4", "same.E4", "same.G4"),
     ]
 
@@ -187,8 +187,8 @@ def test_notes_of_a_file_with_a_prefix():
     text += "strikes: {s: {to: [lib.cell, lib.cell.F#4], at: 0, impulse: 1mNs}}\n"
     loaded = check(text, lib=lib)
     assert loaded.piece is not None, loaded.diagnostics
-    heard = loaded.piece.instruments["lib.ties"].outputs[0].targets
-    assert [t.part for t in heard] == ["lib.cell.C4", "lib.cell.Gb4"]
+    listened = loaded.piece.instruments["lib.ties"].outputs[0].targets
+    assert [t.part for t in listened] == ["lib.cell.C4", "lib.cell.Gb4"]
     assert [t.part for t in loaded.piece.strikes[0].to] == [
         *("lib.cell.C4", "lib.cell.Gb4", "lib.cell.Gb4"),
     ]
@@ -240,23 +240,23 @@ def test_what_cannot_have_notes_is_said(lines, report):
 
 def test_a_note_that_is_missing_is_named_with_those_that_are_there():
     text = f"ergon: 1\n{FAMILY}strikes: {{s: {{to: cell.F4, at: 1, impulse: 1mNs}}}}\n"
-    (said,) = check(text).diagnostics
-    assert (said.code, said.message) == ("E301", "strikes 's': nothing is called 'cell.F4'")
-    assert said.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
+    (message,) = check(text).diagnostics
+    assert (message.code, message.message) == ("E301", "strikes 's': nothing is called 'cell.F4'")
+    assert message.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
 
 
 def test_notes_that_are_not_played_are_no_warnings_where_others_are():
     struck = "strikes: {s: {to: [string.D3.hammer, gong.C2.centre], at: 0, impulse: 20mNs}}\n"
-    made = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
-    said = [d.message.split(":")[0] for d in warn_unused(made) if d.code == "W322"]
-    assert said == ["nothing moves 'cell'"]
-    assert not never_closed_warnings(made, simulate(made, "s.yaml"))
+    built = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n")
+    message = [d.message.split(":")[0] for d in warn_unused(built) if d.code == "W322"]
+    assert message == ["nothing moves 'cell'"]
+    assert not never_closed_warnings(built, simulate(built, "s.yaml"))
     soft = piece(f"{FAMILY}{struck}render: {{tail: 0.1s}}\n".replace("20mNs", "1uNs"))
-    said = [
+    message = [
         d.message.split(" never")[0] for d in never_closed_warnings(soft, simulate(soft, "s.yaml"))
     ]
     notes_ = ("D3", "F#3", "A3")
-    assert {f"contact 'string.{note}.felt'" for note in notes_} <= {*said}
+    assert {f"contact 'string.{note}.felt'" for note in notes_} <= {*message}
 
 
 # --- at the prompt ------------------------------------------------------------------------------
@@ -300,14 +300,14 @@ def test_a_field_of_one_note_is_set_for_it_alone(target, value, part, field, exp
 
 
 def test_members_have_fields_of_their_own():
-    made = piece(
+    built = piece(
         "instruments:\n  s: {from: string/string, notes: [D3, F#3], members:"
         " {Gb3: {modules: {body: {STRING: {masses: 70}}, felt: {BUT: {gap: 5mm}}}}}}\n"
         "  g: {from: gong/plate, notes: [C2, G2], members: {G2: {t60: 3s, PLATE: {radius: 3}}}}\n"
     )
-    masses = [made.instruments[f"s.{note}"].modules[0].fields["masses"] for note in ("D3", "F#3")]
+    masses = [built.instruments[f"s.{note}"].modules[0].fields["masses"] for note in ("D3", "F#3")]
     assert masses == [60, 70]
-    plates = [made.instruments[f"g.{note}"].modules[0].fields for note in ("C2", "G2")]
+    plates = [built.instruments[f"g.{note}"].modules[0].fields for note in ("C2", "G2")]
     assert [(f["t60"], f["radius"], f["f"]) for f in plates] == [
         (30.0, 8, 65.40639132514966),
         (3.0, 3, 97.99885899543733),

@@ -49,27 +49,29 @@ def _entry(rnd: random.Random, beat: float) -> str:
     )
     length = rnd.choice([0.01, 0.02, 0.1, 0.5, 1, 4, 7.3, 30])
     until = f", until: {beat + length}" if rnd.random() < 0.4 else ""
-    at = f"at: {beat}{until}"
+    position = f"at: {beat}{until}"
     kind = rnd.choice(["swing", "glide", "curve", "pattern", "pattern"])
     if kind == "swing":
         shape = rnd.choice(["sine", "triangle", "ramp", "square"])
         period = rnd.choice(["1/2", "1", "3", "4bar", "20bar", "1.7s"])
         phase = rnd.choice([0, 0.3])
         fields = f"range: 0.8..1.2, period: {period}, shape: {shape}, phase: {phase}"
-        return f"{{lfo: {name}, {fields}, {at}}}"
+        return f"{{lfo: {name}, {fields}, {position}}}"
     if kind == "glide":
         over = rnd.choice(["10ms", "0.3", "1", "1bar", "8bar", "40bar"])
-        way = rnd.choice(["line", "smooth"])
-        return f"{{set: {name}, to: {rnd.choice(values)}, over: {over}, curve: {way}, {at}}}"
+        method = rnd.choice(["line", "smooth"])
+        return (
+            f"{{set: {name}, to: {rnd.choice(values)}, over: {over}, curve: {method}, {position}}}"
+        )
     if kind == "curve":
         times = sorted(rnd.sample([0.5, 1, 2, 5, 20], 2))
         some = [rnd.choice(values) for _ in range(3)]
         path = f"{some[0]}@0 smooth {some[1]}@{times[0]} line {some[2]}@{times[1]}"
-        return f"{{set: {name}, to: {path}, {at}}}"
+        return f"{{set: {name}, to: {path}, {position}}}"
     some = " ".join([values[0], *(rnd.choice([*values, "~"]) for _ in range(rnd.randint(1, 3)))])
     every = rnd.choice(["1/8", "1/3", "1", "2bar", "9bar"])
     times = "" if until else f", times: {rnd.choice([1, 3, 40])}"
-    return f"{{set: {name}, to: {some}, every: {every}{times}, {at}}}"
+    return f"{{set: {name}, to: {some}, every: {every}{times}, {position}}}"
 
 
 def _random_piece(seed: int) -> Piece:
@@ -84,22 +86,24 @@ def _random_piece(seed: int) -> Piece:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_points_from_an_instant_on_are_those_of_the_whole_past(seed: int):
-    of, rnd = _random_piece(seed), random.Random(seed)
+    source, rnd = _random_piece(seed), random.Random(seed)
     collector = Collector()
     for _ in range(6):
         beat = rnd.choice([rnd.uniform(1, BEATS + 20), rnd.randrange(1, BEATS) + 1e-3])
-        begins = of.tempo_map.seconds(beat) - AHEAD
-        whole = automation_points(of, -math.inf, beat + 16, collector).points
-        some = automation_points(of, beat, beat + 16, collector, begins).points
+        begins = source.tempo_map.seconds(beat) - AHEAD
+        complete = automation_points(source, -math.inf, beat + 16, collector).points
+        some = automation_points(source, beat, beat + 16, collector, begins).points
         assert not collector.has_errors(), collector.finish()
-        for where in whole.keys() | some.keys():
-            alone = [(0.0, *led_of(of, where).numbers_alone)]
-            own, expected = (_from(points.get(where) or alone, begins) for points in (some, whole))
-            assert own == expected, (where, begins)
+        for where in complete.keys() | some.keys():
+            alone = [(0.0, *led_of(source, where).numbers_alone)]
+            item, expected = (
+                _from(points.get(where) or alone, begins) for points in (some, complete)
+            )
+            assert item == expected, (where, begins)
 
 
-def led_of(of: Piece, where: tuple[str, str]) -> Led:
-    led = Led.of(of, where)
+def led_of(source: Piece, where: tuple[str, str]) -> Led:
+    led = Led.of(source, where)
     assert led is not None
     return led
 
@@ -125,7 +129,7 @@ def _evening(count: int) -> Piece:
     return piece(", ".join([*lines, swing]))
 
 
-def _counted(monkeypatch, of: Piece, beat: float) -> dict[str, int]:
+def _counted(monkeypatch, source: Piece, beat: float) -> dict[str, int]:
     """How many points of curves and numbers of modules are made for a line on a beat."""
     counts = {"points": 0, "numbers": 0}
     to, numbers = parameter_curves.Curve.to, Led.numbers
@@ -141,8 +145,8 @@ def _counted(monkeypatch, of: Piece, beat: float) -> dict[str, int]:
     with monkeypatch.context() as patched:
         patched.setattr(parameter_curves.Curve, "to", counted_to)
         patched.setattr(Led, "numbers", counted_numbers)
-        begins = of.tempo_map.seconds(beat) - AHEAD
-        automation_points(of, beat, beat + 16, Collector(), begins)
+        begins = source.tempo_map.seconds(beat) - AHEAD
+        automation_points(source, beat, beat + 16, Collector(), begins)
     return counts
 
 
@@ -154,13 +158,13 @@ def test_points_of_ended_entries_are_not_expanded(monkeypatch):
 
 @pytest.mark.parametrize("period", ["1", "1/3", "1bar", "2.5bar", "900ms"])
 def test_points_of_swing_lie_where_the_tempo_map_puts_them(period: str):
-    of = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: {period}, at: 7|2.3}}")
-    one, tempo = of.automation[0], of.tempo_map
-    assert one.swing is not None
-    begin = tempo.resolve(one.at)
-    beat_of = swing_beats(tempo, Entry(one, begin, math.inf), one.swing)
+    source = piece(f"{{lfo: bell.n.K, range: 0.8..1.2, period: {period}, at: 7|2.3}}")
+    first, tempo = source.automation[0], source.tempo_map
+    assert first.swing is not None
+    begin = tempo.resolve(first.at)
+    beat_of = swing_beats(tempo, Entry(first, begin, math.inf), first.swing)
     for number in range(2000):
-        assert beat_of(number) == tempo.after(begin, one.swing.period.times(number / PIECES))
+        assert beat_of(number) == tempo.after(begin, first.swing.period.times(number / PIECES))
 
 
 def test_glide_under_way_is_expanded_from_the_window_on(monkeypatch):
@@ -170,10 +174,12 @@ def test_glide_under_way_is_expanded_from_the_window_on(monkeypatch):
 
 
 def test_module_that_glided_back_stays_automated():
-    of = piece("{set: bell.n.K, to: x2, over: 1, at: 1|1}, {set: bell.n.K, to: x1, over: 1, at: 2}")
-    led = led_of(of, ("bell", "n"))
-    found = automation_points(of, 60.0, 76.0, Collector(), 59.9)
-    assert {point[1:] for point in found.points["bell", "n"]} == {led.numbers_alone}
-    paths = takeover_points({}, found.points, of, 59.9, 75.0, found.moved)
+    source = piece(
+        "{set: bell.n.K, to: x2, over: 1, at: 1|1}, {set: bell.n.K, to: x1, over: 1, at: 2}"
+    )
+    led = led_of(source, ("bell", "n"))
+    result = automation_points(source, 60.0, 76.0, Collector(), 59.9)
+    assert {point[1:] for point in result.points["bell", "n"]} == {led.numbers_alone}
+    paths = takeover_points({}, result.points, source, 59.9, 75.0, result.moved)
     assert paths.keys() == {("bell", "n")}
-    assert takeover_points({}, found.points, of, 59.9, 75.0) == {}
+    assert takeover_points({}, result.points, source, 59.9, 75.0) == {}

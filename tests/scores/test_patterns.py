@@ -27,9 +27,9 @@ def course(text: str, seed: int = 7, **more) -> PlaceSequence:
 
 def played(text: str, rounds: int = 1, seed: int = 7, **more) -> list[tuple[float, str]]:
     """(step, name) of all that some rounds play."""
-    one = course(text, seed, **more)
-    places = range(one.places_of(rounds))
-    return [(one.position(n), name) for n in places if (name := one.played(n)) is not None]
+    first = course(text, seed, **more)
+    places = range(first.places_of(rounds))
+    return [(first.position(n), name) for n in places if (name := first.played(n)) is not None]
 
 
 @pytest.mark.parametrize(
@@ -86,23 +86,25 @@ def test_rounds_follow_each_other():
 )
 def test_euclidean_rhythms(text, expected):
     rhythm_ = rhythm.parse_euclid(text)
-    found = "".join("x" if i in rhythm_.positions() else "." for i in range(rhythm_.steps))
-    assert found == expected
+    result = "".join("x" if i in rhythm_.positions() else "." for i in range(rhythm_.steps))
+    assert result == expected
 
 
 @given(st.integers(1, 40), st.integers(0, 40), st.integers(0, 80))
 def test_pulses_are_spread_as_evenly_as_possible(pulses, more, rotate):
     steps_ = pulses + more
-    found = rhythm.Euclid(pulses, steps_, rotate % steps_).positions()
-    assert len(set(found)) == pulses
-    gaps = {(b - a) % steps_ or steps_ for a, b in zip(found, (*found[1:], found[0]), strict=True)}
+    result = rhythm.Euclid(pulses, steps_, rotate % steps_).positions()
+    assert len(set(result)) == pulses
+    gaps = {
+        (b - a) % steps_ or steps_ for a, b in zip(result, (*result[1:], result[0]), strict=True)
+    }
     assert max(gaps) - min(gaps) <= 1
 
 
 def test_names_go_on_over_the_pulses_of_a_rhythm():
-    found = played("a b c", 3, euclid=rhythm.Euclid(5, 8))
+    result = played("a b c", 3, euclid=rhythm.Euclid(5, 8))
     pulses = [cycle * 8 + at for cycle in range(3) for at in (0, 2, 3, 5, 6)]
-    assert found == list(zip(pulses, "abcabcabcabcabc", strict=True))
+    assert result == list(zip(pulses, "abcabcabcabcabc", strict=True))
     assert played("(a b)", 1, euclid=rhythm.Euclid(3, 8)) == [
         (at + part, name) for at in (0, 3, 6) for part, name in ((0, "a"), (0.5, "b"))
     ]
@@ -127,8 +129,8 @@ def test_a_choice_is_one_of_its_items_each_as_often():
     assert set(pairs) == {"aa", "ab", "ba", "bb"}
     mixed = played("choose a (b c)", 200)
     for step in range(200):
-        own = [(at - step, name) for at, name in mixed if step <= at < step + 1]
-        assert own in ([(0, "a")], [(0, "b"), (0.5, "c")])
+        item = [(at - step, name) for at, name in mixed if step <= at < step + 1]
+        assert item in ([(0, "a")], [(0, "b"), (0.5, "c")])
 
 
 def test_a_shuffle_plays_all_in_an_order_of_its_own():
@@ -160,19 +162,19 @@ def test_chance_leaves_places_out_and_keeps_the_others():
 
 
 def test_every_nth_round_has_transformations_of_its_own():
-    own = turns.parse("4th do mirror, scale 0.5 every 3rd do reverse")
-    assert [(turn.nth, [t.word for t in turn.do]) for turn in own] == [
+    single = turns.parse("4th do mirror, scale 0.5 every 3rd do reverse")
+    assert [(turn.nth, [t.word for t in turn.do]) for turn in single] == [
         (4, ["mirror", "scale"]),
         (3, ["reverse"]),
     ]
-    one = course("a b", turns=own)
-    said = [" ".join(t.word for t in one.do(2 * n)) for n in range(12)]
-    assert said == [
+    first = course("a b", turns=single)
+    message = [" ".join(t.word for t in first.do(2 * n)) for n in range(12)]
+    assert message == [
         *("", "", "reverse", "mirror scale", "", "reverse"),
         *("", "mirror scale", "reverse", "", "", "mirror scale reverse"),
     ]
-    assert all(one.do(2 * n) == one.do(2 * n + 1) for n in range(12))
-    cycles = course("a b c", turns=own, euclid=rhythm.Euclid(3, 8))
+    assert all(first.do(2 * n) == first.do(2 * n + 1) for n in range(12))
+    cycles = course("a b c", turns=single, euclid=rhythm.Euclid(3, 8))
     assert [cycles.round(n) for n in range(9)] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
 
 
@@ -183,27 +185,27 @@ def test_every_nth_round_has_transformations_of_its_own():
 @pytest.mark.parametrize("skip", [1, 2, 5, 100])
 def test_what_is_entered_in_the_middle_plays_what_it_would_have_played(text, skip):
     """No draw depends on those before: play from, resume and render agree."""
-    whole, rest = course(text, chance=0.7), course(text, chance=0.7, skip=skip)
+    complete, rest = course(text, chance=0.7), course(text, chance=0.7, skip=skip)
     for place in range(50):
-        assert rest.played(place) == whole.played(place + skip)
-        assert rest.position(place) == whole.position(place + skip)
+        assert rest.played(place) == complete.played(place + skip)
+        assert rest.position(place) == complete.position(place + skip)
 
 
 def test_draws_depend_on_the_seed_and_on_who_plays_what():
-    one = played("choose a b", 40)
-    assert one == played("choose a b", 40)
-    assert one != played("choose a b", 40, seed=8)
+    first = played("choose a b", 40)
+    assert first == played("choose a b", 40)
+    assert first != played("choose a b", 40, seed=8)
     other = PlaceSequence(Pattern(order.parse("choose a b")), Draws(7, "leo/choose a b"))
-    assert [name for _, name in one] != [other.played(n) for n in range(40)]
+    assert [name for _, name in first] != [other.played(n) for n in range(40)]
 
 
 # --- when ----------------------------------------------------------------------------------------
 
 
 def beats(text, every="1", tempo=FLAT, at=0.0, length=lambda name: None, **more):
-    own = {name: more.pop(name) for name in ("euclid", "swing", "skip") if name in more}
+    item = {name: more.pop(name) for name in ("euclid", "swing", "skip") if name in more}
     apart = None if every is None else parse_length(every)
-    return steps(tempo, at, course(text, **own), every=apart, length=length, **more)
+    return steps(tempo, at, course(text, **item), every=apart, length=length, **more)
 
 
 @pytest.mark.parametrize(
@@ -237,17 +239,17 @@ def test_places_have_their_beats(text, options, expected):
 
 
 def test_beats_follow_the_tempo():
-    found = beats("a (b c)", every="250ms", tempo=RAMP, times=8)
-    instants = [RAMP.seconds(beat) for beat in found]
+    result = beats("a (b c)", every="250ms", tempo=RAMP, times=8)
+    instants = [RAMP.seconds(beat) for beat in result]
     assert instants == pytest.approx([0.25 * (2 * n + i) for n in range(8) for i in (0, 1, 1.5)])
 
 
 def test_a_line_without_end_is_worked_out_where_it_is_asked_for():
-    whole = beats("walk a b c", every="1/16", until=62_000.0)
-    assert len(whole) == 992_000
-    assert whole[991_999] == pytest.approx(62_000 - 1 / 16)
-    assert whole[-1] == whole[991_999]
-    assert whole[10:12] == [10 / 16, 11 / 16]
+    complete = beats("walk a b c", every="1/16", until=62_000.0)
+    assert len(complete) == 992_000
+    assert complete[991_999] == pytest.approx(62_000 - 1 / 16)
+    assert complete[-1] == complete[991_999]
+    assert complete[10:12] == [10 / 16, 11 / 16]
 
 
 @pytest.mark.parametrize(
@@ -350,10 +352,10 @@ def test_words_of_patterns_may_be_names_of_gestures():
 @given(st.text(alphabet="ab~()*2 choosewalk", max_size=40))
 def test_any_text_is_read_or_refused(text):
     try:
-        found = order.parse(text)
+        result = order.parse(text)
     except TextError as error:
         assert 0 <= error.offset <= len(text)  # noqa: PT017
         return
-    one = PlaceSequence(Pattern(found), Draws(1, ""))
-    at = [one.position(n) for n in range(3 * found.places)]
-    assert at == sorted(at)
+    first = PlaceSequence(Pattern(result), Draws(1, ""))
+    index = [first.position(n) for n in range(3 * result.places)]
+    assert index == sorted(index)

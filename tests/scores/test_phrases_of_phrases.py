@@ -121,6 +121,6 @@ def test_mistakes_are_told_once(phrases, code, words):
 
 def test_an_arrow_without_a_level_is_refused_in_its_place():
     line = "  line:\n    to: cell\n    entries: |\n      0 C4 ->\n      1 D4 f\n"
-    ((code, at, message),) = [r for r in found(HEAD + line) if r[0][0] == "E"]
-    assert (code, at) == ("E204", 14)
+    ((code, position, message),) = [r for r in found(HEAD + line) if r[0][0] == "E"]
+    assert (code, position) == ("E204", 14)
     assert "write p ->" in message

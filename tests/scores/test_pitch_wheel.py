@@ -54,9 +54,11 @@ def mpe_zone(tick: int, n_channels: int, master: int = 0):
     return [control(tick, *pair, master) for pair in numbers]
 
 
-def score(folder: Path, bend: str = "2st", meter: str = "4/4", bpm: float = 60, more: str = ""):
+def score(
+    folder: Path, curvature: str = "2st", meter: str = "4/4", bpm: float = 60, more: str = ""
+):
     path = folder / "s.yaml"
-    path.write_text(SCORE.format(bend=bend, meter=meter, bpm=bpm, more=more), encoding="utf-8")
+    path.write_text(SCORE.format(bend=curvature, meter=meter, bpm=bpm, more=more), encoding="utf-8")
     return load(path)
 
 

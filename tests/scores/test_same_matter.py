@@ -8,9 +8,9 @@ from ergon.scores.reading.piece import Piece, is_same_matter
 
 
 def piece(text: str) -> Piece:
-    found = load("score.yaml", text=text).piece
-    assert found is not None
-    return found
+    result = load("score.yaml", text=text).piece
+    assert result is not None
+    return result
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,9 @@ def piece(part: str, seed: int = 5) -> Piece:
     return loaded.piece
 
 
-def staged(of: Piece, spans=None) -> list[tuple[str, float, tuple[float, ...]]]:
-    gestures = prepare(of, spans=spans).hands.gestures
-    beat = of.tempo_map.beats
+def staged(source: Piece, spans=None) -> list[tuple[str, float, tuple[float, ...]]]:
+    gestures = prepare(source, spans=spans).hands.gestures
+    beat = source.tempo_map.beats
     return [(g.name, round(beat(g.start), 9), tuple(g.x)) for g in gestures]
 
 
@@ -61,18 +61,20 @@ def test_a_table_and_a_list_say_the_same():
 
 
 def test_patterns_become_gestures_on_a_key():
-    found = staged(piece(TABLE))
-    bars = [[(name, at - 4 * bar) for name, at, _ in found if 4 * bar <= at < 4 * bar + 4]
-            for bar in range(13)]  # fmt: skip
+    result = staged(piece(TABLE))
+    bars = [
+        [(name, beat - 4 * bar) for name, beat, _ in result if 4 * bar <= beat < 4 * bar + 4]
+        for bar in range(13)
+    ]
     once = [("knock", 0), ("lean", 1), ("tap", 3), ("tap", 3.5)]
     assert bars[:2] == [once, once]
     assert bars[6:8] == [[("knock", 0.5), ("knock", 2), ("knock", 3)]] * 2
     assert {name for name, _ in bars[3]} == {"knock", "tap"}
     assert 2 <= len(bars[3]) <= 7
-    for name, at, x in found:
-        if 12 <= at < 16:  # the 4th and the 8th round are mirrored
-            assert (min(x) < 0.0) == (at in (13.5, 15.5)), name
-    swung_ = [round(at % 1, 6) for _, at, _ in found if at >= 36]
+    for name, position, x in result:
+        if 12 <= position < 16:  # the 4th and the 8th round are mirrored
+            assert (min(x) < 0.0) == (position in (13.5, 15.5)), name
+    swung_ = [round(position % 1, 6) for _, position, _ in result if position >= 36]
     assert set(swung_) == {0.0, round(2 / 3, 6)}
     assert [name for name, _ in bars[9]] != [name for name, _ in bars[10]]
 
@@ -93,10 +95,10 @@ def test_another_seed_draws_anew():
 @pytest.mark.parametrize("cuts", [(3.0, 13.2, 37.1), (12.5, 24.0, 40.0)])
 def test_windows_add_up_to_the_whole(cuts):
     """A session stages stretch by stretch what a render stages at once."""
-    of = piece(TABLE)
+    source = piece(TABLE)
     edges = (float("-inf"), *cuts, float("inf"))
-    spans = [Span(of, Window(since, until)) for since, until in pairwise(edges)]
-    assert sorted(staged(of, spans)) == sorted(staged(of))
+    spans = [Span(source, Window(since, until)) for since, until in pairwise(edges)]
+    assert sorted(staged(source, spans)) == sorted(staged(source))
 
 
 def test_another_line_changes_no_draw():
@@ -120,9 +122,9 @@ def test_another_line_changes_no_draw():
 def test_mistakes_in_a_score_have_their_place(row, code, words_, column):
     loaded = load("s.yaml", text=SCORE.format(part=f"|\n    {row}\n"))
     assert loaded.piece is None
-    found = loaded.diagnostics[0]
-    assert (found.code, found.place.line, found.place.column) == (code, 12, column)
-    assert words_ in found.message
+    result = loaded.diagnostics[0]
+    assert (result.code, result.place.line, result.place.column) == (code, 12, column)
+    assert words_ in result.message
 
 
 def test_a_single_name_is_what_it_was():
@@ -136,13 +138,13 @@ def test_a_single_name_is_what_it_was():
 
 def test_lines_go_on_for_ever_at_little_cost():
     endless = "|\n    1|1  walk knock lean tap every 1/2 until 999|1\n"
-    of = piece(endless)
-    (places,) = of.starts
+    source = piece(endless)
+    (places,) = source.starts
     assert len(places) == 7984
-    late = staged(of, [Span(of, Window(3900.0, 3903.0))])
+    late = staged(source, [Span(source, Window(3900.0, 3903.0))])
     assert [at for _, at, _ in late] == [3900 + n / 2 for n in range(6)]
     assert list(islice((name for name, *_ in late), 6)) == [
-        of.parts[0].course(of.seed).played(7800 + n) for n in range(6)
+        source.parts[0].course(source.seed).played(7800 + n) for n in range(6)
     ]
 
 
@@ -173,26 +175,26 @@ def rain(text: str, within=(float("-inf"), float("inf")), seed: int = 3) -> list
     loaded = load("s.yaml", text=STRUCK.format(rain=text, seed=seed))
     assert loaded.piece is not None, loaded.diagnostics
     struck, collector = Struck(), Collector()
-    (one,) = loaded.piece.strikes
-    Striking(loaded.piece, struck, one, range(5), 0, within).play(collector)
+    (first,) = loaded.piece.strikes
+    Striking(loaded.piece, struck, first, range(5), 0, within).play(collector)
     assert not collector.has_errors()
     return struck.strikes
 
 
 def test_strikes_fall_in_a_rhythm():
-    found = rain("euclid: 3 8, for: 2bar")
-    assert found == [(at, mat) for at in (0, 1.5, 3, 4, 5.5, 7) for mat in range(5)]
-    found = rain("every: 1/2, times: 4, swing: 2/3")
-    assert found == [(pytest.approx(at), mat) for at in (0, 2 / 3, 1, 5 / 3) for mat in range(5)]
+    result = rain("euclid: 3 8, for: 2bar")
+    assert result == [(at, mat) for at in (0, 1.5, 3, 4, 5.5, 7) for mat in range(5)]
+    result = rain("every: 1/2, times: 4, swing: 2/3")
+    assert result == [(pytest.approx(at), mat) for at in (0, 2 / 3, 1, 5 / 3) for mat in range(5)]
 
 
 def test_each_member_has_a_chance_of_its_own():
-    found = rain("every: 1/4, times: 400, chance: 30%")
-    assert len(found) / 2000 == pytest.approx(0.3, abs=0.03)
-    each = [[at for at, mat in found if mat == member] for member in range(5)]
+    result = rain("every: 1/4, times: 400, chance: 30%")
+    assert len(result) / 2000 == pytest.approx(0.3, abs=0.03)
+    each = [[at for at, mat in result if mat == member] for member in range(5)]
     assert len({tuple(own) for own in each}) == 5
-    assert found == rain("every: 1/4, times: 400, chance: 30%")
-    assert found != rain("every: 1/4, times: 400, chance: 30%", seed=4)
+    assert result == rain("every: 1/4, times: 400, chance: 30%")
+    assert result != rain("every: 1/4, times: 400, chance: 30%", seed=4)
 
 
 @pytest.mark.parametrize("cut", [10.0, 33.3, 60.0])

@@ -15,8 +15,8 @@ BEAT = st.one_of(st.floats(-1e6, 1e6), st.sampled_from([inf, -inf, 0.0, 1.0]))
 @given(beats=st.lists(BEAT, max_size=40).map(sorted), wanted=BEAT)
 def test_the_first_is_that_of_halving(beats: list[float], wanted: float):
     assert n_before(beats, wanted) == bisect_left(beats, wanted)
-    for one in beats:
-        assert n_before(beats, one) == bisect_left(beats, one)
+    for item in beats:
+        assert n_before(beats, item) == bisect_left(beats, item)
 
 
 @pytest.mark.parametrize("wanted", [0.0, 0.25, 1234.5, 1234.6, 249999.75, 249999.8, inf])
@@ -27,6 +27,6 @@ def test_an_even_line_of_a_million_is_asked_few_times(wanted: float):
         asked.append(number)
         return 0.25 * number
 
-    found = first_from(at, 1_000_000, wanted)
-    assert found == (1_000_000 if wanted > 249999.75 else -int(-wanted // 0.25))
+    result = first_from(at, 1_000_000, wanted)
+    assert result == (1_000_000 if wanted > 249999.75 else -int(-wanted // 0.25))
     assert len(asked) <= 5

@@ -65,7 +65,7 @@ def test_what_is_not_written_has_its_default():
     assert take.input == SoundInput(1, 1e-4, False, 5.0, 1e-2)
 
 
-def test_values_by_osc_glide_and_have_no_filter(own_folder: Path):
+def test_values_by_osc_glide_and_have_no_filter(work_folder: Path):
     take = read(text("input: osc, gain: 2mN")).takes["mic"]
     assert take.input == SoundInput(None, 2e-3, True, None, 2e-3, 0.02)
     take = read(text("input: osc, gain: 1mm, clamp: 2mm, glide: 0s", "ENX")).takes["mic"]
@@ -104,16 +104,16 @@ def test_values_by_osc_glide_and_have_no_filter(own_folder: Path):
         ("input: osk, gain: 1N", "E201", "neither a whole number nor osc"),
     ],
 )
-def test_what_an_input_cannot_be_is_told(own_folder: Path, fields: str, code: str, words: str):
-    (found,) = refused(text(fields))
-    assert found.code == code
-    assert words in found.message
+def test_what_an_input_cannot_be_is_told(work_folder: Path, fields: str, code: str, words: str):
+    (result,) = refused(text(fields))
+    assert result.code == code
+    assert words in result.message
 
 
-def test_gain_and_clamp_are_of_inputs_alone(own_folder: Path):
+def test_gain_and_clamp_are_of_inputs_alone(work_folder: Path):
     wave("x.wav", noise(9))
-    (found,) = refused(text("file: x.wav, gain: 1N"))
-    assert (found.code, "belongs to a take with `input`" in found.message) == ("E111", True)
+    (result,) = refused(text("file: x.wav, gain: 1N"))
+    assert (result.code, "belongs to a take with `input`" in result.message) == ("E111", True)
 
 
 def test_an_input_has_no_beginning():
@@ -137,18 +137,18 @@ def test_an_input_has_no_beginning():
     ],
 )
 def test_what_shows_when_it_is_staged_is_told(
-    own_folder: Path, written: str, code: str, words: str
+    work_folder: Path, written: str, code: str, words: str
 ):
     wave("x.wav", noise(9), noise(9))
     piece = read(written)
     with pytest.raises(StageError) as raised:
         stage(piece)
-    (found,) = raised.value.diagnostics
-    assert found.code == code
-    assert words in found.message
+    (result,) = raised.value.diagnostics
+    assert result.code == code
+    assert words in result.message
 
 
-def test_the_channel_of_a_file_is_that_of_the_input(own_folder: Path):
+def test_the_channel_of_a_file_is_that_of_the_input(work_folder: Path):
     wave("two.wav", noise(100, 1), noise(100, 2))
     wave("one.wav", noise(100, 2))
     fields = "gain: 1mm, highpass: 20Hz, file"
@@ -162,7 +162,7 @@ def test_the_channel_of_a_file_is_that_of_the_input(own_folder: Path):
     assert not np.array_equal(second, sound(f"input: 1, {fields}: two.wav"))
 
 
-def test_a_position_is_the_file_filtered_and_clamped(own_folder: Path):
+def test_a_position_is_the_file_filtered_and_clamped(work_folder: Path):
     x = noise(RATE // 2)
     wave("x.wav", x)
     piece = read(text("input: 1, gain: 1mm, highpass: 300Hz, clamp: 0.7mm, file: x.wav", "ENX"))
@@ -185,7 +185,7 @@ def test_a_position_is_the_file_filtered_and_clamped(own_folder: Path):
     assert not got[len(x) + 1 :].any()
 
 
-def test_a_file_at_another_rate_goes_to_that_of_the_score(own_folder: Path):
+def test_a_file_at_another_rate_goes_to_that_of_the_score(work_folder: Path):
     t = np.arange(48_000 // 4) / 48_000
     wave("x.wav", 0.5 * np.sin(2 * np.pi * 440.0 * t), rate=48_000)
     got = heard(stage(read(text("input: 1, gain: 1m, highpass: 0.01Hz, file: x.wav", "ENX"))))
@@ -195,7 +195,7 @@ def test_a_file_at_another_rate_goes_to_that_of_the_score(own_folder: Path):
     assert np.allclose(got[inside], expected[inside], rtol=0.0, atol=2e-3)
 
 
-def test_scores_without_inputs_keep_their_digest(own_folder: Path):
+def test_scores_without_inputs_keep_their_digest(work_folder: Path):
     soundfile.write("x.wav", np.linspace(-0.5, 0.5, 9), RATE, subtype="PCM_16")
     plain = read(text("file: x.wav", "ENX")).digest()
     other = read(text("input: 1, gain: 1m, file: x.wav", "ENX")).digest()

@@ -64,12 +64,12 @@ def test_other_notations_are_of_one_axis(text: str):
         ("(0, 0)@0 ((6, 1)@1/4", "(", "this group is not closed"),
     ],
 )
-def test_mistakes_have_their_places(written: str, at_fault: str, said: str):
+def test_mistakes_have_their_places(written: str, on_fault: str, message: str):
     with pytest.raises(TextError) as refused:
         space_path.parse(written)
     error = refused.value
-    assert said in error.message
-    assert written[error.offset :].startswith(at_fault), written[error.offset :]
+    assert message in error.message
+    assert written[error.offset :].startswith(on_fault), written[error.offset :]
 
 
 SCORE = """\
@@ -116,11 +116,11 @@ def test_a_part_plays_an_axis():
         ("(6, 4)@1/2", "(6, 4, 1)@1/2", 7, "this point has 3 positions, and the first has 2"),
     ],
 )
-def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, said: str):
+def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, message: str):
     reports = found(SCORE.replace(old, new))
     assert reports
     for _, place, sentence in reports:  # `wide` begins with what is wrong, too
-        assert said in sentence
+        assert message in sentence
         assert place == line
 
 

@@ -88,17 +88,17 @@ def test_a_stand_in_plays_for_a_live_hand():
         ("rate: 50Hz", "50Hz"),
     ],
 )
-def test_a_take_is_refused_at_the_field_at_fault(fields: str, at_fault: str):
+def test_a_take_is_refused_at_the_field_at_fault(fields: str, on_fault: str):
     text = PLAYED.replace("hand-point-1.csv", "hand-point-1.csv, " + fields)
     text = text.format(plays="{at: 6|1, play: t}", takes=TAKES)
     loaded = load("s.yaml", text=text)
     assert loaded.piece is not None
     with pytest.raises(StageError) as raised:
         stage(loaded.piece)
-    (found,) = raised.value.diagnostics
-    assert found.code == "E310"
-    line = text.splitlines()[found.place.line - 1]
-    assert line[found.place.column - 1 :].startswith(at_fault)
+    (result,) = raised.value.diagnostics
+    assert result.code == "E310"
+    line = text.splitlines()[result.place.line - 1]
+    assert line[result.place.column - 1 :].startswith(on_fault)
 
 
 def test_a_gesture_alone_begins_the_piece():
@@ -139,9 +139,9 @@ def test_a_take_is_played_from_its_middle():
     """At 120 bpm two beats are a second; twice as slow and mirrored it passes where it passed."""
     played = staged("{at: 6|1, play: t, do: [from 2, stretch 2, mirror]}")
     (mine,) = (g for g in played.gestures if g.player == "p")
-    (whole,) = (g for g in staged("{at: 6|1, play: t}").gestures if g.player == "p")
+    (complete,) = (g for g in staged("{at: 6|1, play: t}").gestures if g.player == "p")
     assert mine.start == 10.0
-    assert mine.stop - mine.start == pytest.approx(2 * (whole.stop - whole.start - 1.0))
+    assert mine.stop - mine.start == pytest.approx(2 * (complete.stop - complete.start - 1.0))
     samples = read(TAKES / "hand-point-1.csv")
     take = _core.Take(samples.t, samples.x)
     simulation = played.simulation
@@ -154,9 +154,9 @@ def test_a_take_is_played_from_its_middle():
 def test_nothing_is_left_of_a_take_that_begins_after_its_end():
     with pytest.raises(StageError) as raised:
         staged("{at: 6|1, play: t, do: [from 90s]}")
-    (found,) = raised.value.diagnostics
-    assert (found.code, found.place.line) == ("E308", 8)
-    assert "does not lie inside a take that lasts" in found.message
+    (result,) = raised.value.diagnostics
+    assert (result.code, result.place.line) == ("E308", 8)
+    assert "does not lie inside a take that lasts" in result.message
 
 
 def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_path: Path):
@@ -166,11 +166,11 @@ def test_a_module_of_another_file_is_refused_where_it_is_taken_from_there(tmp_pa
     assert piece is not None
     with pytest.raises(StageError) as refused:
         stage(piece)
-    found = [one for one in refused.value.diagnostics if one.severity == "error"]
-    assert {(one.code, one.place.file, one.place.line) for one in found} == {
+    result = [one for one in refused.value.diagnostics if one.severity == "error"]
+    assert {(one.code, one.place.file, one.place.line) for one in result} == {
         ("E309", str(score), 3)
     }
-    names = {one.message.split(":")[0] for one in found}
+    names = {one.message.split(":")[0] for one in result}
     assert {"small.hum", "small.octave"} < names  # all are too high, so that none is left out
 
 
@@ -244,6 +244,6 @@ def told_at_once(text: str, *, planned: bool) -> list[tuple[int, str]]:
     assert piece is not None
     with pytest.raises(StageError) as raised:
         stage(piece, planned=planned)
-    found = [one for one in raised.value.diagnostics if one.severity == "error"]
-    assert {one.code for one in found} == {"E309"}
-    return [(one.place.line, one.message.split(":")[0]) for one in found]
+    result = [one for one in raised.value.diagnostics if one.severity == "error"]
+    assert {one.code for one in result} == {"E309"}
+    return [(one.place.line, one.message.split(":")[0]) for one in result]

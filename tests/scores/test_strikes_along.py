@@ -27,9 +27,9 @@ render: {{bits: float, tail: 0.2s}}
 
 def paths(point: str, strikes: str) -> np.ndarray:
     """Where a point goes (n_frames, 3)."""
-    made = stage(check(SCENE.format(point, strikes)).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(SCENE.format(point, strikes)).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound
 
 

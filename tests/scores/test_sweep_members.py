@@ -42,16 +42,18 @@ class Struck:
     def __init__(self) -> None:
         self.strikes: list[tuple[float, int, float]] = []
 
-    def strike(self, mat: int, at: float, impulse: float, **more: object) -> None:
-        self.strikes.append((at, mat, impulse))
+    def strike(self, mat: int, stepped_session: float, impulse: float, **more: object) -> None:
+        self.strikes.append((stepped_session, mat, impulse))
 
 
-def struck(made: Piece, within: tuple[float, float] = ALL_TIME) -> list[tuple[float, int, float]]:
+def struck(
+    created: Piece, within: tuple[float, float] = ALL_TIME
+) -> list[tuple[float, int, float]]:
     """(instant [s], MAT, impulse) of all strikes, as they are put on the timeline."""
-    built, collector, timeline = built_of(made), Collector(), Struck()
-    for one in made.strikes:
-        mats = [mat for target in one.to for mat in built.assembly.members(target)]
-        Striking(made, timeline, one, mats, 0, within, built.assembly).play(collector)  # type: ignore[arg-type]
+    built, collector, timeline = built_of(created), Collector(), Struck()
+    for item in created.strikes:
+        mats = [mat for target in item.to for mat in built.assembly.members(target)]
+        Striking(created, timeline, item, mats, 0, within, built.assembly).play(collector)  # type: ignore[arg-type]
     assert not collector.has_errors()
     return timeline.strikes
 
@@ -60,14 +62,14 @@ def built_of(made: Piece) -> BuiltNetwork:
     return build_network(made, ())
 
 
-def places(made: Piece, part: str) -> dict[int, tuple[float, float]]:
+def places(created: Piece, part: str) -> dict[int, tuple[float, float]]:
     """Where the MATs of a part are, the distance of the farthest being 1."""
-    built = built_of(made)
+    built = built_of(created)
     (first,) = (mat for (name, _), mat in built.assembly.mats.items() if name == part)
     count = built.network.count(first)
-    own = {mat: built.network.position_of(mat) for mat in range(first, first + count)}
-    radius = max(hypot(x, y) for x, y in own.values())
-    return {mat: (x / radius, y / radius) for mat, (x, y) in own.items()}
+    item = {mat: built.network.position_of(mat) for mat in range(first, first + count)}
+    radius = max(hypot(x, y) for x, y in item.values())
+    return {mat: (x / radius, y / radius) for mat, (x, y) in item.items()}
 
 
 @pytest.mark.parametrize(
@@ -83,11 +85,11 @@ def places(made: Piece, part: str) -> dict[int, tuple[float, float]]:
 )
 @pytest.mark.parametrize("part", ["sky", "gong"])
 def test_a_front_passes_each_member_once_and_evenly(part, direction, measure):
-    made = piece(f"s: {{to: {part}.all, at: 2|1, for: 4, sweep: {direction}, impulse: 1mNs}}")
-    where = places(made, part)
+    built = piece(f"s: {{to: {part}.all, at: 2|1, for: 4, sweep: {direction}, impulse: 1mNs}}")
+    where = places(built, part)
     values = {mat: measure(*place) for mat, place in where.items()}
     low, high = min(values.values()), max(values.values())
-    hits = struck(made)
+    hits = struck(built)
     assert sorted(mat for _, mat, _ in hits) == sorted(where)
     for instant, mat, _ in hits:  # from second 2 on, for 2 seconds
         assert instant == pytest.approx(2 + 2 * (values[mat] - low) / (high - low), abs=1e-9)
@@ -95,24 +97,26 @@ def test_a_front_passes_each_member_once_and_evenly(part, direction, measure):
 
 
 def test_a_front_goes_once_round_from_the_front_to_the_left():
-    made = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: anticlockwise, impulse: 1mNs}")
-    where = places(made, "sky")
-    for instant, mat, _ in struck(made):
+    built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: anticlockwise, impulse: 1mNs}")
+    where = places(built, "sky")
+    for instant, mat, _ in struck(built):
         x, y = where[mat]
         turn = pi * instant  # 2 s a turn
         assert (sin(-turn) * hypot(x, y), cos(turn) * hypot(x, y)) == pytest.approx(
             (x, y), abs=1e-9
         )
     back = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: clockwise, impulse: 1mNs}")
-    ahead = {mat: instant for instant, mat, _ in struck(made)}
-    assert all(at == pytest.approx(2 - ahead[mat]) for at, mat, _ in struck(back))
+    ahead = {mat: instant for instant, mat, _ in struck(built)}
+    assert all(
+        stepped_session == pytest.approx(2 - ahead[mat]) for stepped_session, mat, _ in struck(back)
+    )
 
 
 def test_a_front_by_pitch_passes_octaves_in_equal_times():
-    made = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}")
-    network = built_of(made).network
+    built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: upward, impulse: 1mNs}")
+    network = built_of(built).network
     modes = [mode.f for mode in network.modes("sky", 300)]  # of single cells, from low to high
-    hits = struck(made)
+    hits = struck(built)
     shares = [log(f / modes[0]) / log(modes[-1] / modes[0]) for f in modes]
     assert [instant for instant, *_ in hits] == pytest.approx(
         [2 * share for share in shares], abs=1e-4
@@ -127,13 +131,13 @@ def searched(where: dict[int, tuple[float, float]], points, width: float, n: int
     ends = np.array(points)
     radius, azimuth = (ends[leg] + part[:, None] * (ends[leg + 1] - ends[leg])).T
     x, y = -radius * np.sin(np.radians(azimuth)), radius * np.cos(np.radians(azimuth))
-    found = []
+    result = []
     for mat, (mx, my) in where.items():
         away = np.hypot(x - mx, y - my)
         near = np.flatnonzero(away <= width / 2)
         for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(near) else ():
-            found.append((steps[run[np.argmin(away[run])]], mat))
-    return sorted(found)
+            result.append((steps[run[np.argmin(away[run])]], mat))
+    return sorted(result)
 
 
 @pytest.mark.parametrize(
@@ -151,37 +155,40 @@ def searched(where: dict[int, tuple[float, float]], points, width: float, n: int
 @pytest.mark.parametrize("part", ["sky", "gong"])
 def test_a_head_strikes_what_it_passes_where_it_is_nearest(part, path, points, width):
     line = f"path: {path}, width: {width}, impulse: 1mNs"
-    made = piece(f"s: {{to: {part}.all, at: 1|1, for: 8, {line}}}")
-    hits = [(instant / 4, mat) for instant, mat, _ in struck(made)]
+    built = piece(f"s: {{to: {part}.all, at: 1|1, for: 8, {line}}}")
+    hits = [(instant / 4, mat) for instant, mat, _ in struck(built)]
     # A member at the very edge of the width may be passed by one and not by the other.
-    sure = searched(places(made, part), points, width * 0.995)
-    most = searched(places(made, part), points, width * 1.005)
+    sure = searched(places(built, part), points, width * 0.995)
+    limit = searched(places(built, part), points, width * 1.005)
     assert len(hits) >= 3
     assert sure
-    assert {mat for _, mat in sure} <= {mat for _, mat in hits} <= {mat for _, mat in most}
+    assert {mat for _, mat in sure} <= {mat for _, mat in hits} <= {mat for _, mat in limit}
     # The chords of 2° leave the way by so little that the nearest moment is off by 1/100 at most;
     # where the head turns back it may come near twice to a member at the edge of the width.
-    assert all(is_among(most, share, mat, 0.01) for share, mat in hits)
+    assert all(is_among(limit, share, mat, 0.01) for share, mat in hits)
     assert all(is_among(hits, share, mat, 0.02) for share, mat in sure)
 
 
 def is_among(visits: list[tuple[float, int]], share: float, mat: int, tolerance: float) -> bool:
-    return any(mat == other and abs(share - at) < tolerance for at, other in visits)
+    return any(
+        mat == other and abs(share - stepped_session) < tolerance
+        for stepped_session, other in visits
+    )
 
 
 def test_rounds_begin_every_so_often_and_follow_the_tempo():
-    made = piece(
+    built = piece(
         "s: {to: sky.all, at: 4|1, for: 8, every: 8, times: 2, sweep: inward, impulse: 1mNs}"
     )
-    tempo, hits = made.tempo_map, struck(made)
+    tempo, hits = built.tempo_map, struck(built)
     assert len(hits) == 600
     first, second = hits[:300], hits[300:]
     assert first[0][0] == tempo.seconds(12.0)
     assert first[-1][0] == pytest.approx(tempo.seconds(20.0))
     assert second[-1][0] == pytest.approx(tempo.seconds(28.0))
-    for (at, mat, _), (again, other, _) in zip(first, second, strict=True):
+    for (position, mat, _), (again, other, _) in zip(first, second, strict=True):
         assert mat == other
-        share = (beat(tempo, at) - 12.0) / 8.0
+        share = (beat(tempo, position) - 12.0) / 8.0
         assert again == pytest.approx(tempo.seconds(20.0 + 8.0 * share), abs=1e-6)
 
 
@@ -196,28 +203,28 @@ def beat(tempo, instant: float) -> float:
 
 def test_until_lets_no_round_begin_and_cuts_none_short():
     line = "to: sky.all, at: 1|1, for: 4, every: 4, sweep: inward, impulse: 1mNs"
-    made = piece(f"s: {{{line}, until: 2|3}}")
-    hits = struck(made)
+    built = piece(f"s: {{{line}, until: 2|3}}")
+    hits = struck(built)
     assert len(hits) == 600
     assert hits[-1][0] == pytest.approx(4.0)
 
 
 def test_chance_leaves_members_out_and_draws_impulses_by_member():
     line = "to: sky.all, at: 1|1, for: 4, sweep: inward"
-    whole = struck(piece(f"s: {{{line}, impulse: -1mNs..1mNs}}"))
+    complete = struck(piece(f"s: {{{line}, impulse: -1mNs..1mNs}}"))
     some = struck(piece(f"s: {{{line}, chance: 40%, impulse: -1mNs..1mNs}}"))
     assert 80 < len(some) < 160  # of 300: 120 ± 8.5
-    assert set(some) < set(whole)  # the same instants and impulses
-    assert min(one[2] for one in whole) < -0.8e-3 < 0.8e-3 < max(one[2] for one in whole)
+    assert set(some) < set(complete)  # the same instants and impulses
+    assert min(one[2] for one in complete) < -0.8e-3 < 0.8e-3 < max(one[2] for one in complete)
 
 
 def test_a_window_holds_what_falls_in_it():
-    made = piece(
+    built = piece(
         f"s: {{to: sky.all, at: 1|1, for: 8, every: 8, times: 3, {SERPENT}, impulse: 1uNs..2uNs}}"
     )
-    whole = struck(made)
-    inside = struck(made, (1.5, 5.25))
-    assert inside == [one for one in whole if 1.5 <= one[0] < 5.25]
+    complete = struck(built)
+    inside = struck(built, (1.5, 5.25))
+    assert inside == [one for one in complete if 1.5 <= one[0] < 5.25]
     assert len(inside) > 100
 
 
@@ -232,9 +239,9 @@ def test_mass_and_speed_strike_as_an_impulse_does():
 
 def test_what_is_rendered_is_struck():
     """A front that goes from the rim of a galaxy to its hole is heard to rise."""
-    made = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: inward, impulse: 1mNs}")
-    staged = stage(made)
-    out = np.zeros((2 * int(made.rate), staged.simulation.n_out))
+    built = piece("s: {to: sky.all, at: 1|1, for: 4, sweep: inward, impulse: 1mNs}")
+    staged = stage(built)
+    out = np.zeros((2 * int(built.rate), staged.simulation.n_out))
     staged.simulation.process(out)
     assert np.abs(out[:1000]).max() > 0
     low, high = (np.abs(np.fft.rfft(part[:, 0])) for part in (out[:8000], out[-8000:]))
@@ -288,7 +295,7 @@ def test_what_is_rendered_is_struck():
 )
 def test_what_is_wrong_has_its_place(line, code, words):
     reports = found(SCORE + f"  s: {{{line}}}\n")
-    assert [(one, at) for one, at, _ in reports] == [(code, 10)], reports
+    assert [(one, stepped_session) for one, stepped_session, _ in reports] == [(code, 10)], reports
     assert words in reports[0][2]
 
 
@@ -319,41 +326,47 @@ instruments:
 
 
 @pytest.fixture
-def at(tmp_path: Path):
+def stepped_session(tmp_path: Path):
     stepped = Stepped(TYPED, tmp_path)
     yield stepped
     stepped.close()
 
 
-def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(at):
-    at.ok("play")
-    at.ok("front strikes sky.all sweep inward for 2 every 1bar impulse 1mNs")
-    at.ok("worm strikes sky.all path 1 0deg -> 0.3 720deg width 0.3 for 4 every 2bar impulse 1mNs")
-    at.run(4.5)
-    (front, worm) = at.session.schedule.head.piece.strikes
+def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(stepped_session):
+    stepped_session.ok("play")
+    stepped_session.ok("front strikes sky.all sweep inward for 2 every 1bar impulse 1mNs")
+    stepped_session.ok(
+        "worm strikes sky.all path 1 0deg -> 0.3 720deg width 0.3 for 4 every 2bar impulse 1mNs"
+    )
+    stepped_session.run(4.5)
+    (front, worm) = stepped_session.session.schedule.head.piece.strikes
     assert front.passing is not None
     assert front.passing.sweep == "inward"
     assert worm.passing is not None
     assert worm.passing.path == ((1.0, 0.0), (0.3, 720.0))
-    assert np.abs(at.sound).max() > 0
-    at.ok("keep 2bar as verse")
-    kept = (at.journal.with_name("verse.yaml")).read_text()
-    assert "for: 2" in kept
-    assert "sweep: inward" in kept
-    assert "path: 1 0deg -> 0.3 720deg" in kept
-    at.ok("rest front\nrest worm")
-    at.run(3.0)
-    silence = at.sound[-int(0.4 * at.rate) :]
+    assert np.abs(stepped_session.sound).max() > 0
+    stepped_session.ok("keep 2bar as verse")
+    saved = (stepped_session.journal.with_name("verse.yaml")).read_text()
+    assert "for: 2" in saved
+    assert "sweep: inward" in saved
+    assert "path: 1 0deg -> 0.3 720deg" in saved
+    stepped_session.ok("rest front\nrest worm")
+    stepped_session.run(3.0)
+    silence = stepped_session.sound[-int(0.4 * stepped_session.rate) :]
     assert np.abs(silence).max() < 1e-9
-    at.ok("scene verse")
-    at.run(4.0)
-    assert np.abs(at.sound[-int(2.0 * at.rate) :]).max() > 1e-6
-    again = [one for one in at.session.schedule.head.piece.strikes if one.passing is not None]
+    stepped_session.ok("scene verse")
+    stepped_session.run(4.0)
+    assert np.abs(stepped_session.sound[-int(2.0 * stepped_session.rate) :]).max() > 1e-6
+    again = [
+        one
+        for one in stepped_session.session.schedule.head.piece.strikes
+        if one.passing is not None
+    ]
     assert {one.passing.sweep for one in again if one.passing} == {"inward", None}
-    at.ok("undo")
-    at.run(0.5)
-    at.close()
-    assert np.array_equal(at.again(), at.sound)
+    stepped_session.ok("undo")
+    stepped_session.run(0.5)
+    stepped_session.close()
+    assert np.array_equal(stepped_session.again(), stepped_session.sound)
 
 
 @pytest.mark.parametrize(
@@ -364,7 +377,7 @@ def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(at):
         ("front strikes sky.all sweep inward impulse 1mNs", "has no 'for'"),
     ],
 )
-def test_what_is_typed_wrong_is_refused(at, line, message):
-    reply = at.type(line)
+def test_what_is_typed_wrong_is_refused(stepped_session, line, message):
+    reply = stepped_session.type(line)
     assert not reply.taken
     assert message in reply.text

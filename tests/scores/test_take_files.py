@@ -285,9 +285,9 @@ def test_npz_arrays_must_belong_together(tmp_path):
 def test_a_broken_npz_is_refused_at_every_byte(tmp_path):
     path = tmp_path / "hand.npz"
     np.savez_compressed(path, t=np.arange(20.0), x=np.linspace(0, 1e-3, 20))
-    whole = path.read_bytes()
-    for i in range(0, len(whole), 3):
-        path.write_bytes(whole[:i] + bytes([whole[i] ^ 0xFF]) + whole[i + 1 :])
+    complete = path.read_bytes()
+    for i in range(0, len(complete), 3):
+        path.write_bytes(complete[:i] + bytes([complete[i] ^ 0xFF]) + complete[i + 1 :])
         try:
             take = read(path)
         except TakeError:

@@ -93,22 +93,24 @@ def directory(path: Path) -> None:
 @pytest.fixture(scope="module")
 def bombs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("bombs")
-    made = {name: folder / f"{name}.npz" for name in ("long", "many", "over", "lying", "directory")}
-    bomb(made["long"], "(125829104,)", 960 * 2**20)
-    bomb(made["many"], "(13107200,)", 100 * 2**20, members=12)
-    overlapping(made["over"])
-    lying(made["lying"], 150_000_000)
-    directory(made["directory"])
-    return made
+    built = {
+        name: folder / f"{name}.npz" for name in ("long", "many", "over", "lying", "directory")
+    }
+    bomb(built["long"], "(125829104,)", 960 * 2**20)
+    bomb(built["many"], "(13107200,)", 100 * 2**20, members=12)
+    overlapping(built["over"])
+    lying(built["lying"], 150_000_000)
+    directory(built["directory"])
+    return built
 
 
 @pytest.mark.parametrize("kind", ["info", "read"])
 def test_a_bomb_is_never_unpacked(bombs, kind):
     for name, path in bombs.items():
         assert path.stat().st_size < 32e6
-        code, more, told = cost(kind, path)
+        code, more, output = cost(kind, path)
         assert (name, code) == (name, 2)
-        assert "internal" not in told
+        assert "internal" not in output
         assert more < MORE, name
 
 
@@ -116,10 +118,10 @@ def test_what_is_told_of_a_long_take_is_read_in_blocks(tmp_path):
     """6 million samples and their times are 96 MB; a summary holds a block of them."""
     path = tmp_path / "long.npz"
     np.savez(path, t=np.arange(6e6), x=np.zeros(6_000_000))
-    code, more, told = cost("info", path)
+    code, more, output = cost("info", path)
     assert code == 0
     assert more < 0.4 * MORE
-    assert told == ""
+    assert output == ""
 
 
 @pytest.mark.slow
@@ -128,9 +130,9 @@ def test_the_file_of_6_mb_that_took_6_gb(tmp_path):
     bomb(path, "(796917744,)", 6080 * 2**20, level=9)
     assert 5.5e6 < path.stat().st_size < 7e6
     for kind in ("info", "read"):
-        code, more, told = cost(kind, path)
+        code, more, output = cost(kind, path)
         assert code == 2
-        assert "more than 1 GB" in told
+        assert "more than 1 GB" in output
         assert more < MORE
 
 

@@ -88,11 +88,11 @@ written = st.lists(
 
 def gesture(rows):
     """Points 1/16 beats apart or more; a hold stays."""
-    points, at, x = [Point(Time(), 0.0, "smooth", 0, 1)], 0, 0.0
+    points, position, x = [Point(Time(), 0.0, "smooth", 0, 1)], 0, 0.0
     for step, mm, curve in rows:
-        at += step
+        position += step
         x = x if curve == "hold" else mm * 1e-3
-        points.append(Point(Time(at / 16), x, curve, at, 1))
+        points.append(Point(Time(position / 16), x, curve, position, 1))
     return tuple(points)
 
 

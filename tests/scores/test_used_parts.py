@@ -32,10 +32,10 @@ def test_what_is_left_out_is_told_once_at_its_place(tmp_path: Path, section: str
     (tmp_path / "other.yaml").write_text(USED + PLAYED[section], encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
-    found = [one for one in load(path).diagnostics if one.code == "W330"]
-    (one,) = found
-    assert f"`{section}`" in one.message
-    assert (one.place.file, one.place.line) == (str(path), 2)
+    result = [item for item in load(path).diagnostics if item.code == "W330"]
+    (item,) = result
+    assert f"`{section}`" in item.message
+    assert (item.place.file, item.place.line) == (str(path), 2)
 
 
 def test_a_file_of_names_is_told_of_nothing(tmp_path: Path):
@@ -55,9 +55,9 @@ def test_an_empty_file_is_refused_where_it_is_named(tmp_path: Path, text: str, s
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
     path = tmp_path / "score.yaml"
     path.write_text(score, encoding="utf-8")
-    found = load(path)
-    assert found.has_errors
-    (empty,) = [one for one in found.diagnostics if one.code == "E103" and "empty" in one.message]
+    result = load(path)
+    assert result.has_errors
+    (empty,) = [one for one in result.diagnostics if one.code == "E103" and "empty" in one.message]
     assert empty.message == "other.yaml is empty"
     assert empty.place.file == str(path)
 

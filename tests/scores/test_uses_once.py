@@ -32,8 +32,8 @@ def test_a_mistake_is_told_once_for_all_copies(
     (tmp_path / "lib.yaml").write_text(LIBRARY)
     (tmp_path / "s.yaml").write_text(SCORE)
     assert app.run(["check", str(tmp_path / "s.yaml")]) == 1
-    told = [line for line in capsys.readouterr().err.splitlines() if ": error[" in line]
-    assert [line.partition("nothing is called ")[2] for line in told] == ["'nobody'", "'bodi'"]
+    output = [line for line in capsys.readouterr().err.splitlines() if ": error[" in line]
+    assert [line.partition("nothing is called ")[2] for line in output] == ["'nobody'", "'bodi'"]
 
 
 MELODY = """\
@@ -59,5 +59,5 @@ def test_all_that_is_missing_at_one_place_is_told_once_each(
     file.save(tmp_path / "tune.mid")
     (tmp_path / "s.yaml").write_text(MELODY)
     assert app.run(["check", str(tmp_path / "s.yaml")]) == 1
-    told = [line for line in capsys.readouterr().err.splitlines() if ": error[" in line]
-    assert [line.partition("has no note ")[2] for line in told] == ["'C#4'", "'C#5'"]
+    output = [line for line in capsys.readouterr().err.splitlines() if ": error[" in line]
+    assert [line.partition("has no note ")[2] for line in output] == ["'C#4'", "'C#5'"]

@@ -43,20 +43,20 @@ def test_values(text: str, values: tuple[str, ...]):
         ("seed=1..2:3", "a seed is a whole number"),
     ],
 )
-def test_mistakes(text: str, said: str):
-    with pytest.raises(EditError) as found:
+def test_mistakes(text: str, message: str):
+    with pytest.raises(EditError) as raised:
         parse(text)
-    assert said in str(found.value)
+    assert message in str(raised.value)
 
 
 def test_products_and_pairs():
     a, b = parse("a=1,2"), parse("b=3,4")
     assert combined([a, b], is_zipped=False) == [("1", "3"), ("1", "4"), ("2", "3"), ("2", "4")]
     assert combined([a, b], is_zipped=True) == [("1", "3"), ("2", "4")]
-    for of, is_zipped, said in (
+    for source, is_zipped, message in (
         ([a, parse("c=1,2,3")], True, "a has 2, c has 3"),
         ([a, a], False, "a varies twice"),
         ([parse("a=1..5000"), parse("b=1..5000")], False, "25,000,000 variants"),
     ):
-        with pytest.raises(EditError, match=said):
-            combined(of, is_zipped=is_zipped)
+        with pytest.raises(EditError, match=message):
+            combined(source, is_zipped=is_zipped)

@@ -48,9 +48,9 @@ def test_ambix_is_encoded_and_decoded():
     np.testing.assert_allclose(there[:, :, 0], encoder(5, ARRAY))
     back = fold_filters.to_field(fold_filters.Field(order=5), DOME)
     assert back.shape == (36, 24, 1)
-    found = quality("", there[:, :, 0] @ back[:, :, 0], ARRAY, ARRAY)
-    assert found.off[0] < 2.6
-    assert -1.5 < found.loudness[0] < found.loudness[1] < 1.5
+    result = quality("", there[:, :, 0] @ back[:, :, 0], ARRAY, ARRAY)
+    assert result.off[0] < 2.6
+    assert -1.5 < result.loudness[0] < result.loudness[1] < 1.5
 
 
 def test_a_decoded_source_is_as_loud_as_one_loudspeaker():

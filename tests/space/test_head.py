@@ -55,11 +55,11 @@ def test_long_waves_pass_and_the_mean_is_flat():
 
 @pytest.mark.parametrize("rate", few([22_050.0, 48_000.0, 96_000.0], 1))
 def test_another_rate_is_the_same_filter(rate: float):
-    own, other = (head.kemar().pairs(ARRAY, r) for r in (44_100.0, rate))
+    item, other = (head.kemar().pairs(ARRAY, r) for r in (44_100.0, rate))
     for frequency in (200.0, 1_000.0, 5_000.0):
-        ratio = spectrum(own, 44_100.0, frequency) / spectrum(other, rate, frequency)
+        ratio = spectrum(item, 44_100.0, frequency) / spectrum(other, rate, frequency)
         np.testing.assert_allclose(20.0 * np.log10(ratio), 0.0, atol=0.1)
-    np.testing.assert_allclose(apart(other[3], rate), apart(own[3], 44_100.0), atol=5.0)
+    np.testing.assert_allclose(apart(other[3], rate), apart(item[3], 44_100.0), atol=5.0)
 
 
 def test_a_direction_in_between_is_panned():
@@ -91,13 +91,13 @@ def test_a_made_up_head_is_found_again():
     rate = 48_000.0
     directions, responses = sphere(rate=rate)
     wanted = directions[[5, 50, 200, 333]]
-    found = head.prepared(directions, responses, rate, wanted)
-    late = (found.delays[:, 1] - found.delays[:, 0]) * rate
+    result = head.prepared(directions, responses, rate, wanted)
+    late = (result.delays[:, 1] - result.delays[:, 0]) * rate
     np.testing.assert_allclose(late, -20.0 * wanted[:, 0], atol=0.07)
-    sides = spectrum(found.filters, rate, 3_000.0)
+    sides = spectrum(result.filters, rate, 3_000.0)
     ratio = (1.0 + 0.5 * wanted[:, 0]) / (1.0 - 0.5 * wanted[:, 0])
     np.testing.assert_allclose(20 * np.log10(sides[:, 1] / sides[:, 0] / ratio), 0.0, atol=0.3)
-    flat = spectrum(found.filters, rate, 6_000.0) / sides
+    flat = spectrum(result.filters, rate, 6_000.0) / sides
     np.testing.assert_allclose(20 * np.log10(flat), 0.0, atol=1.0)
 
 

@@ -66,19 +66,19 @@ class Scene:
                 pull = stiffness * (x[b] - x[a]) + damping * (v[b] - v[a])
                 force[a] += pull
                 force[b] -= pull
-            for i, own in enumerate(self.bristles):
-                va, vb = (v[end] if end >= 0 else 0.0 for end in (own.a, own.b))
-                pull, bending[i] = own.pull(bends[i], vb - va)
-                if own.a >= 0:
-                    force[own.a] += pull
-                if own.b >= 0:
-                    force[own.b] -= pull
+            for i, item in enumerate(self.bristles):
+                va, vb = (v[end] if end >= 0 else 0.0 for end in (item.a, item.b))
+                pull, bending[i] = item.pull(bends[i], vb - va)
+                if item.a >= 0:
+                    force[item.a] += pull
+                if item.b >= 0:
+                    force[item.b] -= pull
             return np.concatenate([v, force / m, bending])
 
         frames = np.arange(n_frames) / RATE
         state = np.concatenate([x0, v0, np.zeros(len(self.bristles))])
         instants = [0.0, *(at for _, at, _ in self.strikes), frames[-1] + 1e-9]
-        found = np.empty((n_frames, n))
+        result = np.empty((n_frames, n))
         scale = np.concatenate(
             [np.full(n, 1e-14), np.full(n, 1e-11), np.full(len(self.bristles), 1e-15)]
         )
@@ -97,9 +97,9 @@ class Scene:
                 atol=scale,
                 max_step=2.0 / RATE,
             )
-            found[here] = solved.y[:n, :-1].T
+            result[here] = solved.y[:n, :-1].T
             state = solved.y[:, -1]
-        return found[:, list(self.heard)]
+        return result[:, list(self.heard)]
 
 
 def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:
@@ -115,44 +115,44 @@ def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:
 
 def _presliding() -> Scene:
     """A push below the level: the block swings on its bristles and creeps."""
-    own = Bristles(-1, 0, 1e5, 1.0, 2.0, 1.0, 1.5, 0.01)
+    single = Bristles(-1, 0, 1e5, 1.0, 2.0, 1.0, 1.5, 0.01)
     text = _score(
         {
             "floor": "{SOL: {}}",
             "m": "{MAS: {M: 0.1kg}}",
             "f": "{ENF: {to: m, from: 0.7N}}",
-            "rub": own.text("floor, m"),
+            "rub": single.text("floor, m"),
         },
         {"o": "m"},
     )
-    return Scene("presliding", text, ((0.1, 0, 0, 0, 0, 0.7),), (own,), (0,))
+    return Scene("presliding", text, ((0.1, 0, 0, 0, 0, 0.7),), (single,), (0,))
 
 
 def _stick_slip() -> Scene:
     """A block on a spring, dragged along by a belt."""
-    own = Bristles(0, 1, 2e4, 0.5, 0.2, 0.2, 1.0, 0.02)
+    single = Bristles(0, 1, 2e4, 0.5, 0.2, 0.2, 1.0, 0.02)
     text = _score(
         {
             "belt": "{MAS: {M: 1000kg, V0: 0.02m/s}}",
             "m": "{CEL: {M: 0.02kg, K: 2000N/m, Z: 0.05Ns/m}}",
-            "rub": own.text("belt, m"),
+            "rub": single.text("belt, m"),
         },
         {"o": "m"},
     )
     masses = ((1000.0, 0, 0, 0, 0.02, 0), (0.02, 2000.0, 0.05, 0, 0, 0))
-    return Scene("stick-slip", text, masses, (own,), (1,))
+    return Scene("stick-slip", text, masses, (single,), (1,))
 
 
 def _bowed() -> Scene:
     """A bow on a string of 12 masses."""
     n, m, k, z = 12, 2.5e-4, 8e3, 2e-3
-    own = Bristles(0, 3, 2e4, 0.3, 0.2, 0.5, 0.9, 0.05)
+    single = Bristles(0, 3, 2e4, 0.3, 0.2, 0.5, 0.9, 0.05)
     modules = {"bow": "{MAS: {M: 1000kg, V0: 0.1m/s}}", "a": "{SOL: {}}", "b": "{SOL: {}}"}
     modules |= {f"m{i}": f"{{MAS: {{M: {m}kg}}}}" for i in range(1, n + 1)}
     ends = ["a", *(f"m{i}" for i in range(1, n + 1)), "b"]
-    for i, (one, other) in enumerate(pairwise(ends)):
-        modules[f"r{i}"] = f"{{REF: {{between: [{one}, {other}], K: {k}N/m, Z: {z}Ns/m}}}}"
-    modules["hair"] = own.text("bow, m3")
+    for i, (item, other) in enumerate(pairwise(ends)):
+        modules[f"r{i}"] = f"{{REF: {{between: [{item}, {other}], K: {k}N/m, Z: {z}Ns/m}}}}"
+    modules["hair"] = single.text("bow, m3")
     masses = [(1000.0, 0.0, 0.0, 0.0, 0.1, 0.0)]
     masses += [
         (m, k if i in (1, n) else 0.0, z if i in (1, n) else 0.0, 0.0, 0.0, 0.0)
@@ -160,55 +160,55 @@ def _bowed() -> Scene:
     ]
     springs = tuple((i, i + 1, k, z) for i in range(1, n))
     text = _score(modules, {"o": "m3", "p": "m9"})
-    return Scene("bow", text, tuple(masses), (own,), (3, 9), springs)
+    return Scene("bow", text, tuple(masses), (single,), (3, 9), springs)
 
 
 def _key() -> Scene:
     """A struck key that rubs on a bell of one mass, and on the ground (Dahl)."""
-    rub, felt = Bristles(0, 1, 5e4, 0.8, 1.0, 1.0, 1.2, 0.02), Bristles(-1, 0, 1e4, 0.1)
+    rub, forces = Bristles(0, 1, 5e4, 0.8, 1.0, 1.0, 1.2, 0.02), Bristles(-1, 0, 1e4, 0.1)
     text = _score(
         {
             "bell": "{CEL: {M: 0.01kg, K: 4000N/m, Z: 0.05Ns/m}}",
             "g": "{SOL: {}}",
             "rub": rub.text("k1, bell"),
-            "felt": felt.text("g, k1"),
+            "felt": forces.text("g, k1"),
         },
         {"o": "bell", "p": "k1"},
         "keys: {k1: {M: 0.2kg, K: 500N/m, Z: 1Ns/m}}\n"
         "strikes: {a: {to: k1, at: 0.01s, impulse: 0.06Ns}}\n",
     )
     masses = ((0.2, 500.0, 1.0, 0, 0, 0), (0.01, 4000.0, 0.05, 0, 0, 0))
-    return Scene("key", text, masses, (rub, felt), (1, 0), (), ((0, 0.01, 0.06),))
+    return Scene("key", text, masses, (rub, forces), (1, 0), (), ((0, 0.01, 0.06),))
 
 
 def _dahl() -> Scene:
     """One mass on a spring with Dahl's friction."""
-    own = Bristles(-1, 0, 2e4, 0.2)
+    single = Bristles(-1, 0, 2e4, 0.2)
     text = _score(
         {
             "floor": "{SOL: {}}",
             "m": "{CEL: {M: 0.01kg, K: 3000N/m, X0: 1mm}}",
-            "rub": own.text("floor, m"),
+            "rub": single.text("floor, m"),
         },
         {"o": "m"},
     )
-    return Scene("dahl", text, ((0.01, 3000.0, 0, 1e-3, 0, 0),), (own,), (0,))
+    return Scene("dahl", text, ((0.01, 3000.0, 0, 1e-3, 0, 0),), (single,), (0,))
 
 
 def _pair() -> Scene:
     """Two cells that rub on each other, struck, with Stribeck's fall and viscosity."""
-    own = Bristles(0, 1, 3e4, 0.3, 0.5, 0.5, 0.5, 0.05)
+    single = Bristles(0, 1, 3e4, 0.3, 0.5, 0.5, 0.5, 0.05)
     text = _score(
         {
             "m": "{CEL: {M: 0.005kg, K: 5000N/m, Z: 0.01Ns/m}}",
             "n": "{CEL: {M: 0.008kg, K: 2000N/m, Z: 0.01Ns/m}}",
-            "rub": own.text("m, n"),
+            "rub": single.text("m, n"),
         },
         {"o": "m", "p": "n"},
         "strikes: {a: {to: s.m, at: 0.01s, impulse: 0.01Ns}}\n",
     )
     masses = ((0.005, 5000.0, 0.01, 0, 0, 0), (0.008, 2000.0, 0.01, 0, 0, 0))
-    return Scene("pair", text, masses, (own,), (0, 1), (), ((0, 0.01, 0.01),))
+    return Scene("pair", text, masses, (single,), (0, 1), (), ((0, 0.01, 0.01),))
 
 
 SCENES = {

@@ -18,5 +18,7 @@ KEY = "0123456789abcdef0123456789abcdef"  # of the addresses of pages
 @contextlib.contextmanager
 def running(*flags: str) -> Iterator[Browser]:
     """Chromium with software rendering."""
-    with chromium.launch_browser(program("chromium"), ("--use-angle=swiftshader", *flags)) as found:
-        yield found
+    with chromium.launch_browser(
+        program("chromium"), ("--use-angle=swiftshader", *flags)
+    ) as raised:
+        yield raised

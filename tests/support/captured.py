@@ -50,21 +50,23 @@ def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comp
     """
     captured, expected = _begun(captured), _begun(expected)
     sounding = np.flatnonzero(captured.any(axis=1))
-    at = to = equal = wrong = 0
+    position = to = equal = wrong = 0
     gaps: list[Gap] = []
-    while to < len(expected) and at < len(captured) and wrong < MOST_WRONG:
-        n = min(len(expected) - to, len(captured) - at)
-        differ = np.flatnonzero((captured[at : at + n] != expected[to : to + n]).any(axis=1))
+    while to < len(expected) and position < len(captured) and wrong < MOST_WRONG:
+        n = min(len(expected) - to, len(captured) - position)
+        differ = np.flatnonzero(
+            (captured[position : position + n] != expected[to : to + n]).any(axis=1)
+        )
         same = int(differ[0]) if len(differ) else n
-        at, to, equal = at + same, to + same, equal + same
+        position, to, equal = position + same, to + same, equal + same
         if not len(differ):
             break
-        gap = _gap(captured, sounding, at, expected[to : to + reach], to)
+        gap = _gap(captured, sounding, position, expected[to : to + reach], to)
         if gap is None:
-            at, to, wrong = at + 1, to + 1, wrong + 1
+            position, to, wrong = position + 1, to + 1, wrong + 1
         else:
             gaps.append(gap)
-            at, to = at + gap.silent, to + gap.lost
+            position, to = position + gap.silent, to + gap.lost
     return Comparison(equal, wrong, tuple(gaps), len(expected) - to)
 
 
@@ -73,11 +75,11 @@ def check_heard(captured: NDArray, expected: NDArray, troubles: Iterable[str]) -
 
     The sound in the ring at the end is not heard. On a busy machine the ring runs empty.
     """
-    found = compare(captured[: -4 * 1024], expected)
-    told = [int(one.split()[1]) for one in troubles if one.startswith("gaps ")]
-    assert found.wrong == 0, found
-    assert len(found.gaps) <= max(told, default=0), found
-    return found
+    result = compare(captured[: -4 * 1024], expected)
+    output = [int(one.split()[1]) for one in troubles if one.startswith("gaps ")]
+    assert result.wrong == 0, result
+    assert len(result.gaps) <= max(output, default=0), result
+    return result
 
 
 def _begun(frames: NDArray) -> NDArray:

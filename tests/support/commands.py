@@ -44,12 +44,12 @@ class _Forks:
 
     def ask(self, what: Mapping[str, Any]) -> int:
         self.channel.sendall(json.dumps(what).encode() + b"\n")
-        told = b""
-        while not told.endswith(b"\n"):
+        output = b""
+        while not output.endswith(b"\n"):
             more = self.channel.recv(100)
             assert more, "the process that forks has ended"
-            told += more
-        return int(told)
+            output += more
+        return int(output)
 
     def end(self) -> None:
         self.channel.close()
@@ -78,7 +78,7 @@ def forked(
     are None are removed from its environment; `merged` puts stderr into stdout. The process is
     killed when its Python code is about to change a file in `folder` for the `killed_at`-th time.
     """
-    given = {**os.environ, **environment}
+    arguments = {**os.environ, **environment}
     with tempfile.TemporaryDirectory() as name:
         stdin, stdout, stderr = (Path(name, stream) for stream in ("stdin", "stdout", "stderr"))
         stdin.write_text(lines, encoding="utf-8")
@@ -88,7 +88,7 @@ def forked(
             {
                 "words": list(words),
                 "folder": str(folder.absolute()),
-                "environment": {name: to for name, to in given.items() if to is not None},
+                "environment": {name: to for name, to in arguments.items() if to is not None},
                 "streams": [str(stdin), str(stdout), str(stdout if merged else stderr)],
                 "limits": list(limits),
                 "killed_at": killed_at,

@@ -44,10 +44,10 @@ def corrupted(data: bytes, count: int, seed: int, *others: bytes) -> Iterator[by
         for _ in range(chance.choice((1, 1, 1, 2, 3, 8))):
             # Headers, and the directory at the end of a zip, are short: hit them more often.
             edge = min(len(damaged), chance.choice((64, 256, len(damaged) or 1)))
-            at = chance.randrange(edge or 1)
+            index = chance.randrange(edge or 1)
             if chance.random() < 0.4:
-                at = len(damaged) - 1 - at
-            _damage(damaged, max(0, at), number, chance, others or (data,))
+                index = len(damaged) - 1 - index
+            _damage(damaged, max(0, index), number, chance, others or (data,))
         yield bytes(damaged)
 
 

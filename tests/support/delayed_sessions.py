@@ -53,16 +53,16 @@ def delays(session: Callable[[], Delayed]) -> Iterator[None]:
     """Let versions take the time that the present session says."""
     staged = takeover.staged
 
-    def slowly(*given: Any, **named: Any) -> Stage:
-        at = session()
-        lock = at.session.schedule.lock
-        if not at.is_delaying and not lock._is_owned():
-            at.is_delaying = True
+    def slowly(*arguments: Any, **named: Any) -> Stage:
+        position = session()
+        lock = position.session.schedule.lock
+        if not position.is_delaying and not lock._is_owned():
+            position.is_delaying = True
             try:
-                at.wait(at.delay())
+                position.wait(position.delay())
             finally:
-                at.is_delaying = False
-        return staged(*given, **named)
+                position.is_delaying = False
+        return staged(*arguments, **named)
 
     with mock.patch.object(takeover, "staged", slowly):
         yield

@@ -28,16 +28,16 @@ class DocumentedCluster:
     """The processes that a section starts; `you` are the commands of the user who renders."""
 
     def __init__(self, heading: str, environment: Mapping[str, str]) -> None:
-        with socket.socket() as one:
-            one.bind(("127.0.0.1", 0))
-            self.port = one.getsockname()[1]
+        with socket.socket() as first:
+            first.bind(("127.0.0.1", 0))
+            self.port = first.getsockname()[1]
         self.environment = {**os.environ, **environment}
         self.you: list[str] = []
         self.processes: list[subprocess.Popen[bytes]] = []
-        for at, line in commands(heading):
+        for position, line in commands(heading):
             what = line.replace("one:", "127.0.0.1:").replace("8786", str(self.port))
             what = what.replace("--nworkers 8", "--nworkers 1")
-            if at == "you":
+            if position == "you":
                 self.you.append(what)
             elif what.startswith("dask "):
                 self._begin(what)
@@ -81,8 +81,8 @@ class DocumentedCluster:
 
 @contextmanager
 def documented_cluster(heading: str, environment: Mapping[str, str]) -> Iterator[DocumentedCluster]:
-    own = DocumentedCluster(heading, environment)
+    single = DocumentedCluster(heading, environment)
     try:
-        yield own
+        yield single
     finally:
-        own.end()
+        single.end()

@@ -92,13 +92,13 @@ class _Motion:
 
     def slopes(self, _: float, state: np.ndarray) -> np.ndarray:
         force = self.others(state)
-        for own, way in zip(self.scene.dry, self.ways, strict=True):
-            v = self.rate(own, state[self.n :])
-            pull = way * own.level(v) if way else self.needed(own, force)
-            if own.a >= 0:
-                force[own.a] += pull
-            if own.b >= 0:
-                force[own.b] -= pull
+        for item, method in zip(self.scene.dry, self.ways, strict=True):
+            v = self.rate(item, state[self.n :])
+            pull = method * item.level(v) if method else self.needed(item, force)
+            if item.a >= 0:
+                force[item.a] += pull
+            if item.b >= 0:
+                force[item.b] -= pull
         return np.concatenate([state[self.n :], force / self.m])
 
     def begin(self) -> None:
@@ -107,22 +107,22 @@ class _Motion:
         """
         force = self.others(self.state)
         self.ways = []
-        for own in self.scene.dry:
-            v = self.rate(own, self.state[self.n :])
-            need = self.needed(own, force)
-            holds = abs(v) <= _STILL and abs(need) <= own.level(0.0)
+        for item in self.scene.dry:
+            v = self.rate(item, self.state[self.n :])
+            need = self.needed(item, force)
+            holds = abs(v) <= _STILL and abs(need) <= item.level(0.0)
             self.ways.append(0 if holds else int(np.sign(v if abs(v) > _STILL else need)))
 
     def margin(self, which: int, state: np.ndarray) -> float:
         """Positive as long as a friction does not change between sliding and holding."""
-        own, way = self.scene.dry[which], self.ways[which]
-        if way:
-            return way * self.rate(own, state[self.n :])
-        return own.level(0.0) - abs(self.needed(own, self.others(state)))
+        single, method = self.scene.dry[which], self.ways[which]
+        if method:
+            return method * self.rate(single, state[self.n :])
+        return single.level(0.0) - abs(self.needed(single, self.others(state)))
 
     def path(self, n_frames: int) -> np.ndarray:
         frames = np.arange(n_frames) / RATE
-        found = np.empty((n_frames, self.n))
+        result = np.empty((n_frames, self.n))
         instants = [0.0, *(at for _, at, _ in self.scene.strikes), frames[-1] + 1e-9]
         for i, (start, end) in enumerate(pairwise(instants)):
             if i:
@@ -130,10 +130,10 @@ class _Motion:
                 self.state[self.n + struck] += impulse / self.m[struck]
             t = start
             while t < end:
-                t = self.stretch(t, end, frames, found)
-        return found
+                t = self.stretch(t, end, frames, result)
+        return result
 
-    def stretch(self, t: float, end: float, frames: np.ndarray, found: np.ndarray) -> float:
+    def stretch(self, t: float, end: float, frames: np.ndarray, result_wanted: np.ndarray) -> float:
         """Continue to the next turn, or to the end; returns that instant."""
         self.begin()
         solver = DOP853(
@@ -161,12 +161,12 @@ class _Motion:
             began = True
             here = (frames >= before - 1e-13) & (frames < stop - 1e-13)
             if here.any():
-                found[here] = dense(frames[here])[: self.n].T
+                result_wanted[here] = dense(frames[here])[: self.n].T
             if turned is not None:
                 self.state = dense(stop)
-                own = self.scene.dry[turned]
+                single = self.scene.dry[turned]
                 if self.ways[turned]:
-                    self._stop(own)
+                    self._stop(single)
                 return stop
         self.state = solver.y
         return end
@@ -194,62 +194,62 @@ def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:
 
 def _block() -> Scene:
     """A displaced mass on a spring that turns several times and comes to rest beside its middle."""
-    own = Dry(-1, 0, 0.05)
+    single = Dry(-1, 0, 0.05)
     text = _score(
-        {"m": "{CEL: {M: 0.01kg, K: 300N/m, Z: 0.01Ns/m, X0: 1mm}}", "rub": own.text("to: m")},
+        {"m": "{CEL: {M: 0.01kg, K: 300N/m, Z: 0.01Ns/m, X0: 1mm}}", "rub": single.text("to: m")},
         {"o": "m"},
     )
-    return Scene("block", text, ((0.01, 300.0, 0.01, 1e-3, 0, 0),), (own,), (0,))
+    return Scene("block", text, ((0.01, 300.0, 0.01, 1e-3, 0, 0),), (single,), (0,))
 
 
 def _stribeck() -> Scene:
     """The same with a level that falls with the speed."""
-    own = Dry(-1, 0, 0.05, 0.08, 0.01)
+    single = Dry(-1, 0, 0.05, 0.08, 0.01)
     text = _score(
-        {"m": "{CEL: {M: 0.01kg, K: 300N/m, X0: 1mm}}", "rub": own.text("to: m")}, {"o": "m"}
+        {"m": "{CEL: {M: 0.01kg, K: 300N/m, X0: 1mm}}", "rub": single.text("to: m")}, {"o": "m"}
     )
-    return Scene("stribeck", text, ((0.01, 300.0, 0, 1e-3, 0, 0),), (own,), (0,))
+    return Scene("stribeck", text, ((0.01, 300.0, 0, 1e-3, 0, 0),), (single,), (0,))
 
 
 def _stick_slip() -> Scene:
     """A block on a spring, dragged along by a belt: it holds, breaks loose, and holds again."""
-    own = Dry(0, 1, 0.5, 1.0, 0.05)
+    single = Dry(0, 1, 0.5, 1.0, 0.05)
     text = _score(
         {
             "belt": "{MAS: {M: 1000kg, V0: 0.05m/s}}",
             "m": "{CEL: {M: 0.02kg, K: 2000N/m, Z: 0.05Ns/m}}",
-            "rub": own.text("between: [belt, m]"),
+            "rub": single.text("between: [belt, m]"),
         },
         {"o": "m"},
     )
     masses = ((1000.0, 0, 0, 0, 0.05, 0), (0.02, 2000.0, 0.05, 0, 0, 0))
-    return Scene("stick-slip", text, masses, (own,), (1,))
+    return Scene("stick-slip", text, masses, (single,), (1,))
 
 
 def _pair() -> Scene:
     """Two cells that rub on each other, struck."""
-    own = Dry(0, 1, 0.3)
+    single = Dry(0, 1, 0.3)
     text = _score(
         {
             "m": "{CEL: {M: 0.005kg, K: 500N/m, Z: 0.01Ns/m}}",
             "n": "{CEL: {M: 0.008kg, K: 200N/m, Z: 0.01Ns/m}}",
-            "rub": own.text("between: [m, n]"),
+            "rub": single.text("between: [m, n]"),
         },
         {"o": "m", "p": "n"},
         "strikes: {a: {to: s.m, at: 0.01s, impulse: 0.01Ns}}\n",
     )
     masses = ((0.005, 500.0, 0.01, 0, 0, 0), (0.008, 200.0, 0.01, 0, 0, 0))
-    return Scene("pair", text, masses, (own,), (0, 1), (), ((0, 0.01, 0.01),))
+    return Scene("pair", text, masses, (single,), (0, 1), (), ((0, 0.01, 0.01),))
 
 
 def _key() -> Scene:
     """A struck key that rubs on the ground and carries a swinging part."""
-    own = Dry(-1, 0, 0.3)
+    single = Dry(-1, 0, 0.3)
     text = _score(
         {
             "swing": "{MAS: {M: 0.02kg}}",
             "arm": "{REF: {between: [k1, swing], K: 5000N/m, Z: 0.2Ns/m}}",
-            "felt": own.text("to: k1"),
+            "felt": single.text("to: k1"),
         },
         {"o": "k1", "p": "swing"},
         "keys: {k1: {M: 0.2kg, K: 500N/m, Z: 1Ns/m}}\n"
@@ -257,21 +257,21 @@ def _key() -> Scene:
     )
     masses = ((0.2, 500.0, 1.0, 0, 0, 0), (0.02, 0, 0, 0, 0, 0))
     springs = ((0, 1, 5000.0, 0.2),)
-    return Scene("key", text, masses, (own,), (0, 1), springs, ((0, 0.01, 0.06),))
+    return Scene("key", text, masses, (single,), (0, 1), springs, ((0, 0.01, 0.06),))
 
 
 def _held() -> Scene:
     """A constant force below the level: nothing moves at all."""
-    own = Dry(-1, 0, 0.5)
+    single = Dry(-1, 0, 0.5)
     text = _score(
         {
             "m": "{CEL: {M: 0.1kg, K: 100N/m, X0: 1mm}}",
             "f": "{ENF: {to: m, from: 0.3N}}",
-            "rub": own.text("to: m"),
+            "rub": single.text("to: m"),
         },
         {"o": "m"},
     )
-    return Scene("held", text, ((0.1, 100.0, 0, 1e-3, 0, 0.3),), (own,), (0,))
+    return Scene("held", text, ((0.1, 100.0, 0, 1e-3, 0, 0.3),), (single,), (0,))
 
 
 SCENES = {

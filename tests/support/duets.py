@@ -65,9 +65,9 @@ def said(*arguments: object) -> tuple[int, str]:
 def rendered(score: Path, take: Path, doubted: bool = False) -> np.ndarray:
     """The recorded motion of the hands, rendered offline: (n_frames, n_channels) of float32."""
     target = take.with_suffix(".offline.wav")
-    code, told = said("render", score, "--hands", take, "--bits", "float", "-o", target)
-    assert code == 0, told
-    assert ("warning" in told) == doubted, told
+    code, output = said("render", score, "--hands", take, "--bits", "float", "-o", target)
+    assert code == 0, output
+    assert ("warning" in output) == doubted, output
     return sound(target)
 
 
@@ -78,7 +78,7 @@ def sound(path: Path) -> np.ndarray:
 
 def recorded(path: Path) -> _core.Recording:
     """A complete and finished recording."""
-    found = _core.read_recording(path)
-    assert found.finished, found.damage
-    assert found.dropped == 0
-    return found
+    result = _core.read_recording(path)
+    assert result.finished, result.damage
+    assert result.dropped == 0
+    return result

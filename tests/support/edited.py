@@ -47,13 +47,13 @@ def lines(before, after, file=None):
     """Lines removed and lines added."""
     a = Path(file).read_text() if file else before.text
     b = after.overlay[file] if file else after.text
-    found = list(difflib.ndiff(a.splitlines(), b.splitlines()))
-    return [x[2:] for x in found if x[0] == "-"], [x[2:].strip() for x in found if x[0] == "+"]
+    result = list(difflib.ndiff(a.splitlines(), b.splitlines()))
+    return [x[2:] for x in result if x[0] == "-"], [x[2:].strip() for x in result if x[0] == "+"]
 
 
 def begun(piece, player):
     """(what, beats) of everything that a player plays, in order of time."""
-    found = []
+    result = []
     for play, starts in zip(piece.parts, piece.starts, strict=True):
         if play.player != player:
             continue
@@ -62,18 +62,18 @@ def begun(piece, player):
             if play.pattern is not None:  # as it was drawn in this place
                 name, do = starts.course.played(place), (*do, *starts.course.do(place))
             if name is not None:
-                found.append((start, name, tuple(t.word for t in do)))
-    return sorted(found)
+                result.append((start, name, tuple(t.word for t in do)))
+    return sorted(result)
 
 
-def same(found, wanted):
+def same(result_wanted, wanted):
     """The same plays in the same order, at the same beats."""
-    assert [rest for _, *rest in found] == [rest for _, *rest in wanted]
-    assert [beat for beat, *_ in found] == pytest.approx([beat for beat, *_ in wanted])
+    assert [rest for _, *rest in result_wanted] == [rest for _, *rest in wanted]
+    assert [beat for beat, *_ in result_wanted] == pytest.approx([beat for beat, *_ in wanted])
 
 
 def value(piece, target):
     part, _, name = target.rpartition(".")
     owner, _, module = part.partition(".")
-    made = piece.keys.get(owner) or piece.instruments[owner]
-    return {m.name: m for m in made.modules}[module].fields[name]
+    built = piece.keys.get(owner) or piece.instruments[owner]
+    return {m.name: m for m in built.modules}[module].fields[name]

@@ -37,11 +37,11 @@ class Looked:
     computed: tuple[str, ...] = ()
 
 
-def look(text: str, way: str, seconds: float) -> Looked:
+def look(text: str, method: str, seconds: float) -> Looked:
     """A scene computed in a way of WAYS; a part that diverges ends it."""
     piece = load("scene.yaml", text=text).piece
     assert piece is not None
-    accuracy, how = WAYS[way]
+    accuracy, how = WAYS[method]
     n_frames = round(seconds * piece.rate)
     try:
         played = stage(replace(piece, accuracy=accuracy), planned=True, **how)
@@ -51,10 +51,10 @@ def look(text: str, way: str, seconds: float) -> Looked:
     out = np.zeros((n_frames, played.simulation.n_out))
     try:
         played.simulation.process(out)
-        said = "; ".join(gain.message for gain in played.gains())
+        message = "; ".join(gain.message for gain in played.gains())
     except _core.DivergedError as error:
-        said = str(error)
-    return Looked(out, said, tuple(row.what for row in played.plan.rows()))
+        message = str(error)
+    return Looked(out, message, tuple(row.what for row in played.plan.rows()))
 
 
 def of_text(text: str) -> RandomNetwork:

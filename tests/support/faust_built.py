@@ -35,8 +35,8 @@ needs_faust = needs("faust", "g++")
 
 def heard(program: Path, fed: np.ndarray, rate: int) -> np.ndarray:
     """Outputs (n_frames, n_out) of a program for its inputs (n_frames, n_in)."""
-    made = ["faust", "-lang", "cpp", "-double", str(program)]
-    code = subprocess.run(made, check=True, capture_output=True, text=True).stdout
+    built = ["faust", "-lang", "cpp", "-double", str(program)]
+    code = subprocess.run(built, check=True, capture_output=True, text=True).stdout
     source, binary = program.with_suffix(".cpp"), program.with_suffix(".run")
     source.write_text("#include <cstdlib>\n" + _MAIN.replace("%s", code))
     # No fused multiply-add: sums are rounded as written.

@@ -52,8 +52,8 @@ def become(asked: dict[str, Any], channel: socket.socket) -> None:
     os.chdir(asked["folder"])
     os.environ.clear()
     os.environ.update(asked["environment"])
-    for kind, most in asked["limits"]:
-        resource.setrlimit(kind, (most, most))
+    for kind, limit in asked["limits"]:
+        resource.setrlimit(kind, (limit, limit))
     sys.argv = ["ergon", *asked["words"]]
     if asked["killed_at"]:
         kill_at(asked["killed_at"], Path.cwd())

@@ -32,6 +32,6 @@ def digest(script: str, *args: str, **environment: str) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    found, sounds = done.stdout.split()
+    result, sounds = done.stdout.split()
     assert sounds == "True"
-    return found
+    return result

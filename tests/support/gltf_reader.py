@@ -37,8 +37,8 @@ class Scene:
 
     def named(self, name: str) -> int:
         """The only node with a name."""
-        (found,) = (i for i, node in enumerate(self.nodes) if node["name"] == name)
-        return found
+        (result,) = (i for i, node in enumerate(self.nodes) if node["name"] == name)
+        return result
 
     def line(self, node: int) -> NDArray[Any]:
         """The ends of the line in a node's mesh (2, 3), before any translation or scale."""
@@ -55,15 +55,15 @@ class Scene:
         return np.array([np.interp(t, times, values[:, axis]) for axis in range(3)])
 
     def _values(self, accessor: int) -> NDArray[Any]:
-        own = self.file["accessors"][accessor]
-        view = self.file["bufferViews"][own["bufferView"]]
-        width = {"SCALAR": 1, "VEC3": 3}[own["type"]]
-        assert own["componentType"] == 5126
-        assert view["byteLength"] == 4 * width * own["count"]
+        single = self.file["accessors"][accessor]
+        view = self.file["bufferViews"][single["bufferView"]]
+        width = {"SCALAR": 1, "VEC3": 3}[single["type"]]
+        assert single["componentType"] == 5126
+        assert view["byteLength"] == 4 * width * single["count"]
         assert view["byteOffset"] % 4 == 0
-        found = np.frombuffer(self._data, "<f4", width * own["count"], view["byteOffset"])
-        found = found.reshape(own["count"], width)
-        if "min" in own:
-            assert found.min(0).tolist() == own["min"]
-            assert found.max(0).tolist() == own["max"]
-        return found
+        result = np.frombuffer(self._data, "<f4", width * single["count"], view["byteOffset"])
+        result = result.reshape(single["count"], width)
+        if "min" in single:
+            assert result.min(0).tolist() == single["min"]
+            assert result.max(0).tolist() == single["max"]
+        return result

@@ -17,12 +17,12 @@ def rendered(text: str, seconds: float, told: Sequence[tuple[int, str, float]] =
     plan = _core.Plan(stage.network, stage.timeline, method="ca")
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
-    at = 0
+    position = 0
     for frame, name, value in told:
-        simulation.process(sound[at:frame])
+        simulation.process(sound[position:frame])
         assert simulation.tell(input_number(name), value)
-        at = frame
-    simulation.process(sound[at:])
+        position = frame
+    simulation.process(sound[position:])
     names = re.findall(r"^      (\w+): {SO", text.split("    out:\n")[1], flags=re.MULTILINE)
     routes = re.findall(r"- {from: model\.(\w+), to: (\d+)(?:, gain: x([^,}]+))?", text)
     assert [name for name, *_ in routes] == names

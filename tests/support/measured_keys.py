@@ -35,11 +35,11 @@ def path(
 def rain(row: Floats, seconds: float = 10.0, seed: int = 3, share: float = 0.8) -> Floats:
     """Single ticks of random sign, and strokes as strong as the travel allows."""
     chance, n = np.random.default_rng(seed), round(seconds * RATE)
-    ticks, strokes, at = chance.choice([-1.0, 1.0], n), np.zeros(n), 0
-    while at < n:
-        to = at + int(chance.uniform(0.1, 0.6) * RATE)
-        strokes[at:to] = chance.uniform(-1, 1)
-        at = to
+    ticks, strokes, position = chance.choice([-1.0, 1.0], n), np.zeros(n), 0
+    while position < n:
+        to = position + int(chance.uniform(0.1, 0.6) * RATE)
+        strokes[position:to] = chance.uniform(-1, 1)
+        position = to
     gain = 1.0 - share
     while True:
         force = wire(FORCE * np.clip(share * ticks + gain * strokes, -1, 1))
@@ -51,23 +51,23 @@ def rain(row: Floats, seconds: float = 10.0, seed: int = 3, share: float = 0.8) 
 def knocks(row: Floats, seconds: float = 8.0) -> Floats:
     """Knocks, a slow push and quick knocks of many heights, for a key without dry friction."""
     chance, n, rest = np.random.default_rng(99), round(seconds * RATE), row[START]
-    x, at = np.full(n, rest), int(0.3 * RATE)
+    x, position = np.full(n, rest), int(0.3 * RATE)
 
     def go(to: float, duration: float) -> None:
-        nonlocal at
+        nonlocal position
         steps = int(duration * RATE)
         s = np.arange(1, steps + 1) / steps
-        before = x[at]
-        x[at : at + steps] = before + (to - before) * s**3 * (10 - 15 * s + 6 * s * s)
-        x[at + steps :] = to
-        at += steps
+        before = x[position]
+        x[position : position + steps] = before + (to - before) * s**3 * (10 - 15 * s + 6 * s * s)
+        x[position + steps :] = to
+        position += steps
 
     for _ in range(6):
         go(rest + 6e-3, 0.09)
         go(rest, 0.12)
-        at += int(0.15 * RATE)
+        position += int(0.15 * RATE)
     go(6e-3, 0.5)
-    at += int(1.0 * RATE)
+    position += int(1.0 * RATE)
     go(rest, 0.8)
     for _ in range(12):
         go(rest + chance.uniform(2e-3, 5e-3), 0.06)

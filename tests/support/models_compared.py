@@ -48,20 +48,22 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
     The signals of `ports` are also written to files of their names.
     """
     text = re.sub(r"^\s*(audioout|display)\b.*$", "", text, flags=re.MULTILINE)
-    said = sam_sheet(text).statements
-    masses = [one.name for one in said if one.word in ("mass", "resonators")]
-    links = [one.name for one in said if one.word in LINKS]
-    heard = "".join(f"\naudioout,z{at},{name};" for at, name in enumerate([*masses, *links]))
+    message = sam_sheet(text).statements
+    masses = [one.name for one in message if one.word in ("mass", "resonators")]
+    links = [one.name for one in message if one.word in LINKS]
+    listened = "".join(
+        f"\naudioout,z{index},{name};" for index, name in enumerate([*masses, *links])
+    )
     inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in ports.items()}
-    score = sam_written(sam_sheet(text + heard), inputs, {}, "a model")
+    score = sam_written(sam_sheet(text + listened), inputs, {}, "a model")
     sound = rendered(score, seconds)
     # A score's file begins at the model's second sample.
     moved = {name: [0.0, *x[:-1]] for name, x in ports.items()}
     exact = sam.played(text, len(sound), moved)
-    errors = [off(sound[:, at], exact[name]) for at, name in enumerate(masses)]
-    for at, name in enumerate(links, len(masses)):
+    errors = [off(sound[:, index], exact[name]) for index, name in enumerate(masses)]
+    for index, name in enumerate(links, len(masses)):
         # A force is heard a sample early; strikes in the first sample are not forces of a link.
-        errors.append(off(sound[1:-1, at], exact[name][2:]))
+        errors.append(off(sound[1:-1, index], exact[name][2:]))
     assert max(np.ptp(exact[name]) for name in (*masses, *links)) > 1e-5, "nothing moves"
     return max(errors)
 
@@ -71,8 +73,8 @@ def sam_off(text: str, seconds: float, ports: Mapping[str, Floats] = {}) -> floa
 
 def pmpd_score(text: str, kind: Object | None = None) -> str:
     """A list of messages as a score, its inlets at 0."""
-    found, messages = pmpd_messages(text, kind)
-    return pmpd_written(network(found, messages), {}, "a list")
+    result, messages = pmpd_messages(text, kind)
+    return pmpd_written(network(result, messages), {}, "a list")
 
 
 def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats] = {}) -> float:
@@ -81,17 +83,17 @@ def pmpd_off(text: str, kind: Object, n_frames: int, inlets: Mapping[str, Floats
     The signals of `inlets` (in0 …) of pmpd~ are also written to files of their names.
     """
     if kind == "pmpd~":
-        found, messages = pmpd_messages(text, kind)
+        result, messages = pmpd_messages(text, kind)
         inputs = {name: Input(f"{name}.wav", float(x[0])) for name, x in inlets.items()}
-        score = pmpd_written(network(found, messages), inputs, "a list")
+        score = pmpd_written(network(result, messages), inputs, "a list")
         fed = {int(name[2:]): x for name, x in inlets.items()}
         exact = pmpd.audio(text, n_frames, fed)
         assert np.ptp(exact, axis=0).min() > 1e-3, "nothing moves"
         # The first sample of the score is the object's initial state.
         return off(rendered(score, (n_frames + 1) / RATE)[1:], exact)
-    made = network(*pmpd_messages(text, kind))
-    heard = [at for one in made.asked for at in one.masses]
-    exact = pmpd.bangs(text, n_frames)[:, heard]
+    built = network(*pmpd_messages(text, kind))
+    listened = [at for one in built.asked for at in one.masses]
+    exact = pmpd.bangs(text, n_frames)[:, listened]
     return off(rendered(pmpd_score(text, kind), n_frames / RATE), exact)
 
 
@@ -107,8 +109,8 @@ def miphysics_motion(text: str, n_frames: int, rate: int = RATE) -> dict[str, Fl
     for name, kind in names.items():
         is_space = kind.endswith("3D")
         axes = ("x", "y", "z") if is_space else ("",)
-        heard = [f"{name}.{axis}".rstrip(".") for axis in axes]
-        outs["space" if is_space else "axis"] += heard
+        listened = [f"{name}.{axis}".rstrip(".") for axis in axes]
+        outs["space" if is_space else "axis"] += listened
     head, *parts = re.split(r"^    out: .*\n", score.split("mix:")[0], flags=re.MULTILINE)
     for where, rest in zip([key for key in outs if outs[key]], parts, strict=True):
         listed = "".join(f"      {where}{i}: {{SOX: {p}}}\n" for i, p in enumerate(outs[where]))
@@ -118,20 +120,20 @@ def miphysics_motion(text: str, n_frames: int, rate: int = RATE) -> dict[str, Fl
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((n_frames, simulation.n_out))
     simulation.process(sound)
-    found, at = {}, 0
+    result, position = {}, 0
     for name, kind in sorted(names.items(), key=lambda one: one[1].endswith("1D")):
         n = 3 if kind.endswith("3D") else 1
-        found[name] = sound[:, at : at + n] * (1e3 if n == 3 else 1.0)
-        at += n
-    return found
+        result[name] = sound[:, position : position + n] * (1e3 if n == 3 else 1.0)
+        position += n
+    return result
 
 
 def miphysics_off(text: str, n_frames: int, rate: int = RATE, *, along: bool = False) -> float:
     """The largest error over the largest displacement of any mass."""
-    found = miphysics_motion(text, n_frames, rate)
+    result = miphysics_motion(text, n_frames, rate)
     exact = miphysics.played(text, n_frames, rate, along=along)
     exact = {name: exact[name] if one.shape[1] == 3 else exact[name][:, 2:]
-             for name, one in found.items()}  # fmt: skip
-    way = max(float(np.ptp(one, axis=0).max()) for one in exact.values())
-    assert way > 1e-4, "nothing moves"
-    return max(float(np.abs(found[name] - exact[name]).max()) for name in found) / way
+             for name, one in result.items()}  # fmt: skip
+    method = max(float(np.ptp(one, axis=0).max()) for one in exact.values())
+    assert method > 1e-4, "nothing moves"
+    return max(float(np.abs(result[name] - exact[name]).max()) for name in result) / method

@@ -89,14 +89,14 @@ def c3d(
     A positive `scale` writes 16 bits a number; `analog` words follow each frame, in `samples`. The
     header states `stated_points` and `stated_analog` if they are not the true numbers.
     """
-    own, n, points = _Numbers(processor), len(places), places.shape[1]
+    single, n, points = _Numbers(processor), len(places), places.shape[1]
     groups = [(-1, "POINT"), (-2, "TRIAL"), (-3, "ANALOG")]
     width = max(map(len, names), default=1)
     labels = "".join(name.ljust(width) for name in names).encode()
     each = [
-        (1, "USED", 2, (), own.word(points)),
-        (1, "SCALE", 4, (), own.real(scale)),
-        (1, "RATE", 4, (), own.real(rate)),
+        (1, "USED", 2, (), single.word(points)),
+        (1, "SCALE", 4, (), single.real(scale)),
+        (1, "RATE", 4, (), single.real(rate)),
         (1, "LABELS", -1, (width, len(names)), labels),
         *parameters,
     ]
@@ -106,28 +106,30 @@ def c3d(
     for number, name in groups:
         rest = b"\0"
         body += struct.pack("bb", len(name), number) + name.encode()
-        body += own.word(2 + len(rest)) + rest
+        body += single.word(2 + len(rest)) + rest
     for group, name, kind, dimensions, data in each:
         rest = struct.pack("bB", kind, len(dimensions)) + bytes(dimensions) + data + b"\0"
         body += struct.pack("bb", len(name), group) + name.encode()
-        body += own.word(2 + len(rest)) + rest
+        body += single.word(2 + len(rest)) + rest
     body = body.ljust(512, b"\0")
     assert len(body) == 512
-    head = bytes((2, 0x50)) + own.word(points if stated_points is None else stated_points)
-    head += own.word(analog if stated_analog is None else stated_analog) + own.word(1)
-    head += own.word(min(n if last is None else last, 0xFFFF)) + own.word(10) + own.real(scale)
-    head += own.word(3) + own.word(samples) + own.real(rate)
+    head = bytes((2, 0x50)) + single.word(points if stated_points is None else stated_points)
+    head += single.word(analog if stated_analog is None else stated_analog) + single.word(1)
+    head += (
+        single.word(min(n if last is None else last, 0xFFFF)) + single.word(10) + single.real(scale)
+    )
+    head += single.word(3) + single.word(samples) + single.real(rate)
     data = b""
     for frame in places:
         for place in frame:
             hidden = np.isnan(place).any()
             values = np.where(hidden, 0.0, place)
             if scale < 0:
-                data += b"".join(own.real(float(x)) for x in (*values, -1.0 if hidden else 0.0))
+                data += b"".join(single.real(float(x)) for x in (*values, -1.0 if hidden else 0.0))
             else:
                 words = [round(float(x) / scale) for x in values]
-                data += b"".join(own.word(w) for w in (*words, -1 if hidden else 0))
-        data += (own.real(7.0) if scale < 0 else own.word(7)) * analog
+                data += b"".join(single.word(w) for w in (*words, -1 if hidden else 0))
+        data += (single.real(7.0) if scale < 0 else single.word(7)) * analog
     return head.ljust(512, b"\0") + body + data
 
 
@@ -180,8 +182,8 @@ def qtm(
     head += "MARKER_NAMES\t" + "\t".join(names) + "\n"
     head += "TRAJECTORY_TYPES\t" + "\t".join(["Measured"] * len(names)) + "\n"
     if titles:
-        own = [f"{name} {axis}" for name in names for axis in "XYZ"]
-        head += "\t".join([*("Frame", "Time")[:leading], *own]) + "\n"
+        item = [f"{name} {axis}" for name in names for axis in "XYZ"]
+        head += "\t".join([*("Frame", "Time")[:leading], *item]) + "\n"
     for i, frame in enumerate(places):
         cells = [str(i + 1), f"{i / 100:.5f}"][:leading]
         cells += [hidden if np.isnan(x) else f"{x:.4f}" for x in frame.ravel()]
@@ -202,8 +204,8 @@ def qtm_bodies(
     head += "BODY_NAMES\t" + "\t".join(names) + "\n"
     if titles:
         turns = ["Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{i}]" for i in range(9))]
-        own = [title for name in names for title in (f"{name} X", "Y", "Z", *turns)]
-        head += "\t".join([*("Frame", "Time")[:leading], *own]) + "\n"
+        item = [title for name in names for title in (f"{name} X", "Y", "Z", *turns)]
+        head += "\t".join([*("Frame", "Time")[:leading], *item]) + "\n"
     for i, frame in enumerate(places):
         cells = [str(i + 1), f"{i / 100:.5f}"][:leading]
         for place in frame:
@@ -282,8 +284,8 @@ def frame(name: bytes, t: float, *matrices: bytes, stream: int = 0) -> bytes:
 def declared(text: str) -> bytes:
     """A frame of SDIF that names the columns."""
     data = text.encode()
-    own = _padded(struct.pack(">4sIII", b"1TYP", 0x301, len(data), 1) + data)
-    return frame(b"1TYP", -np.inf, own, stream=-2)
+    single = _padded(struct.pack(">4sIII", b"1TYP", 0x301, len(data), 1) + data)
+    return frame(b"1TYP", -np.inf, single, stream=-2)
 
 
 def sdif(*frames: bytes) -> bytes:
@@ -293,8 +295,8 @@ def sdif(*frames: bytes) -> bytes:
 
 def moving(t: Floats, x: Floats, stream: int = 0) -> bytes:
     """Frames XMOV with a matrix XPOS of a row x, (n, columns)."""
-    own = (
-        frame(b"XMOV", at, matrix(b"XPOS", row[None]), stream=stream)
-        for at, row in zip(t, x, strict=True)
+    single = (
+        frame(b"XMOV", position, matrix(b"XPOS", row[None]), stream=stream)
+        for position, row in zip(t, x, strict=True)
     )
-    return b"".join(own)
+    return b"".join(single)

@@ -28,14 +28,14 @@ Chunk = tuple[int, float, bytes, int]  # kind, seconds, payload, byte at which i
 def chunks(data: bytes) -> Iterator[Chunk]:
     """All chunks of a whole file."""
     assert data[:8] == MAGIC
-    at = 8
-    while at < len(data):
-        kind, version, length, seconds = struct.unpack_from("<HHId", data, at)
+    position = 8
+    while position < len(data):
+        kind, version, length, seconds = struct.unpack_from("<HHId", data, position)
         assert version == 2
-        end = at + 16 + length
-        assert struct.unpack_from("<I", data, end) == (zlib.crc32(data[at:end]),)
-        yield kind, seconds, data[at + 16 : end], at
-        at = end + 4
+        end = position + 16 + length
+        assert struct.unpack_from("<I", data, end) == (zlib.crc32(data[position:end]),)
+        yield kind, seconds, data[position + 16 : end], position
+        position = end + 4
 
 
 class Bits:
@@ -161,13 +161,13 @@ class Replica:
         """
         n, m = self.manifest["points"], self.manifest["modes"]
         a, b, since = np.zeros(n + m), np.zeros(n + m), np.zeros(n + m)
-        told = [(t, kind, p) for kind, t, p, _ in self.chunks if kind in (FLIGHTS, STATE)]
+        message = [(t, kind, p) for kind, t, p, _ in self.chunks if kind in (FLIGHTS, STATE)]
         frames = self.frames()
         out = np.full((len(instants), n), np.nan)
         next_told = 0
         for row, t in zip(out, instants, strict=True):
-            while next_told < len(told) and told[next_told][0] <= t:
-                t0, kind, payload = told[next_told]
+            while next_told < len(message) and message[next_told][0] <= t:
+                t0, kind, payload = message[next_told]
                 if kind == STATE:
                     a[:], b[:] = 0.0, 0.0
                 rec = np.frombuffer(payload, FLIGHT)
@@ -179,15 +179,15 @@ class Replica:
             )
             x = np.exp(-self.sigma * s) * swing
             for number, part in enumerate(self.manifest["parts"]):
-                own = slice(part["first"], part["first"] + part["count"])
+                single = slice(part["first"], part["first"] + part["count"])
                 if part["kind"] == "free":
-                    row[own] = x[own]
+                    row[single] = x[single]
                 elif part["kind"] == "modal":
                     first = n + part["modes"]["first"]
-                    row[own] = self.shapes[number] @ x[first : first + part["modes"]["count"]]
+                    row[single] = self.shapes[number] @ x[first : first + part["modes"]["count"]]
                 elif part["kind"] == "sampled":
                     times, values = frames[number]
-                    row[own] = values[np.searchsorted(times, t + 1e-9) - 1]
+                    row[single] = values[np.searchsorted(times, t + 1e-9) - 1]
         return out
 
     def frames(self) -> dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:

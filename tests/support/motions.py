@@ -142,8 +142,8 @@ class Piece:
         q = [
             self._free(self.n + m, self.mode_omega[m], self.mode_sigma[m], t) for m in range(MODES)
         ]
-        at = self.first("plate")
-        z[at : at + PLATE] = self.shapes @ np.array(q)
+        position = self.first("plate")
+        z[position : position + PLATE] = self.shapes @ np.array(q)
         for part in ("wire", "disc", "keys"):
             sampled = self.sampled(part, t)
             z[self.first(part) : self.first(part) + len(sampled)] = sampled
@@ -261,10 +261,10 @@ class Piece:
             if second <= f[0] < second + 1:
                 out += chunk(FLIGHTS, f[0], struct.pack("<Iff", *f[1:]))
         for e in self.ergons:
-            told = max(0.0, e.t - 1)
-            if second <= told < second + 1:
-                row = struct.pack("<fIffI", e.t - told, e.point, e.impulse, np.nan, e.source)
-                out += chunk(ERGONS, told, row)
+            output = max(0.0, e.t - 1)
+            if second <= output < second + 1:
+                row = struct.pack("<fIffI", e.t - output, e.point, e.impulse, np.nan, e.source)
+                out += chunk(ERGONS, output, row)
         for k in range(int(FPS)):
             t = second + k / FPS
             row = [self.level(i, t) for i in range(24)]

@@ -22,7 +22,7 @@ render: {{bits: float, tail: 40ms}}
 
 def heard(text: str) -> np.ndarray:
     """Outputs of a score (n_frames, n_out)."""
-    made = stage(check(text).piece, planned=True)
-    sound = np.empty((made.n_frames, made.simulation.n_out))
-    made.simulation.process(sound)
+    built = stage(check(text).piece, planned=True)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
     return sound

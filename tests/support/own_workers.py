@@ -29,12 +29,12 @@ class Client:
         return function(value)
 
     def get_executor(self, **_: Any) -> Executor:
-        made = self
+        built = self
 
         class Pool(Executor):
             def submit(self, function: Any, /, *words: Any, **named: Any) -> Future[Any]:
-                made.called.append((function, words))
-                return made.pool.submit(function, *words)
+                built.called.append((function, words))
+                return built.pool.submit(function, *words)
 
         return Pool()
 
@@ -48,9 +48,9 @@ def use(monkeypatch: pytest.MonkeyPatch, count: int = 2) -> Client:
 
     @contextlib.contextmanager
     def opened(on: str, report: Report) -> Iterator[cluster.Cluster]:
-        own = cluster.Cluster(client, count, on)
-        yield own
-        own.tell(report)
+        single = cluster.Cluster(client, count, on)
+        yield single
+        single.tell(report)
 
     monkeypatch.setattr(cluster, "open_cluster", opened)
     return client

@@ -32,8 +32,8 @@ _APT_LOCK = "/var/lib/apt"  # two runs at once on one machine wait for each othe
 
 def path_of(program: str) -> str | None:
     """The path of a program, or of another that does the same."""
-    found = map(shutil.which, (program, *_ALSO.get(program, ())))
-    return next((path for path in found if path is not None), None)
+    result = map(shutil.which, (program, *_ALSO.get(program, ())))
+    return next((path for path in result if path is not None), None)
 
 
 def missing(*programs: str) -> list[str]:

@@ -41,17 +41,17 @@ Signals = Mapping[str, NDArray[np.float64]]
 def signals(text: str, names: tuple[str, ...], n_frames: int) -> Signals:
     """A signal for each input, as files store it: a path, a push, or the value of a parameter."""
     t = np.arange(n_frames) / RATE
-    of = {
+    source = {
         "posInput": 0.01 * np.sin(2 * np.pi * 9.0 * t) ** 2,
         "frcInput": 1e-4 * np.sin(2 * np.pi * 300.0 * t),
         "audioParam": 0.5 - 0.4 * np.cos(2 * np.pi * 3.0 * t),
     }
-    found = {}
+    result = {}
     for name in names:
-        said = re.search(rf"(audioParam)\s+@?{name}\b|@{name}\s+(\w+)", text)
-        word = said[1] or said[2] if said else "posInput"  # of ports and inlets
-        found[name] = np.float64(np.float32(of[word]))
-    return found
+        message = re.search(rf"(audioParam)\s+@?{name}\b|@{name}\s+(\w+)", text)
+        word = message[1] or message[2] if message else "posInput"  # of ports and inlets
+        result[name] = np.float64(np.float32(source[word]))
+    return result
 
 
 def _read(path: Path, options: ModelOptions, fallback: ModelOptions) -> ImportedModel:
@@ -66,22 +66,22 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     """The dialect of a model and its error. Raises ErgonError."""
     options = ModelOptions(laws=fallback.laws)
     text = text_of(path)
-    made = _read(path, options, fallback)
+    built = _read(path, options, fallback)
     n_frames = round(seconds * RATE)
-    if made.dialect == "miphysics":
+    if built.dialect == "miphysics":
         # If links turn, the dampers of a score feel the step along the line.
         return "miphysics", miphysics_off(text, n_frames, along=True)
-    fed = signals(text, made.unfed, n_frames)
+    fed = signals(text, built.unfed, n_frames)
     for name, samples in fed.items():
         soundfile.write(f"{name}.wav", samples, RATE, subtype="FLOAT")
-    if made.dialect == "pmpd" or made.dialect == "pmpd~":
-        return made.dialect, pmpd_off(text, made.dialect, n_frames, fed)
-    if made.dialect == "sam":
+    if built.dialect == "pmpd" or built.dialect == "pmpd~":
+        return built.dialect, pmpd_off(text, built.dialect, n_frames, fed)
+    if built.dialect == "sam":
         return "sam", sam_off(text, seconds, fed)
     inputs = {name: f"{name}.wav" for name in fed}
-    made = _read(path, replace(options, inputs=inputs), fallback)
-    exact = mims.played(text, made.dialect, seconds, fallback.laws, inputs=fed)
-    return made.dialect, off(rendered(made.text, seconds), exact)
+    built = _read(path, replace(options, inputs=inputs), fallback)
+    exact = mims.played(text, built.dialect, seconds, fallback.laws, inputs=fed)
+    return built.dialect, off(rendered(built.text, seconds), exact)
 
 
 def _said(do: Callable[[], tuple[str, float]]) -> tuple[str, str]:

@@ -75,8 +75,8 @@ class RandomNetwork:
     def stretches(self, x: Floats) -> list[Floats]:
         """The elongation of each link, or its rate, from positions or velocities (n_frames, n)."""
         still = np.zeros(len(x))
-        of = [*x.T, still]
-        return [of[link.b] - of[link.a] for link in self.links]
+        source = [*x.T, still]
+        return [source[link.b] - source[link.a] for link in self.links]
 
     def energy(self, x: Floats, v: Floats) -> Floats:
         """Kinetic and stored energy [J] (n_frames,)."""
@@ -110,8 +110,8 @@ class RandomNetwork:
         x, v = x[middle], v[: n_windows * WINDOW]
         stored = self.energy(x, v)
         lost = np.cumsum(self.power(x, v)) / rate
-        own = (stored + lost).reshape(n_windows, WINDOW)
-        return float(np.median(own, axis=1).max() / self.given)
+        single = (stored + lost).reshape(n_windows, WINDOW)
+        return float(np.median(single, axis=1).max() / self.given)
 
     def kappa(self, x: Floats, rate: float = RATE) -> float:
         """The highest squared frequency of springs and laws in radians a step, at the steepest
@@ -131,7 +131,7 @@ class RandomNetwork:
 def network(seed: int) -> RandomNetwork:
     """The network of a seed."""
     rng = np.random.default_rng([57, seed])
-    found = RandomNetwork()
+    result = RandomNetwork()
     n = int(rng.integers(1, 6))
     is_damped = bool(rng.integers(0, 2))
 
@@ -143,38 +143,38 @@ def network(seed: int) -> RandomNetwork:
 
     for _ in range(n):
         m, omega = by_ratio(3e-5, 1e-2), 2.0 * np.pi * by_ratio(LOWEST, 4_000.0)
-        found.mass.append(m)
+        result.mass.append(m)
         is_tied = rng.integers(0, 3) == 0
-        found.ground.append((m * omega**2, viscosity(m, omega)) if is_tied else (0.0, 0.0))
-        found.x0.append(SPAN * float(rng.uniform(-1.0, 1.0)))
-        found.v0.append(float(rng.uniform(-1.0, 1.0)) if rng.integers(0, 2) else 0.0)
+        result.ground.append((m * omega**2, viscosity(m, omega)) if is_tied else (0.0, 0.0))
+        result.x0.append(SPAN * float(rng.uniform(-1.0, 1.0)))
+        result.v0.append(float(rng.uniform(-1.0, 1.0)) if rng.integers(0, 2) else 0.0)
     springs = []
     for b in range(n):
         a = int(rng.integers(-1, b)) if b else -1
-        if found.ground[b][0] and rng.integers(0, 2):
+        if result.ground[b][0] and rng.integers(0, 2):
             continue
-        m = found.mass[b] if a < 0 else min(found.mass[a], found.mass[b])
+        m = result.mass[b] if a < 0 else min(result.mass[a], result.mass[b])
         omega = 2.0 * np.pi * by_ratio(LOWEST, 4_000.0)
         springs.append((a, b, m * omega**2, viscosity(m, omega)))
-    least = _soften(found, springs)
+    least = _soften(result, springs)
     for a, b, k, z in springs:
-        found.links.append(_spring(a, b, k * least, z * float(np.sqrt(least))))
-    found.ground = [(k * least, z * float(np.sqrt(least))) for k, z in found.ground]
+        result.links.append(_spring(a, b, k * least, z * float(np.sqrt(least))))
+    result.ground = [(k * least, z * float(np.sqrt(least))) for k, z in result.ground]
     for _ in range(int(rng.integers(1, 4))):
         a, b = rng.choice(np.arange(-1, n), 2, replace=False)
         if b < 0:
             a, b = b, a
-        pair = [found.mass[end] for end in (a, b) if end >= 0]
+        pair = [result.mass[end] for end in (a, b) if end >= 0]
         m = pair[0] if len(pair) == 1 else pair[0] * pair[1] / sum(pair)
         kind = _KINDS[int(rng.integers(0, len(_KINDS)))]
-        found.links.append(kind(int(a), int(b), m, is_damped, rng, by_ratio))
-    return found
+        result.links.append(kind(int(a), int(b), m, is_damped, rng, by_ratio))
+    return result
 
 
-def _soften(found: RandomNetwork, springs: list[tuple[int, int, float, float]]) -> float:
+def _soften(result_wanted: RandomNetwork, springs: list[tuple[int, int, float, float]]) -> float:
     """The factor on all springs that keeps their modes below HIGHEST."""
     between = [(a, b, k) for a, b, k, _ in springs]
-    highest = _highest(found.mass, [tie[0] for tie in found.ground], between)
+    highest = _highest(result_wanted.mass, [tie[0] for tie in result_wanted.ground], between)
     return float(min(1.0, (2.0 * np.pi * HIGHEST) ** 2 / max(highest, 1e-300)))
 
 

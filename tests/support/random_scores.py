@@ -63,9 +63,9 @@ class Score:
         self.modules.append(f"{name}: {{{kind}: {{{kinds[kind]}}}}}")
         ports = {"STRING": [f"{name}.1", f"{name}.2"], "BANK": [f"{name}.{count - 1}"]}
         ports["PLATE"] = [f"{name}.centre", f"{name}.0"]
-        own = ports.get(kind, [name])
-        self.points += own
-        self.moving += [] if kind == "SOL" else own
+        single = ports.get(kind, [name])
+        self.points += single
+        self.moving += [] if kind == "SOL" else single
 
     def link(self, name: str, first: str = "") -> None:
         """Any link between two of the points, or between the key and one of them."""
@@ -128,8 +128,8 @@ class Score:
         lines.append(f"m: {{BUT: {{between: [net.all, net.all], {stiff}, gap: 8mm}}}}")
         bodies = [one for one in self.modules if "STRING" in one or "PLATE" in one]
         if bodies:
-            of, middle = bodies[0].partition(":")[0], place().rpartition(",")[0]
-            surface = f"of: thing.{of}.all, at: {middle}], across: 10cm"
+            source, middle = bodies[0].partition(":")[0], place().rpartition(",")[0]
+            surface = f"of: thing.{source}.all, at: {middle}], across: 10cm"
             lines.append(f"skin: {{SURFACE: {{{surface}}}}}")
             lines.append(f"t: {{BUT: {{between: [net.all, skin.all], {stiff}, gap: 1cm}}}}")
         gravity = self.dice.choice(("", "    gravity: 9.81m/s2\n"))
@@ -144,12 +144,12 @@ class Score:
         shares = [self.dice.uniform(-0.5, 1.5) for _ in self.points]
         ways = [f"of: [{', '.join(self.points)}], shares: {[round(one, 3) for one in shares]}"]
         if bodies:
-            at = self.dice.uniform(0, 2)
+            position = self.dice.uniform(0, 2)
             self.modules.append(f"finger: {{MAS: {{M: 1g, V0: {self.by_ratio(0.1, 10)}m/s}}}}")
-            ways.append(f"of: {bodies[0]}, at: {at:.3g}")
+            ways.append(f"of: {bodies[0]}, at: {position:.3g}")
             ways.append(f"of: {bodies[0]}, follows: finger, span: 10cm, offset: 3mm")
-        for number, way in enumerate(ways):
-            self.modules.append(f"p{number}: {{PROXY: {{{way}}}}}")
+        for number, method in enumerate(ways):
+            self.modules.append(f"p{number}: {{PROXY: {{{method}}}}}")
             self.link(f"at_p{number}", first=f"p{number}")
         self.points += [f"p{number}" for number in range(len(ways))]
 
@@ -178,7 +178,7 @@ class Score:
     def score(self) -> str:
         modules = "\n".join(f"      {module}" for module in self.modules)
         laws = "\n".join(f"  {name}: {{law: {law}}}" for name, law in LAWS.items() if name != "bow")
-        heard = ", ".join(
+        listened = ", ".join(
             f"o{i}: {{SOX: {point}}}" for i, point in enumerate(sorted({*self.moving[:3]}))
         )
         touch, ergons = self.dice.choice(
@@ -191,7 +191,7 @@ class Score:
             "seed: 7\n"
             "keys: {k: {M: 300g, K: 60N/m, Z: 1Ns/m}}\n"
             f"laws:\n{laws}\n  bow: {{damping: {LAWS['bow']}}}\n"
-            f"instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{heard}}}\n"
+            f"instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{listened}}}\n"
             f"{self.matter}"
             f"gestures:\n  go: {{notation: 0mm@0 smooth 4mm@40ms throw 0mm@90ms,"
             f" touch: {touch}, ergons: {ergons}}}\n"

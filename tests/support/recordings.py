@@ -54,11 +54,11 @@ def end(dropped: int = 0) -> bytes:
 def chunks(data: bytes) -> list[tuple[int, bytes]]:
     """Kind and payload of every chunk of a whole file."""
     assert data[:12] == MAGIC + struct.pack("<I", 1)
-    found, at = [], 12
-    while at < len(data):
-        length, kind, crc = struct.unpack_from("<IBI", data, at)
-        payload = data[at + 9 : at + 9 + length]
-        assert crc == zlib.crc32(data[at : at + 5] + payload)
-        found.append((kind, payload))
-        at += 9 + length
-    return found
+    result, position = [], 12
+    while position < len(data):
+        length, kind, crc = struct.unpack_from("<IBI", data, position)
+        payload = data[position + 9 : position + 9 + length]
+        assert crc == zlib.crc32(data[position : position + 5] + payload)
+        result.append((kind, payload))
+        position += 9 + length
+    return result

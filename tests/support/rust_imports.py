@@ -41,15 +41,15 @@ def branches(tree: str) -> list[str]:
     if "{" not in tree:
         return [tree]
     stem, inner = tree[: tree.index("{")], tree[tree.index("{") + 1 : tree.rindex("}")]
-    found, depth, item = [], 0, ""
+    result, depth, item = [], 0, ""
     for letter in inner + ",":
         depth += (letter == "{") - (letter == "}")
         if letter == "," and depth == 0:
-            found += [stem + path for path in branches(item)] if item.strip() else []
+            result += [stem + path for path in branches(item)] if item.strip() else []
             item = ""
         else:
             item += letter
-    return found
+    return result
 
 
 def resolved(module: Module, path: list[str], files: Iterable[Module]) -> Module:
@@ -75,7 +75,7 @@ def circles(graph: Graph) -> list[list[Module]]:
     index: dict[Module, int] = {}
     low: dict[Module, int] = {}
     stack: list[Module] = []
-    found: list[list[Module]] = []
+    result: list[list[Module]] = []
 
     def visit(node: Module) -> None:
         index[node] = low[node] = len(index)
@@ -87,12 +87,12 @@ def circles(graph: Graph) -> list[list[Module]]:
             elif other in stack:
                 low[node] = min(low[node], index[other])
         if low[node] == index[node]:
-            at = stack.index(node)
-            if len(stack) - at > 1:
-                found.append(sorted(stack[at:]))
-            del stack[at:]
+            position = stack.index(node)
+            if len(stack) - position > 1:
+                result.append(sorted(stack[position:]))
+            del stack[position:]
 
     for node in graph:
         if node not in index:
             visit(node)
-    return found
+    return result

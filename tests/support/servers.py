@@ -115,13 +115,13 @@ class Pulse:
             f"channels={self.channels} channel_map={self.map}"
         )
         door = f"module-native-protocol-unix socket={self.socket} auth-anonymous=1"
-        own = {"HOME": str(self.folder), "XDG_RUNTIME_DIR": str(self.folder)}
+        single = {"HOME": str(self.folder), "XDG_RUNTIME_DIR": str(self.folder)}
         command = [
             program("pulseaudio"),
             *("-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no"),
             *("--resample-method=copy", "-L", sink, "-L", door),
         ]
-        with running(command, env=os.environ | own) as process:
+        with running(command, env=os.environ | single) as process:
             until(lambda: _core.survey_audio()[1].available, "a PulseAudio server")
             yield process
 

@@ -43,22 +43,22 @@ class Stepped:
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
         version = Version(0, "", texts, piece_of(texts))
-        own = folder / "session.jsonl"
+        player_session = folder / "session.jsonl"
         if frozen is not None:
-            found = exchange.read(frozen)
-            listening = build_network(version.piece, frozenset(found.parts)).listening
-            frozen = frozen_folder(frozen, found, version.piece, listening)
-        self._open(own, version, Clock(), None, None, journal, keeps, frozen, is_seen)
+            result = exchange.read(frozen)
+            listening = build_network(version.piece, frozenset(result.parts)).listening
+            frozen = frozen_folder(frozen, result, version.piece, listening)
+        self._open(player_session, version, Clock(), None, None, journal, keeps, frozen, is_seen)
 
     @classmethod
     def resumed(cls, journal: Path) -> Stepped:
         """A session that continues where a journal ends, with its own journal beside it."""
-        found = read_journal(journal, resumes=True)
-        version, clock, past = resumed_state(found)
-        own = cls.__new__(cls)
-        folder = found.start.frozen
-        own._open(free_path(journal), version, clock, past, found.disk, True, True, folder)
-        return own
+        result = read_journal(journal, resumes=True)
+        version, clock, past = resumed_state(result)
+        single = cls.__new__(cls)
+        folder = result.start.frozen
+        single._open(free_path(journal), version, clock, past, result.disk, True, True, folder)
+        return single
 
     def _open(
         self, path, version, clock, past, disk, journal, keeps, frozen, is_seen=False
@@ -77,14 +77,14 @@ class Stepped:
             is_seen=is_seen,
         )
         if written is not None:
-            heard = 1.0, 1.0, None, past, version.base
+            listened = 1.0, 1.0, None, past, version.base
             beside = {"maps": version.maps, "rules": version.rules}
             beside["sounds_as"] = version.sounds_as
             beside["strike_levels"] = version.strike_levels
             beside["is_seen"] = is_seen
             beside["frozen"] = None if frozen is None else frozen.beside(path)
             opening = SessionStart(
-                version.texts, clock.stopped_beat, version.faders, EVERY, *heard, **beside
+                version.texts, clock.stopped_beat, version.faders, EVERY, *listened, **beside
             )
             known = self.session.disk.hashes_by_name(version.texts)
             written.append("session", **opening.fields(), disk=known)
@@ -153,7 +153,7 @@ class Stepped:
 
     def _blocks(self):
         again = ReplayedSession(read_journal(self.journal))
-        for at in range(0, again.n_frames, _BLOCK):
-            out = np.zeros((min(_BLOCK, again.n_frames - at), again.n_channels))
+        for index in range(0, again.n_frames, _BLOCK):
+            out = np.zeros((min(_BLOCK, again.n_frames - index), again.n_channels))
             again.process(out)
             yield out

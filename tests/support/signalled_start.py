@@ -31,18 +31,18 @@ def _at_import(event: str, arguments: tuple[Any, ...]) -> None:
     if _count % _every:
         return
     _is_here = True
-    with tempfile.TemporaryFile() as told:
+    with tempfile.TemporaryFile() as output:
         child = os.fork()
         if not child:
-            os.dup2(told.fileno(), 1)
-            os.dup2(told.fileno(), 2)
+            os.dup2(output.fileno(), 1)
+            os.dup2(output.fileno(), 2)
             signal.alarm(_PATIENCE)
             os.kill(os.getpid(), _number)
             return
         _, status = os.waitpid(child, 0)
-        told.seek(0)
-        said = told.read().decode(errors="replace")
-    record = [str(arguments[0]), os.waitstatus_to_exitcode(status), said]
+        output.seek(0)
+        text = output.read().decode(errors="replace")
+    record = [str(arguments[0]), os.waitstatus_to_exitcode(status), text]
     os.write(_RESULTS, f"{json.dumps(record)}\n".encode())
     _is_here = False
 

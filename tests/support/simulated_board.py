@@ -81,8 +81,8 @@ class Key:
 
     def hand(self) -> float:
         """The position of the hand now [m]."""
-        at = self.steps * STEP
-        return self.ways.hand + self.ways.sine * math.sin(2 * math.pi * self.ways.hertz * at)
+        position = self.steps * STEP
+        return self.ways.hand + self.ways.sine * math.sin(2 * math.pi * self.ways.hertz * position)
 
     def pull(self) -> float:
         """The hand's force on the key [N]."""
@@ -109,8 +109,8 @@ def exactly(k: float, b: float) -> tuple[float, ...]:
     """exp(A·STEP) of the key's (x, v), and the additional effect of an acceleration of 1 m/s²."""
     from scipy.linalg import expm
 
-    whole = expm(STEP * np.array([[0, 1, 0], [-k / MASS, -b / MASS, 1], [0, 0, 0]]))
-    (a, c, f), (d, e, g) = whole[0].tolist(), whole[1].tolist()
+    complete = expm(STEP * np.array([[0, 1, 0], [-k / MASS, -b / MASS, 1], [0, 0, 0]]))
+    (a, c, f), (d, e, g) = complete[0].tolist(), complete[1].tolist()
     return a, c, d, e, f, g
 
 
@@ -164,9 +164,9 @@ class Board:
         self.run_to(now)
         had_let_go, key = self.let_go, self.key
         if not flags & ASK:
-            given = asked if flags & ENABLE else 0.0
+            arguments = asked if flags & ENABLE else 0.0
             motor = self.ways.motor if self.is_faulty() else 1.0
-            key.force = motor * max(-FORCE_MAX, min(FORCE_MAX, given))
+            key.force = motor * max(-FORCE_MAX, min(FORCE_MAX, arguments))
             self.heard, self.let_go = now, False
             self.owner = host if flags & ENABLE else None
             for _ in range(round(PERIOD / STEP) if self.lockstep else 0):
@@ -181,8 +181,10 @@ class Board:
         if not (self.ways.frozen and self.is_faulty()):
             self.shown = round(key.x / 1e-5) * 1e-5  # the sensor's step
         if not flags & ASK:
-            at = key.steps * STEP if self.lockstep else now
-            self.log.append((at, asked, key.force, key.x, key.v, key.pull(), key.work, status))
+            position = key.steps * STEP if self.lockstep else now
+            self.log.append(
+                (position, asked, key.force, key.x, key.v, key.pull(), key.work, status)
+            )
             key.work = 0.0
         micros = int(1e6 * (key.steps * STEP if self.lockstep else now - self.began)) & 0xFFFFFFFF
         body = struct.pack("<HIB", number, micros, wide | 1)
@@ -214,8 +216,8 @@ def serve(board: Board, log: Path | None) -> None:
                 assert hasattr(board.ways, name), name
                 setattr(board.ways, name, value)
             asked = board.log[-1][1] if board.log else 0.0
-            said = {"changed": line.strip(), "packets": len(board.log), "asked": asked}
-            print(json.dumps(said), flush=True)
+            text = {"changed": line.strip(), "packets": len(board.log), "asked": asked}
+            print(json.dumps(text), flush=True)
     if log is not None:
         np.save(log, np.array(board.log, dtype=LOG))
 
@@ -240,8 +242,8 @@ class Simulated:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         print("{}", file=self.process.stdin, flush=True)
-        said = json.loads(self.process.stdout.readline())
-        return said["packets"], said["asked"]
+        output = json.loads(self.process.stdout.readline())
+        return output["packets"], output["asked"]
 
     def log(self) -> np.ndarray:
         """End it; returns every packet that carried a force, with the fields of LOG."""
@@ -272,10 +274,10 @@ def main() -> None:
     for field in fields(Ways):
         read = (lambda text: text == "True") if field.type is bool else float
         parser.add_argument(f"--{field.name}", type=read, default=field.default)
-    given = vars(parser.parse_args())
-    lockstep, log = given.pop("lockstep"), given.pop("log")
+    arguments = vars(parser.parse_args())
+    lockstep, log = arguments.pop("lockstep"), arguments.pop("log")
     with contextlib.suppress(KeyboardInterrupt):
-        serve(Board(Ways(**given), lockstep), log)
+        serve(Board(Ways(**arguments), lockstep), log)
 
 
 if __name__ == "__main__":

@@ -75,13 +75,13 @@ class Service:
 
     def first_zero(self, after: float) -> Told | None:
         """The first zero that came after a moment."""
-        found: Told | None = None
-        for told in reversed(self.told):
-            if told.at < after:
+        result: Told | None = None
+        for output in reversed(self.told):
+            if output.at < after:
                 break
-            if told.is_zero:
-                found = told
-        return found
+            if output.is_zero:
+                result = output
+        return result
 
     def _run(self) -> None:
         if self.prompt:

@@ -96,8 +96,8 @@ def serving(path: Path, face: Acted | None = None) -> Iterator[Acted]:
 
 def _answers(path: Path) -> bool:
     try:
-        with raw(path) as found:  # so it was let in, before anything else happens
-            return found.greeting is not None
+        with raw(path) as raised:  # so it was let in, before anything else happens
+            return raised.greeting is not None
     except local_socket.NoSessionError:
         return False
 

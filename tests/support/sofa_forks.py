@@ -27,15 +27,15 @@ def main() -> None:
     reader.rehearse()
     for line in sys.stdin:
         source, target = (Path(word) for word in line.rstrip("\n").split("\t"))
-        output, own = os.pipe()  # a file would be one that the reader may not write
+        output, single = os.pipe()  # a file would be one that the reader may not write
         pid = os.fork()
         if not pid:
             # An error of the reader ends the fork alone, with a status that is not 0.
-            with source.open("rb") as file, os.fdopen(own, "wb") as answer:
+            with source.open("rb") as file, os.fdopen(single, "wb") as answer:
                 reader.limit()
                 reader.answer(file, answer)
             os._exit(0)
-        os.close(own)
+        os.close(single)
         with os.fdopen(output, "rb") as answer:
             target.write_bytes(answer.read(ANSWER_MAX))
         _, status, used = os.wait4(pid, 0)

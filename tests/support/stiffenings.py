@@ -103,9 +103,9 @@ class Rig:
     @property
     def trips(self) -> int:
         """How often the key has tripped since the last call."""
-        found = [message for message in self.session.messages() if "tripped" in message]
-        print(*found, sep="\n")  # why, where a test fails
-        return len(found)
+        result = [message for message in self.session.messages() if "tripped" in message]
+        print(*result, sep="\n")  # why, where a test fails
+        return len(result)
 
     def power(self, since: int) -> float:
         """Mean power of the motor from a period on [W]."""
@@ -169,26 +169,26 @@ def measured(folder: Path, hand: str, seed: int) -> tuple[float, int, float, lis
     """Power after half a second [W], trips, final scale, and the lines that were run."""
     random = Random(seed)
     scene, lines, saved = stiffening(random)
-    with rig(folder, hand, scene.text) as own:
-        said = []
+    with rig(folder, hand, scene.text) as single:
+        messages = []
         for line in lines:
             if line == "reload":
-                own.path.write_text(saved.text, encoding="utf-8")
-            reply = own.session.submit(line)
-            said.append(f"{line} -> {reply.text}")
-            own.run(0.1)
-            own.kick()
-            own.run(0.4)
+                single.path.write_text(saved.text, encoding="utf-8")
+            reply = single.session.submit(line)
+            messages.append(f"{line} -> {reply.text}")
+            single.run(0.1)
+            single.kick()
+            single.run(0.4)
         powers = []
         for _ in range(3):
-            since = own.board.periods
-            own.kick()
-            own.run(0.7)
-            powers.append(own.power(since))
-        trips = own.trips
-        scale = own.scale
+            since = single.board.periods
+            single.kick()
+            single.run(0.7)
+            powers.append(single.power(since))
+        trips = single.trips
+        scale = single.scale
     # A key that is hit is probed for some milliseconds (docs/live.md), and a free key then rings
     # for a while: seed 60 has 0.28, 0.04, 0.007 W after three hits. So for a free key only the last
     # value counts.
     power = powers[-1] if hand == "none" else max(powers)
-    return power, trips, scale, said
+    return power, trips, scale, messages

@@ -63,8 +63,8 @@ class Terminal:
     def type(self, text: str | bytes) -> None:
         """Type keys; output is read meanwhile, as a terminal does, so that neither side blocks."""
         data = text.encode() if isinstance(text, str) else text
-        for at in range(0, len(data), 1024):
-            self._unsent += data[at : at + 1024]
+        for index in range(0, len(data), 1024):
+            self._unsent += data[index : index + 1024]
             self.look(0)
             while self._unsent:
                 self.look(0.005)
@@ -82,13 +82,13 @@ class Terminal:
         with contextlib.suppress(BlockingIOError):
             del self._unsent[: os.write(self.child.child_fd, self._unsent)]
         try:
-            said = self.child.read_nonblocking(65536, timeout=seconds)
+            text = self.child.read_nonblocking(65536, timeout=seconds)
         except pexpect.TIMEOUT:
             return True
         except pexpect.EOF:
             return False
-        self.said += said
-        self._stream.feed(said)
+        self.said += text
+        self._stream.feed(text)
         return True
 
     def until(self, true: Callable[[], object], what: str = "") -> None:

@@ -65,8 +65,8 @@ def rates(t: float, y: np.ndarray, *args: float) -> list[float]:
     x, v, key, key_v = y
     pulp = PULP[0] * (x - key) + PULP[1] * (v - key_v)
     pull = k * (start + speed * t - x) + Finger().damping * (speed - v)
-    own = force + pulp - DAMPING * key_v - stiffness * key
-    return [v, (pull - pulp) / Finger().mass, key_v, own / MASS]
+    single = force + pulp - DAMPING * key_v - stiffness * key
+    return [v, (pull - pulp) / Finger().mass, key_v, single / MASS]
 
 
 def reference(trace: np.ndarray, stiffness: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def reference(trace: np.ndarray, stiffness: float) -> np.ndarray:
 
 @pytest.mark.parametrize("seconds", few([4.0, 60.0], 1))
 def test_two_fingers_on_a_bell_and_a_bow(
-    chromium: browser.Browser, own_folder: Path, seconds: float
+    chromium: browser.Browser, work_folder: Path, seconds: float
 ):
     Path("s.yaml").write_text(SCORE)
     options = PlayOptions(

@@ -19,7 +19,7 @@ WAVE = Curve("asked", T, [math.sin(2 * math.pi * t) for t in T])
 
 def dots(text: str) -> list[tuple[int, int]]:
     """(column, row) of every dot inside the axes, counted from the top left."""
-    found = []
+    result = []
     rows = [line for line in text.splitlines() if "│" in line or "┤" in line]
     for y, line in enumerate(rows):
         body = re.split("[│┤]", line, maxsplit=1)[1]
@@ -28,8 +28,8 @@ def dots(text: str) -> list[tuple[int, int]]:
                 [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)]
             ):
                 if 0x2800 <= ord(character) <= 0x28FF and (ord(character) - 0x2800) >> bit & 1:
-                    found.append((2 * x + dx, 4 * y + dy))
-    return found
+                    result.append((2 * x + dx, 4 * y + dy))
+    return result
 
 
 def test_a_sine_is_drawn_where_it_is() -> None:
@@ -86,14 +86,14 @@ def test_gaps_and_flat_curves() -> None:
     [(0, 10, (0, 2, 4, 6, 8, 10)), (-0.006, 0.0, 7), (98, 103, (98, 99, 100, 101, 102, 103))],
 )
 def test_ticks(low: float, high: float, ticks: tuple[float, ...] | int) -> None:
-    found = axis((low, high), 6)
+    result = axis((low, high), 6)
     if isinstance(ticks, int):
-        assert len(found.ticks) == ticks
-        assert found.text(found.ticks[0]) == "−0.006"
+        assert len(result.ticks) == ticks
+        assert result.text(result.ticks[0]) == "−0.006"
     else:
-        assert found.ticks == ticks
-    assert found.low <= low
-    assert found.high >= high
+        assert result.ticks == ticks
+    assert result.low <= low
+    assert result.high >= high
 
 
 def test_svg_is_well_formed_and_holds_the_curve() -> None:
@@ -113,18 +113,21 @@ def test_svg_is_well_formed_and_holds_the_curve() -> None:
 
 def unpacked(data: bytes) -> np.ndarray:
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    at, body, size = 8, b"", (0, 0)
-    while at < len(data):
-        (length,) = struct.unpack(">I", data[at : at + 4])
-        name, content = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
-        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(
-            name + content
+    position, body, size = 8, b"", (0, 0)
+    while position < len(data):
+        (length,) = struct.unpack(">I", data[position : position + 4])
+        name, content = (
+            data[position + 4 : position + 8],
+            data[position + 8 : position + 8 + length],
         )
+        assert struct.unpack(">I", data[position + 8 + length : position + 12 + length])[
+            0
+        ] == zlib.crc32(name + content)
         if name == b"IHDR":
             size = struct.unpack(">II", content[:8])
         elif name == b"IDAT":
             body += content
-        at += 12 + length
+        position += 12 + length
     rows = np.frombuffer(zlib.decompress(body), np.uint8).reshape(size[1], -1)
     assert not rows[:, 0].any()
     return rows[:, 1:].reshape(size[1], size[0], 3)

@@ -48,7 +48,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 def page(shown: Shown) -> Iterator[browser.Page]:
     server = serve(ANYWHERE, "at", Report(), shown.motion)
     try:
-        with browser.running() as found, found.page(*SIZE) as page:
+        with browser.running() as raised, raised.page(*SIZE) as page:
             page.open(f"{server.url}?t=0&stage")
             yield page
     finally:
@@ -64,10 +64,10 @@ def test_pictures_are_what_the_page_draws_at_their_instants(
     shown: Shown, page: browser.Page, tmp_path: Path
 ) -> None:
     asked = replace(SMALL, start="1s", end="2s", camera="4")
-    made = MovieMaker(f"{tmp_path}/film/", asked).make(shown)
+    built = MovieMaker(f"{tmp_path}/film/", asked).make(shown)
     files = sorted((tmp_path / "film").iterdir())
     assert [file.name for file in files] == [f"{i:06}.png" for i in range(FPS)]
-    assert (made.n_pictures, made.seconds, made.has_sound) == (FPS, 1.0, False)
+    assert (built.n_pictures, built.seconds, built.has_sound) == (FPS, 1.0, False)
     page.press("4")
     for i, file in enumerate(files):
         page.run(f"ergon.seek({1 + i / FPS})")
@@ -78,22 +78,22 @@ def test_pictures_are_what_the_page_draws_at_their_instants(
 def test_a_film_has_its_pictures_and_its_sound(shown: Shown, tmp_path: Path, suffix: str) -> None:
     asked = replace(SMALL, start="1s", end="3s")
     target = tmp_path / f"film{suffix}"
-    made = MovieMaker(target, asked).make(shown)
-    assert (made.n_pictures, made.seconds, made.has_sound) == (2 * FPS, 2.0, True)
+    built = MovieMaker(target, asked).make(shown)
+    assert (built.n_pictures, built.seconds, built.has_sound) == (2 * FPS, 2.0, True)
     MovieMaker(f"{tmp_path}/film/", asked).make(shown)
     wanted = [pixels(file.read_bytes()) for file in sorted((tmp_path / "film").iterdir())]
     with av.open(target) as file:
         frames = list(file.decode(video=0))
     assert [round(frame.time, 3) for frame in frames] == [i / FPS for i in range(2 * FPS)]
-    found = [frame.to_ndarray(format="rgb24").astype(float) for frame in frames]
+    result = [frame.to_ndarray(format="rgb24").astype(float) for frame in frames]
     # Of all pictures that of its own instant is the nearest.
-    for i, picture in enumerate(found):
+    for i, picture in enumerate(result):
         assert picture.shape == (SIZE[1], SIZE[0], 3)
         assert int(np.argmin([np.abs(picture - other).mean() for other in wanted])) == i
     with av.open(target) as file:
-        heard = [frame.to_ndarray()[0] for frame in file.decode(audio=0)]
+        listened = [frame.to_ndarray()[0] for frame in file.decode(audio=0)]
         rate = file.streams.audio[0].rate
-    sound = np.concatenate(heard)
+    sound = np.concatenate(listened)
     assert len(sound) / rate == pytest.approx(2.0, abs=0.05)
     assert np.abs(sound[: round(0.45 * rate)]).max() < 0.01
     loud = sound[round(0.55 * rate) : round(1.55 * rate)]
@@ -105,12 +105,12 @@ def test_the_camera_goes_from_view_to_view(page: browser.Page) -> None:
     assert page.run("ergon.page.travel([[1, 0], [3, 3]])") is None
     list_of = "({target, distance, yaw, pitch}) => [...target, distance, yaw, pitch]"
     looks = page.run(f"ergon.page.presets.map({list_of})")
-    at = f"({list_of})(ergon.page.camera)"
+    position = f"({list_of})(ergon.page.camera)"
     for t, wanted in ((0.2, looks[0]), (1.0, looks[0]), (3.0, looks[3]), (3.7, looks[3])):
         page.run(f"ergon.seek({t})")
-        assert page.run(at) == wanted
+        assert page.run(position) == wanted
     page.run("ergon.seek(2)")
-    *target, distance, yaw, pitch = page.run(at)
+    *target, distance, yaw, pitch = page.run(position)
     a, b = np.array(looks[0]), np.array(looks[3])
     np.testing.assert_allclose([*target, yaw, pitch], np.delete((a + b) / 2, 3), atol=1e-12)
     assert distance == pytest.approx(np.sqrt(a[3] * b[3]))

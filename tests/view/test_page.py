@@ -92,23 +92,23 @@ def test_it_loads_without_a_word_and_asks_nobody_else(page: browser.Page, url: s
     seek(page, 1.5)
     assert page.run(LIT) > 500
     assert page.errors == []
-    own = (url, url.replace("http", "ws"))
+    single = (url, url.replace("http", "ws"))
     assert len(page.requests) > 20
-    assert [asked for asked in page.requests if not asked.startswith(own)] == []
+    assert [asked for asked in page.requests if not asked.startswith(single)] == []
     assert page.run("document.title") == "Example: view"
 
 
 def test_every_loudspeaker_has_its_name_and_level(page: browser.Page) -> None:
     page.press("4")
     seek(page, 2.0)
-    found = page.run(
+    result = page.run(
         "[...document.querySelectorAll('#labels .speaker')].filter((e) => !e.hidden)"
         ".map((e) => [e.textContent, +e.dataset.level])"
     )
-    assert [name for name, _ in found] == [f"S{i + 1}" for i in range(24)]
+    assert [name for name, _ in result] == [f"S{i + 1}" for i in range(24)]
     # In tenths of a decibel.
     wanted = [20 * np.log10(PIECE.level(i, 2.0)) for i in range(24)]
-    np.testing.assert_allclose([level for _, level in found], wanted, atol=0.051)
+    np.testing.assert_allclose([level for _, level in result], wanted, atol=0.051)
     page.press("v")
     seek(page, 2.0)
     items = page.run("[...document.querySelectorAll('#levels li')].map((e) => e.textContent)")
@@ -123,11 +123,11 @@ def test_points_are_where_the_formulas_say(page: browser.Page) -> None:
     peaks = PIECE.peaks()
     for t in np.random.default_rng(2).uniform(0, SECONDS - 0.05, 15):
         seek(page, float(t))
-        found = np.array(page.run("Array.from(ergon.page.motion.z)"))
+        result = np.array(page.run("Array.from(ergon.page.motion.z)"))
         wanted = PIECE.displacement(float(t))
         for (name, n), peak in zip(parts, peaks, strict=True):
-            at = slice(PIECE.first(name), PIECE.first(name) + n)
-            off = np.abs(found[at] - wanted[at]).max()
+            position = slice(PIECE.first(name), PIECE.first(name) + n)
+            off = np.abs(result[position] - wanted[position]).max()
             assert off < 5e-3 * peak, f"{name} at {t} s: {off} m of {peak} m"
 
 
@@ -187,13 +187,13 @@ def test_a_point_is_told_of_where_the_pointer_is(page: browser.Page) -> None:
     page.run("for (let i = 1; i < 5; i++) ergon.page.look.seen[i] = 0")
     page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     seek(page, e.t + 0.01)
-    told = page.run("document.getElementById('point').textContent")
-    lines = told.split("\n")
+    output = page.run("document.getElementById('point').textContent")
+    lines = output.split("\n")
     assert lines[0] == PIECE.name(e.point)
     f = PIECE.omega[e.point] / (2 * np.pi)
     value, unit = lines[1].removeprefix("f ").split(" ")
     assert float(value) * {"Hz": 1, "kHz": 1000}[unit] == pytest.approx(f, rel=5e-3)
-    assert f"{e.t:.3f} s" in told
+    assert f"{e.t:.3f} s" in output
     assert lines[-1] == "rain, example.yaml:12"
 
 
@@ -239,9 +239,9 @@ def test_the_picture_is_shifted_on_all_ports_of_a_machine(
         assert opened(page) == "picture as it is computed"
         for key in ("'", "'", "'", ";"):
             page.press(key)
-        told = "picture 10 ms earlier"
-        assert page.run("document.getElementById('told').textContent") == told
-        assert opened(page) == told
+        output = "picture 10 ms earlier"
+        assert page.run("document.getElementById('told').textContent") == output
+        assert opened(page) == output
         page.run("ergon.page.alignment.shift(-0.01)")
 
 
@@ -253,17 +253,17 @@ def test_parts_are_hidden_dimmed_and_alone(page: browser.Page) -> None:
         seek(page, 1.5)
         return page.run(LIT)
 
-    whole = lit()
+    complete = lit()
     page.press("z")
     sky = lit()
-    assert 0 < sky < whole
+    assert 0 < sky < complete
     page.press("z")
-    assert lit() == whole
+    assert lit() == complete
     page.press("x")
-    assert lit() < whole
+    assert lit() < complete
     page.press("x")
     page.press("c")
-    assert lit() < whole
+    assert lit() < complete
     words = page.run("document.querySelector('#labels .part').textContent")
     assert words.startswith("sky ×")
 
@@ -291,25 +291,25 @@ def test_time_goes_as_it_is_told(page: browser.Page) -> None:
 def test_damage_is_told_and_what_came_before_is_drawn(
     chromium: browser.Browser, motion: Path, tmp_path: Path
 ) -> None:
-    whole = bytearray(motion.read_bytes())
-    whole[3 * len(whole) // 4] ^= 1
+    complete = bytearray(motion.read_bytes())
+    complete[3 * len(complete) // 4] ^= 1
     spoilt = tmp_path / "spoilt.motion"
-    spoilt.write_bytes(whole)
+    spoilt.write_bytes(complete)
     cut = tmp_path / "cut.motion"
-    cut.write_bytes(motion.read_bytes()[: len(whole) // 2])
+    cut.write_bytes(motion.read_bytes()[: len(complete) // 2])
     newer = tmp_path / "newer.motion"
     newer.write_bytes(motion.read_bytes() + chunk(8, 4.0, b"", version=3))
     none = tmp_path / "none.motion"
     none.write_bytes(b"RIFF1234WAVEfmt ")
-    told = {spoilt: "check sum", cut: "", newer: "version 3", none: "no .motion file"}
-    for path, words in told.items():
+    output = {spoilt: "check sum", cut: "", newer: "version 3", none: "no .motion file"}
+    for path, words in output.items():
         server = _core.ViewServer(path, key=browser.KEY)
         with chromium.page(WIDTH, HEIGHT) as page:
             page.call("Page.navigate", url=f"{server.url}?t=0.5")
             until(lambda: page.run("!!(window.ergon && ergon.ready)"), "the page")
             page.run("ergon.ready.catch(() => 0)")
-            said = page.run("document.getElementById('told').textContent")
-            assert (words in said) if words else said == "", path.name
+            printed = page.run("document.getElementById('told').textContent")
+            assert (words in printed) if words else printed == "", path.name
             if path is not none:
                 assert page.run(LIT) > 200, path.name
         server.close()
@@ -387,18 +387,20 @@ def test_a_key_touches_where_its_body_is(page: browser.Page) -> None:
     alone(page, "contacts")
     seek(page, 1.51)
     touched = PIECE.first("plate") + 25
-    at = projected(page, np.array(page.run(f"ergon.page.motion.where({touched})")))
-    assert np.abs(middle(page, at, 20) - at).max() < 1
+    position = projected(page, np.array(page.run(f"ergon.page.motion.where({touched})")))
+    assert np.abs(middle(page, position, 20) - position).max() < 1
 
 
 def test_keys_at_rest_are_seen(page: browser.Page) -> None:
     """A contrast of three to one with the background, as WCAG 1.4.11 asks of what is no text."""
     alone(page, "points")
     seek(page, 0.0)
-    at = projected(page, np.array(page.run(f"ergon.page.motion.where({PIECE.first('keys')})")))
+    position = projected(
+        page, np.array(page.run(f"ergon.page.motion.where({PIECE.first('keys')})"))
+    )
     rgb = page.run(
         f"""(() => {{ const {{a, w, h}} = {PIXELS};
-        const at = 4 * (Math.floor(h - {at[1]}) * w + Math.floor({at[0]}));
+        const at = 4 * (Math.floor(h - {position[1]}) * w + Math.floor({position[0]}));
         return [a[at], a[at + 1], a[at + 2]]; }})()"""
     )
     assert luminance(rgb) / luminance((3, 4, 8)) > 3
@@ -470,7 +472,7 @@ def test_a_page_shows_what_its_server_has_file_or_live(
 ) -> None:
     """Another server on the port of the last: the page that is open shows what is there."""
     server = _core.ViewServer(motion, key=browser.KEY)
-    at = server.url.removeprefix("http://").split("/")[0]
+    position = server.url.removeprefix("http://").split("/")[0]
     kind = """window.ergon && ergon.page.connection.offset !== null
       && [ergon.page.live !== null, window.before === true]"""
     try:
@@ -482,7 +484,7 @@ def test_a_page_shows_what_its_server_has_file_or_live(
                 # The clock of a server begins with it, and a page tells servers apart by a second.
                 page.run("new Promise((go) => setTimeout(go, 1200))")
                 server.close()
-                server = _core.ViewServer(other, at=at, key=browser.KEY)
+                server = _core.ViewServer(other, at=position, key=browser.KEY)
                 until(lambda is_live=other is None: page.run(kind) == [is_live, False], "the other")
             until(lambda: page.run("ergon.page.story.model !== null"), "the file is read")
             assert page.run("ergon.page.story.duration") == pytest.approx(SECONDS)

@@ -38,11 +38,11 @@ def test_a_thrown_ball_is_where_it_flies(
                 "ergon.page.story.model.nameOf(axes[0]) === 'throw.ball')"
             )
             assert ball >= 0
-            found = []
+            result = []
             for t in (0.0, 0.25, 0.4):
                 page.run(f"ergon.seek({t})")
                 where = f"ergon.page.motion.where(ergon.page.story.model.space[{ball}][0])"
-                found.append(page.run(f"Array.from({where})"))
+                result.append(page.run(f"Array.from({where})"))
             hidden = page.run(
                 "ergon.page.story.model.space.flat().filter((p) => "
                 "ergon.page.drawing.state.data[4 * p + 2] < 0).length"
@@ -50,7 +50,7 @@ def test_a_thrown_ball_is_where_it_flies(
         times = np.array([0.0, 0.25, 0.4])
         exact = places_of_ball(times, axes)
         np.testing.assert_allclose(
-            np.array(found) - found[0], exact - exact[0], atol=2e-3
+            np.array(result) - result[0], exact - exact[0], atol=2e-3
         )  # to a look of the engine
         assert hidden == 2 * (axes - 1)
     finally:

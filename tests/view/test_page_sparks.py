@@ -46,13 +46,13 @@ def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_each_spark_meets_the_key_from_below_or_above_by_its_sign(film: Path) -> None:
     replica = Replica(film.read_bytes())
     key = replica.names.index("k1")
-    told = [
+    output = [
         (t + float(e["dt"]), float(e["impulse"]))
         for t, all_ in replica.records(ERGONS, ERGON)
         for e in all_
         if e["point"] == key
     ]
-    greatest = max(abs(impulse) for _, impulse in told)
+    greatest = max(abs(impulse) for _, impulse in output)
     server = _core.ViewServer(film, key=browser.KEY)
     checked = set()
     try:
@@ -69,12 +69,12 @@ def test_each_spark_meets_the_key_from_below_or_above_by_its_sign(film: Path) ->
             def middle(t: float) -> float:
                 """How far what is lit on the vertical of the key is below it [px]."""
                 page.run(f"ergon.seek({t!r})")
-                at, rows = page.run(ROWS % key)
+                position, rows = page.run(ROWS % key)
                 rows = np.array(rows, float)
                 assert rows.sum() > 100, t
-                return float((rows * (np.arange(HEIGHT) + 0.5)).sum() / rows.sum() - at)
+                return float((rows * (np.arange(HEIGHT) + 0.5)).sum() / rows.sum() - position)
 
-            for t, impulse in told:
+            for t, impulse in output:
                 if abs(impulse) < 0.01 * greatest:
                     continue
                 assert abs(middle(t)) < 2.0, t
@@ -83,7 +83,7 @@ def test_each_spark_meets_the_key_from_below_or_above_by_its_sign(film: Path) ->
                 assert np.sign(middle(t + 1e-4)) == np.sign(impulse), t
                 checked.add(np.sign(impulse))
             # What is a hundred thousand times weaker than the strongest is not drawn.
-            for t, impulse in told:
+            for t, impulse in output:
                 if abs(impulse) < 1e-5 * greatest:
                     page.run(f"ergon.seek({t!r})")
                     assert sum(page.run(ROWS % key)[1]) == 0, t

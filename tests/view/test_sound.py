@@ -93,11 +93,11 @@ def test_it_goes_where_the_picture_goes_and_is_silent_where_time_is_slow(
 
 def test_a_loop_takes_the_sound_back(page: browser.Page) -> None:
     page.run("{ const {clock} = ergon.page; clock.loop = [0.2, 0.7]; ergon.page.play(true); }")
-    heard: set[int] = set()
+    listened: set[int] = set()
 
     def went_back() -> bool:
-        heard.add(int(10 * page.run(f"{AUDIO}.currentTime")))
-        return min(heard) <= 4 < max(heard) and page.run(f"{AUDIO}.currentTime") < 0.7 + _FAR
+        listened.add(int(10 * page.run(f"{AUDIO}.currentTime")))
+        return min(listened) <= 4 < max(listened) and page.run(f"{AUDIO}.currentTime") < 0.7 + _FAR
 
     page.run("ergon.page.seek(0.5)")
     until(went_back, "the loop")

@@ -17,27 +17,27 @@ _LETTER = 6.8  # pixels of a wide letter of 12 pixels; few are
 
 def boxes(picture: str) -> list[tuple[str, float, float, float, float]]:
     """Words of a picture, and the box (left, top, right, bottom) that they take."""
-    found = []
-    for one in ET.fromstring(picture).iter(f"{SVG}text"):
-        words, x, y = one.text or "", float(one.get("x", "0")), float(one.get("y", "0"))
+    result = []
+    for item in ET.fromstring(picture).iter(f"{SVG}text"):
+        words, x, y = item.text or "", float(item.get("x", "0")), float(item.get("y", "0"))
         long = _LETTER * len(words)
-        left = x - {"start": 0.0, "middle": long / 2, "end": long}[one.get("text-anchor", "start")]
-        if one.get("transform"):  # upwards, about its own place
-            found.append((words, x - 10, y - long / 2, x + 3, y + long / 2))
+        left = x - {"start": 0.0, "middle": long / 2, "end": long}[item.get("text-anchor", "start")]
+        if item.get("transform"):  # upwards, about its own place
+            result.append((words, x - 10, y - long / 2, x + 3, y + long / 2))
         else:
-            found.append((words, left, y - 10, left + long, y + 3))
-    return found
+            result.append((words, left, y - 10, left + long, y + 3))
+    return result
 
 
 def labels_are_apart(picture: str) -> None:
     page = ET.fromstring(picture)
     width, height = float(page.get("width", "0")), float(page.get("height", "0"))
-    found = boxes(picture)
-    for words, left, top, right, bottom in found:
+    result = boxes(picture)
+    for words, left, top, right, bottom in result:
         assert min(left, top, width - right, height - bottom) >= 0, words
-    for (a, *one), (b, *other) in combinations(found, 2):
+    for (a, *item), (b, *other) in combinations(result, 2):
         is_apart = (
-            one[0] >= other[2] or other[0] >= one[2] or one[1] >= other[3] or other[1] >= one[3]
+            item[0] >= other[2] or other[0] >= item[2] or item[1] >= other[3] or other[1] >= item[3]
         )
         assert is_apart, f"'{a}' lies on '{b}'"
 
@@ -116,5 +116,5 @@ def test_shapes_of_a_row_and_of_a_plate():
     assert "the first 12 of 14 modes" in picture
     circles = list(ET.fromstring(picture).iter(f"{SVG}circle"))
     assert len([c for c in circles if c.get("stroke")]) == 20  # downwards: hollow
-    for one in circles:
-        assert 0 <= float(one.get("cx", "0")) <= 800
+    for item in circles:
+        assert 0 <= float(item.get("cx", "0")) <= 800

@@ -18,9 +18,9 @@ const MASSES_A_LOOK: usize = 8_192;
 /// The result of `work`, and how often it looked for an interrupt.
 fn looks<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let count = Rc::new(Cell::new(0));
-    let own = count.clone();
+    let single = count.clone();
     let ask = move || {
-        own.set(own.get() + 1);
+        single.set(single.get() + 1);
         false
     };
     let done = until(Box::new(ask), work).expect("nobody stops it");
@@ -42,19 +42,19 @@ fn strings() -> (Network, Timeline) {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     let topology = string(MASSES, Ends::Fixed, 0.0).unwrap();
-    let mut heard = Vec::new();
+    let mut listened = Vec::new();
     for name in ["first", "second"] {
         network.part(name, None);
         let first = network.mesh("", &topology, 1.0, 0.05, None, 0.0).unwrap();
-        heard.push(first);
+        listened.push(first);
     }
-    let terms = heard.iter().map(|&first| Term::Position {
+    let terms = listened.iter().map(|&first| Term::Position {
         first,
         len: 1,
         weight: 1.0,
     });
     network.listen("out", terms.collect()).unwrap();
-    for &mat in &heard {
+    for &mat in &listened {
         timeline.strike(&network, mat, 0.0, 1e-3, 0).unwrap();
     }
     (network, timeline)

@@ -128,11 +128,11 @@ fn a_slow_key_does_not_allocate() {
     let key = timeline.key("key", struck);
     for (start, grain) in [(0.01, None), (0.12, Some(5e-3))] {
         let t = [start, start + 0.04, start + 0.1];
-        let way = [Approach::Path(Curve::Smooth); 3];
+        let method = [Approach::Path(Curve::Smooth); 3];
         let written = Written {
             t: &t,
             x: &[0.0, 3e-3, 1e-3],
-            approaches: &way,
+            approaches: &method,
             sources: &[],
         };
         let manner = Manner {
@@ -187,10 +187,10 @@ fn take_over(seeds: Range<u64>) {
         let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
         let plan = Arc::new(plan);
         let mut old = Simulation::planned(plan.clone(), options).unwrap();
-        let at = scene.n_frames() / 3;
-        let mut out = vec![0.0; at * old.n_out()];
+        let position = scene.n_frames() / 3;
+        let mut out = vec![0.0; position * old.n_out()];
         assert_eq!(allocations(&mut old, &mut out), 0, "{seed}");
-        let mut new = Simulation::planned_from(plan, options, at as u64).unwrap();
+        let mut new = Simulation::planned_from(plan, options, position as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         reset_violation_count();
         assert!(assert_no_alloc(|| new.take_over(&mut old, &mut takeover)));
@@ -390,13 +390,13 @@ fn a_crowd_that_rubs_does_not_allocate() {
         ("rub", [sand, sand], Measure::Distance, gap),
         ("wall", [bowl, sand], Measure::Within, 0.03),
     ] {
-        let own = PairLaw {
+        let single = PairLaw {
             measure,
             law: law.clone(),
             friction: 0.4,
         };
         let numbers = [500.0, 0.05, gap];
-        network.pairwise(name, groups, 3, own, numbers).unwrap();
+        network.pairwise(name, groups, 3, single, numbers).unwrap();
     }
     let term = Term::Force {
         first: 0,

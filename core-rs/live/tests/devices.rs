@@ -130,8 +130,8 @@ fn in_lockstep_only_the_order_counts() {
 
 #[test]
 fn whole_numbers_are_the_same_on_every_wire() {
-    let whole: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
-    let paths: Vec<_> = whole.iter().map(|&wire| session(wire, 0).0).collect();
+    let complete: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
+    let paths: Vec<_> = complete.iter().map(|&wire| session(wire, 0).0).collect();
     let in_process = {
         use ergon_live::device::Emulated;
         use ergon_live::emulate::{Key, Keys};
@@ -148,7 +148,7 @@ fn whole_numbers_are_the_same_on_every_wire() {
         }
         path
     };
-    for (wire, path) in whole.into_iter().zip(paths) {
+    for (wire, path) in complete.into_iter().zip(paths) {
         assert!(path == in_process, "{:?}", WIRES[wire]);
     }
 }
@@ -449,8 +449,8 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
         host.env("ERGON_TEST_END", how);
     }
     let mut host = host.spawn().unwrap();
-    let mut said = BufReader::new(host.stderr.take().unwrap()).lines();
-    assert!(said.any(|line| line.unwrap() == PUSHES));
+    let mut output = BufReader::new(host.stderr.take().unwrap()).lines();
+    assert!(output.any(|line| line.unwrap() == PUSHES));
     if let End::Signal(signal) = end {
         // SAFETY: the child has not been waited for, so the number is still its own.
         unsafe { libc::kill(host.id().cast_signed(), signal) };
@@ -470,9 +470,9 @@ fn a_host_that_is_killed_leaves_no_force() {
     );
     for (kind, options) in [("frame+udp", frame), ("firefader", fader)] {
         let emulator = ended(kind, options, End::Signal(libc::SIGKILL));
-        let told = std::iter::from_fn(|| emulator.events.recv_timeout(PATIENCE).ok());
+        let output = std::iter::from_fn(|| emulator.events.recv_timeout(PATIENCE).ok());
         assert!(
-            told.into_iter().any(|event| event == Event::LetGo),
+            output.into_iter().any(|event| event == Event::LetGo),
             "{kind}"
         );
         emulator.end();

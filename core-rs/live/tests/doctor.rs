@@ -33,30 +33,30 @@ fn guarded(device: Box<dyn Device>) -> Guarded {
 
 #[test]
 fn a_clock_is_never_early() {
-    let found = std::thread::spawn(|| checkup::<Box<dyn Device>>(None, PERIOD, 300, &GO));
-    let found = found.join().unwrap().unwrap();
-    assert_eq!(found.lateness.len(), 300);
-    assert!(found.seconds >= 0.299, "{}", found.seconds);
-    assert_eq!((found.round_trips.len(), found.unanswered), (0, 0));
+    let result = std::thread::spawn(|| checkup::<Box<dyn Device>>(None, PERIOD, 300, &GO));
+    let result = result.join().unwrap().unwrap();
+    assert_eq!(result.lateness.len(), 300);
+    assert!(result.seconds >= 0.299, "{}", result.seconds);
+    assert_eq!((result.round_trips.len(), result.unanswered), (0, 0));
 }
 
 #[test]
 fn every_force_is_answered_or_counted() {
     let emulator = udp(true);
     let mut device = guarded(emulator.open("frame+udp", "lockstep&wide"));
-    let found = checkup(Some(&mut device), PERIOD, 500, &GO).unwrap();
-    assert_eq!((found.round_trips.len(), found.unanswered), (500, 0));
-    assert!(found.lateness.is_empty(), "lockstep has no clock");
+    let result = checkup(Some(&mut device), PERIOD, 500, &GO).unwrap();
+    assert_eq!((result.round_trips.len(), result.unanswered), (500, 0));
+    assert!(result.lateness.is_empty(), "lockstep has no clock");
     drop(device);
     // The forces, and the zero forces at the end; none of them moved the key.
     assert!(emulator.end().packets >= 500);
     let emulator = udp(false);
     let mut device = guarded(emulator.open("frame+udp", ""));
-    let found = checkup(Some(&mut device), PERIOD, 200, &GO).unwrap();
-    assert_eq!(found.round_trips.len() as u64 + found.unanswered, 200);
-    assert_eq!(found.lateness.len(), 200);
+    let result = checkup(Some(&mut device), PERIOD, 200, &GO).unwrap();
+    assert_eq!(result.round_trips.len() as u64 + result.unanswered, 200);
+    assert_eq!(result.lateness.len(), 200);
     assert!(
-        found
+        result
             .round_trips
             .iter()
             .all(|&ns| (1_000..25_000_000).contains(&ns))
@@ -71,9 +71,9 @@ fn every_force_is_answered_or_counted() {
     assert_eq!(allocated[0], allocated[1]);
     emulator.end();
     // The device is gone: each force waits in vain.
-    let found = checkup(Some(&mut device), PERIOD, 5, &GO).unwrap();
-    assert_eq!((found.round_trips.len(), found.unanswered), (0, 5));
-    assert!(found.seconds > 0.1, "{}", found.seconds);
+    let result = checkup(Some(&mut device), PERIOD, 5, &GO).unwrap();
+    assert_eq!((result.round_trips.len(), result.unanswered), (0, 5));
+    assert!(result.seconds > 0.1, "{}", result.seconds);
 }
 
 #[test]
@@ -100,8 +100,8 @@ fn a_device_is_opened_with_what_is_known_of_its_axes() {
 #[test]
 fn it_ends_when_it_is_told_to() {
     let stop = AtomicBool::new(true);
-    let found = checkup::<Box<dyn Device>>(None, PERIOD, 1000, &stop).unwrap();
-    assert!(found.lateness.is_empty());
+    let result = checkup::<Box<dyn Device>>(None, PERIOD, 1000, &stop).unwrap();
+    assert!(result.lateness.is_empty());
     let emulator = udp(true);
     let mut device = emulator.open("frame+udp", "lockstep");
     let ended = ergon_live::device::calibrate::travel_ends(&mut device, 1.0, PERIOD, &stop);

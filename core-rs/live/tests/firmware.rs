@@ -82,9 +82,9 @@ fn the_sketch_is_a_device() {
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| direction(&mut device, 0, Pulse::of(&spec), 1e-3, &go));
     // A pulse that was held up moves the key too little, or to one side only.
-    let found =
-        tries.find(|found| !matches!(found, Err(DirectionError::Still | DirectionError::OneWay)));
-    assert_eq!(found, Some(Ok(1.0)));
+    let result =
+        tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
+    assert_eq!(result, Some(Ok(1.0)));
     let limits = Limits {
         ramp: 0.0,
         ..Limits::of(&spec)
@@ -122,8 +122,11 @@ fn the_sketch_is_a_device() {
     board.pass(200);
     let (_, later) = exchange(0.0);
     let [there, left, later] = [there, left, later].map(|sample| sample.position[0]);
-    let way = there - left;
-    assert!((0.005..0.0053).contains(&way), "{way}: 0.1 m/s for 51 ms");
+    let method = there - left;
+    assert!(
+        (0.005..0.0053).contains(&method),
+        "{method}: 0.1 m/s for 51 ms"
+    );
     assert_eq!(later, left);
     let stats = device.device().stats();
     assert!(stats.garbage == 0 && stats.received > 200, "{stats:?}");

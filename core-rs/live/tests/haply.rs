@@ -196,15 +196,15 @@ fn a_process_group_that_is_killed_leaves_no_force() {
 
 /// The child processes of a process.
 #[cfg(target_os = "linux")]
-fn children(of: u32) -> Vec<i32> {
-    let tasks = std::fs::read_dir(format!("/proc/{of}/task")).unwrap();
-    let of_task = |task: std::fs::DirEntry| {
-        let found = std::fs::read_to_string(task.path().join("children"));
-        let found = found.unwrap_or_default();
-        let numbers = found.split_whitespace().map(|pid| pid.parse().unwrap());
+fn children(source: u32) -> Vec<i32> {
+    let tasks = std::fs::read_dir(format!("/proc/{source}/task")).unwrap();
+    let from_task = |task: std::fs::DirEntry| {
+        let result = std::fs::read_to_string(task.path().join("children"));
+        let result = result.unwrap_or_default();
+        let numbers = result.split_whitespace().map(|pid| pid.parse().unwrap());
         numbers.collect::<Vec<i32>>()
     };
-    tasks.flat_map(|task| of_task(task.unwrap())).collect()
+    tasks.flat_map(|task| from_task(task.unwrap())).collect()
 }
 
 #[cfg(target_os = "linux")]

@@ -87,17 +87,17 @@ fn a_killed_recording_keeps_what_it_had() {
         .spawn()
         .unwrap();
     let mut asked = child.stdin.take().unwrap();
-    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut output = BufReader::new(child.stderr.take().unwrap()).lines();
     let mut record = |rows: u64| {
         writeln!(asked).unwrap();
-        assert!(said.any(|line| line.unwrap() == rows.to_string()));
+        assert!(output.any(|line| line.unwrap() == rows.to_string()));
     };
     (1..=10).for_each(|n| record(n * ROWS));
     // The file is read while it is being written, until it has some chunks.
     let before = loop {
-        let found = read(&path, None).unwrap();
-        if found.ticks.len() > 500 {
-            break found;
+        let result = read(&path, None).unwrap();
+        if result.ticks.len() > 500 {
+            break result;
         }
         thread::yield_now();
     };

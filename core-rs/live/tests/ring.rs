@@ -129,7 +129,7 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
 fn a_taker_without_a_clock_gets_a_panic_as_silence() {
     let (mut feed, mut drain) = ring(1, 4096);
     let shared = feed.shared().clone();
-    let mut heard = Vec::new();
+    let mut listened = Vec::new();
     let mut frame = [0.0; 100];
     for block in 0..40 {
         feed.push(&[1.0; 100]);
@@ -139,12 +139,12 @@ fn a_taker_without_a_clock_gets_a_panic_as_silence() {
             _ => {}
         }
         let taken = drain.take(&mut frame);
-        heard.extend_from_slice(&frame[..taken]);
+        listened.extend_from_slice(&frame[..taken]);
     }
-    assert_eq!(heard.len(), 4_000, "no frame is left out");
-    assert_eq!(heard[..1_000], [1.0; 1_000]);
-    assert_eq!(heard[1_000 + HUSH - 1..2_100], [0.0; 1_101 - HUSH]);
-    assert_eq!(heard[2_100 + FADE - 1..], vec![1.0; 1_901 - FADE]);
+    assert_eq!(listened.len(), 4_000, "no frame is left out");
+    assert_eq!(listened[..1_000], [1.0; 1_000]);
+    assert_eq!(listened[1_000 + HUSH - 1..2_100], [0.0; 1_101 - HUSH]);
+    assert_eq!(listened[2_100 + FADE - 1..], vec![1.0; 1_901 - FADE]);
 }
 
 #[test]

@@ -79,8 +79,8 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     let mut guarded = Guarded::new(device, limits, 1e-3);
     let ticks =
         |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
-    let whole = ticks(&mut guarded, 300);
-    assert_eq!(whole, 1.0);
+    let complete = ticks(&mut guarded, 300);
+    assert_eq!(complete, 1.0);
     // Forces stop, and return as at the start.
     stop::stop(Stop::Forces);
     assert_eq!(ticks(&mut guarded, 1), 0.0);

@@ -119,7 +119,7 @@ fn links(look: &Look, file: &MotionFile) -> Vec<(usize, usize)> {
 fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
     let (look, file) = recorded(simulation, 2.5);
     let table = links(&look, &file);
-    let mut told = vec![Vec::new(); when.len()];
+    let mut output = vec![Vec::new(); when.len()];
     for place in file
         .chunks
         .iter()
@@ -134,21 +134,21 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
             let link = number / 2;
             let run = network.run_of(link).unwrap();
             assert_eq!(table[number], run.pair(link - run.first, 0));
-            told[link].push((place.seconds, instant));
+            output[link].push((place.seconds, instant));
         }
     }
-    for (told, when) in told.iter().zip(when) {
+    for (output, when) in output.iter().zip(when) {
         let Some(when) = when else {
-            assert_eq!(told, &[]);
+            assert_eq!(output, &[]);
             continue;
         };
         // Reported at the first look after the break, and at the beginning of each second.
-        let seconds: Vec<f64> = told.iter().map(|(seconds, _)| *seconds).collect();
+        let seconds: Vec<f64> = output.iter().map(|(seconds, _)| *seconds).collect();
         let late = seconds[0] - when;
         assert!((-1e-4..1.0 / FPS + 1e-4).contains(&late), "{late} s late");
         assert_eq!(seconds.len(), 3);
         assert!((seconds[1] - 1.0).abs() < 1e-4 && (seconds[2] - 2.0).abs() < 1e-4);
-        for (_, instant) in told {
+        for (_, instant) in output {
             assert!((instant - seconds[0]).abs() < 1e-6);
         }
     }
@@ -166,8 +166,8 @@ fn links_are_told_broken_when_they_break_and_with_each_key_state() {
         threads: 1,
         unchecked: false,
     };
-    let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
-    check(whole, &network, &when);
+    let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
+    check(complete, &network, &when);
     let plan = Plan::new(network.clone(), &timeline, &Budget::Error(-20.0), None).unwrap();
     let planned = Simulation::planned(Arc::new(plan), options).unwrap();
     check(planned, &network, &when);

@@ -99,8 +99,8 @@ fn get(server: &Server, path: &str, more: &str) -> String {
 }
 
 fn get_bare(server: &Server, path: &str, more: &str) -> String {
-    let at = server.at();
-    let port = at.port();
+    let position = server.at();
+    let port = position.port();
     say(
         server,
         format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n{more}\r\n").as_bytes(),
@@ -201,7 +201,7 @@ fn what_no_page_asks_is_refused() {
     let lent = Lent::new("refused.motion", b"abc", 3);
     let server = Server::start(local(&lent)).expect("a server");
     let port = server.at().port();
-    let whole = |text: &str| status(&say(&server, text.as_bytes())).to_owned();
+    let complete = |text: &str| status(&say(&server, text.as_bytes())).to_owned();
     for (host, wanted) in [
         (format!("127.0.0.1:{port}"), "200"),
         (format!("localhost:{port}"), "200"),
@@ -212,10 +212,10 @@ fn what_no_page_asks_is_refused() {
         ("127.0.0.1".into(), "421"),
         (format!("127.0.0.1:{}", port ^ 1), "421"),
     ] {
-        let found = whole(&format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}\r\n\r\n"));
-        assert_eq!(found, wanted, "{host}");
+        let result = complete(&format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+        assert_eq!(result, wanted, "{host}");
     }
-    assert_eq!(whole("GET / HTTP/1.1\r\n\r\n"), "400");
+    assert_eq!(complete("GET / HTTP/1.1\r\n\r\n"), "400");
     for (path, more, wanted) in [
         ("/", "Origin: http://elsewhere.example\r\n", "403"),
         ("/", "Origin: null\r\n", "403"),
@@ -235,7 +235,7 @@ fn what_no_page_asks_is_refused() {
         assert_eq!(status(&get(&server, path, more)), wanted, "{path} {more}");
     }
     let post = format!("POST /{KEY}/ HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
-    assert_eq!(whole(&post), "405");
+    assert_eq!(complete(&post), "405");
     let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
     for wrong in [
         UPGRADE.replace("13", "8"),
@@ -243,8 +243,8 @@ fn what_no_page_asks_is_refused() {
         UPGRADE.replace("websocket", "h2c"),
         UPGRADE.replace(", Upgrade", ""),
     ] {
-        let found = get(&server, "/live", &format!("{origin}{wrong}"));
-        assert_eq!(status(&found), "400", "{wrong}");
+        let result = get(&server, "/live", &format!("{origin}{wrong}"));
+        assert_eq!(status(&result), "400", "{wrong}");
     }
     let long = format!("X: {}\r\n", "y".repeat(9000));
     assert_eq!(status(&get(&server, "/", &long)), "431");
@@ -258,8 +258,12 @@ fn everywhere_the_key_is_needed_and_in_the_address() {
     assert_eq!(Key::new("0123"), None);
     assert_eq!(Key::new(&"g".repeat(32)), None);
     for ip in [Ipv4Addr::LOCALHOST, Ipv4Addr::UNSPECIFIED] {
-        let at = SocketAddr::new(ip.into(), 0);
-        let server = Server::start(Options { at, ..local(&lent) }).expect("a server");
+        let position = SocketAddr::new(ip.into(), 0);
+        let server = Server::start(Options {
+            at: position,
+            ..local(&lent)
+        })
+        .expect("a server");
         assert!(server.url().ends_with(&format!("/{KEY}/")));
         assert_eq!(status(&get(&server, "/", "")), "200");
         assert_eq!(body(&get(&server, "/motion", "")), "abc");
@@ -280,8 +284,11 @@ fn everywhere_the_key_is_needed_and_in_the_address() {
         assert!(watch(&server, "/live").is_some());
         // In a network any address of the machine is accepted, but no name in another's domain.
         let named = |host: &str| format!("GET /{KEY}/ HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n");
-        let found = say(&server, named("192.168.1.7").as_bytes());
-        assert_eq!(status(&found), if ip.is_loopback() { "421" } else { "200" });
+        let result = say(&server, named("192.168.1.7").as_bytes());
+        assert_eq!(
+            status(&result),
+            if ip.is_loopback() { "421" } else { "200" }
+        );
         assert_eq!(status(&say(&server, named("a.example").as_bytes())), "421");
     }
 }
@@ -369,8 +376,8 @@ fn sixteen_pages_are_told_and_a_seventeenth_is_not() {
         let pong = page.read().expect("a pong").into_text().expect("text");
         let words: Vec<_> = pong.split(' ').collect();
         assert_eq!(words[..2], ["pong", "12.5"]);
-        let at: f64 = words[2].parse().expect("a time");
-        assert!((0.0..=server.now()).contains(&at));
+        let position: f64 = words[2].parse().expect("a time");
+        assert!((0.0..=server.now()).contains(&position));
     }
     // The first page does not read: it delays neither the other pages nor `publish`.
     for i in 0..1000u32 {
@@ -539,10 +546,13 @@ fn a_server_that_is_dropped_says_so_to_its_pages() {
     let lent = Lent::new("over.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");
     let mut page = watch(&server, "/live").expect("a page");
-    let at = server.at();
+    let position = server.at();
     drop(server);
     assert!(matches!(page.read(), Ok(Message::Close(_))));
     // The port is free again.
-    let options = Options { at, ..local(&lent) };
+    let options = Options {
+        at: position,
+        ..local(&lent)
+    };
     drop(Server::start(options).expect("the same port"));
 }

@@ -127,8 +127,8 @@ def written(known: Mapping[str, Kept]) -> str:
 def _audited(known: Mapping[str, Kept]) -> list[str]:
     """A line for each day and commit, with its families."""
     runs: dict[tuple[str, str], list[str]] = {}
-    for family, own in known.items():
-        runs.setdefault((own.day, own.commit), []).append(family)
+    for family, item in known.items():
+        runs.setdefault((item.day, item.commit), []).append(family)
     return [
         f"* {day}, `{commit}`: {', '.join(families)}"
         for (day, commit), families in sorted(runs.items())

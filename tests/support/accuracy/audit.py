@@ -147,8 +147,8 @@ class Audit:
         """The plain settings that keep the plan's budget over the time of its pilot."""
         if plan.budget is None:
             return [setting for setting in self.plain if setting.audible <= 1.0]
-        at = self.plans.index(plan)
-        return [setting for setting in self.plain if setting.reals[at] <= plan.asked]
+        position = self.plans.index(plan)
+        return [setting for setting in self.plain if setting.reals[position] <= plan.asked]
 
     def is_inverted(self, plan: Plan) -> bool:
         """Whether a plan is out of order: it misses its budget by an error more than APART above
@@ -176,15 +176,15 @@ def look(
     loaded = load("scene.yaml", text=text)
     piece = loaded.piece
     assert piece is not None, f"{name}: {[one.message for one in loaded.diagnostics]}"
-    made = [_made(piece, budget) for budget in budgets]
+    built = [_made(piece, budget) for budget in budgets]
     # A pilot may play on after the end of the render.
     n_frames = prepare(piece).n_frames
-    most = n_frames + round(3.0 * THIRD * piece.rate)
-    pilots = [min(_pilot(own) * piece.rate, most) for own in made if _pilot(own) < inf]
+    limit = n_frames + round(3.0 * THIRD * piece.rate)
+    pilots = [min(_pilot(own) * piece.rate, limit) for own in built if _pilot(own) < inf]
     n_frames = max([n_frames, *map(round, pilots)])
     exact = reference.solve(read(text), n_frames)
     plans = tuple(
-        _plan(piece, budget, own, exact) for budget, own in zip(budgets, made, strict=True)
+        _plan(piece, budget, own, exact) for budget, own in zip(budgets, built, strict=True)
     )
     settings = _plain(piece, exact.sound, plans) if plain else ()
     return Audit(name, plans, tuple(settings))
@@ -215,11 +215,11 @@ def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) ->
             continue
         ours, theirs = y[:end], x[:end]
         apart = np.sum((ours - theirs) ** 2, axis=0)
-        whole = np.sum((theirs - theirs.mean(axis=0)) ** 2, axis=0)
+        complete = np.sum((theirs - theirs.mean(axis=0)) ** 2, axis=0)
         # An output of a mass that friction holds has no sound to compare with: that of all counts.
-        whole = np.where(whole < STILL * whole.max(), whole.max(), whole)
-        told = apart > 1e-26 * np.sum(x**2, axis=0)  # else it is rounding: nothing sounds yet
-        worst = max([worst, *(apart[told] / np.maximum(whole[told], 1e-300))])
+        complete = np.where(complete < STILL * complete.max(), complete.max(), complete)
+        output = apart > 1e-26 * np.sum(x**2, axis=0)  # else it is rounding: nothing sounds yet
+        worst = max([worst, *(apart[output] / np.maximum(complete[output], 1e-300))])
     return 10.0 * log10(max(worst, 1e-30))
 
 
@@ -232,51 +232,53 @@ def _made(piece: Piece, budget: float | None) -> planning.Planned | str:
         return f"{type(error).__name__}: {error}"
 
 
-def _pilot(made: planning.Planned | str) -> float:
+def _pilot(built: planning.Planned | str) -> float:
     """How long the pilots of a plan played [s]."""
-    rows = [] if isinstance(made, str) else made.plan.rows()
+    rows = [] if isinstance(built, str) else built.plan.rows()
     return max((row.error_s for row in rows if row.error_s is not None), default=inf)
 
 
 def _plan(
     piece: Piece,
     budget: float | None,
-    made: planning.Planned | str,
+    built: planning.Planned | str,
     exact: reference.Reference,
 ) -> Plan:
-    if isinstance(made, str):
-        return Plan(budget, refused=made)
+    if isinstance(built, str):
+        return Plan(budget, refused=built)
     try:
         scene = prepare(piece)
-        static = planning.make(scene.network, scene.timeline, made.accuracy, _uncounted(made.plan))
-        sound, counted = _play(scene, made.plan, len(exact.sound))
+        static = planning.make(
+            scene.network, scene.timeline, built.accuracy, _uncounted(built.plan)
+        )
+        sound, counted = _play(scene, built.plan, len(exact.sound))
     except (_core.EngineError, StageError) as error:
         return Plan(budget, refused=f"{type(error).__name__}: {error}")
-    rows = made.plan.rows()
+    rows = built.plan.rows()
     # Each row of an island gives the error of the whole island, so it counts once.
     islands = {(row.error_db, row.error_s) for row in rows}
     errors = [db for db, _ in islands if db is not None]
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     is_unknown = any(planning.needs_trial(row) and row.error_db is None for row in rows if row.cost)
     stated = [inf] if is_unknown else [*errors, *left_out]
-    pilot = _pilot(made)
+    pilot = _pilot(built)
     is_chaotic = any(row.spectral_db is not None for row in rows)
-    heard = exact.sound
+    listened = exact.sound
     if budget is BY_EAR and not errors and exact.audible is not None:
         # Everything is computed by modes, and such a plan leaves out modes above hearing.
-        heard = exact.audible
+        listened = exact.audible
     return Plan(
         budget,
         stated=max(10.0 * log10(sum(10.0 ** (db / 10.0) for db in [*stated, FLOOR_DB])), FLOOR_DB),
-        real=error_db(sound, heard, piece.rate, pilot),
-        whole=error_db(sound, heard, piece.rate),
+        real=error_db(sound, listened, piece.rate, pilot),
+        whole=error_db(sound, listened, piece.rate),
         doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
         pilot=pilot,
         cost=planning.cost(static.plan) + counted * piece.rate,
-        warned=bool(made.notes),
+        warned=bool(built.notes),
         chaotic=is_chaotic,
         spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
-        audible=_audible(sound, heard, piece.rate, pilot) if budget is BY_EAR else inf,
+        audible=_audible(sound, listened, piece.rate, pilot) if budget is BY_EAR else inf,
         how=", ".join(f"{row.what} ×{row.oversampling}" for row in rows if row.cost),
     )
 

@@ -39,9 +39,9 @@ def number(value: Any) -> float:
     """A number in SI units: 2mm, 1g, 4e3, -5N, 2mNs, 48kHz, 20mm/s."""
     if isinstance(value, int | float):
         return float(value)
-    found = _NUMBER.match(value)
-    assert found, f"{value} is no number"
-    size, unit = float(found[1]), found[2]
+    result = _NUMBER.match(value)
+    assert result, f"{value} is no number"
+    size, unit = float(result[1]), result[2]
     if unit in ("g", "mg", "kg"):
         return size * {"g": 1e-3, "mg": 1e-6, "kg": 1.0}[unit]
     if unit.startswith("m/") or unit in ("m", "s", "N", "") or len(unit) == 1:
@@ -136,77 +136,79 @@ def read(text: str) -> Equations:
     """The equations of a scene."""
     score = yaml.safe_load(text)
     rates = score.get("rates", {})
-    found = Equations(number(rates.get("audio", "44100Hz")))
+    result = Equations(number(rates.get("audio", "44100Hz")))
     for name, key in score.get("keys", {}).items():
-        first = len(found.mass)
+        first = len(result.mass)
         if "modules" in key:
-            _part(found, name, key["modules"])
-            found.names[name] = found.names[f"{name}.{key['struck']}"]
+            _part(result, name, key["modules"])
+            result.names[name] = result.names[f"{name}.{key['struck']}"]
         else:
-            _module(found, "", name, "CEL", key)
-        found.keys[name] = list(range(first, len(found.mass)))
+            _module(result, "", name, "CEL", key)
+        result.keys[name] = list(range(first, len(result.mass)))
     for name, instrument in score.get("instruments", {}).items():
-        _part(found, name, instrument["modules"])
+        _part(result, name, instrument["modules"])
         outs = instrument["out"]
         for out in [outs] if set(outs) & {"SOX", "SOF"} else outs.values():
             if "SOX" in out:
-                found.outputs.append(("SOX", found.find(out["SOX"], name)))
+                result.outputs.append(("SOX", result.find(out["SOX"], name)))
             else:
                 ((_, link),) = out["SOF"].items()
-                found.outputs.append(("SOF", found.links[f"{name}.{link}"]))
+                result.outputs.append(("SOF", result.links[f"{name}.{link}"]))
     for couple in score.get("duet", []):
-        a, b = (found.names[key] for key in couple["couple"])
+        a, b = (result.names[key] for key in couple["couple"])
         spring = couple["REF"]
-        found.link(a, b, 1, 1, number(spring["K"]), 0.0, 0.0, number(spring.get("Z", 0.0)))
+        result.link(a, b, 1, 1, number(spring["K"]), 0.0, 0.0, number(spring.get("Z", 0.0)))
     for strike in score.get("strikes", {}).values():
-        struck = found.names[strike["to"]]
-        found.strikes.append((struck, number(strike["at"]), number(strike["impulse"])))
-    _gestures(found, score)
-    return found
+        struck = result.names[strike["to"]]
+        result.strikes.append((struck, number(strike["at"]), number(strike["impulse"])))
+    _gestures(result, score)
+    return result
 
 
-def _part(found: Equations, part: str, modules: dict[str, Any]) -> None:
+def _part(result_wanted: Equations, part: str, modules: dict[str, Any]) -> None:
     for name, module in modules.items():
-        ((kind, given),) = module.items()
-        _module(found, f"{part}.", name, kind, given or {})
+        ((kind, arguments),) = module.items()
+        _module(result_wanted, f"{part}.", name, kind, arguments or {})
 
 
-def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, Any]) -> None:
+def _module(
+    result_wanted: Equations, part: str, name: str, kind: str, arguments: dict[str, Any]
+) -> None:
     def of(field: str, default: float = 0.0) -> float:
-        return number(given[field]) if field in given else default
+        return number(arguments[field]) if field in arguments else default
 
-    label, own = f"{part}{name}", part.removesuffix(".")
+    label, single = f"{part}{name}", part.removesuffix(".")
     if kind == "SOL":
-        found.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
+        result_wanted.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
     elif kind in ("MAS", "CEL"):
         k, z = of("K"), of("Z")
-        if "f" in given:
-            sigma = 3.0 * np.log(10.0) / of("t60") if "t60" in given else 0.0
-            f = number(str(given["f"]).removesuffix("Hz"))
+        if "f" in arguments:
+            sigma = 3.0 * np.log(10.0) / of("t60") if "t60" in arguments else 0.0
+            f = number(str(arguments["f"]).removesuffix("Hz"))
             k, z = of("M") * ((2.0 * np.pi * f) ** 2 + sigma**2), 2.0 * of("M") * sigma
-        found.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
+        result_wanted.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
     elif kind in ("STRING", "PLATE"):
-        _body(found, label, kind, given)
+        _body(result_wanted, label, kind, arguments)
     elif kind == "ENF":
-        found.push[found.find(given["to"], own)] += number(given["from"])
+        result_wanted.push[result_wanted.find(arguments["to"], single)] += number(arguments["from"])
     else:
-        if kind == "DRY" and "to" in given:
-            floor = found.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
-            pairs = [(floor, found.find(given["to"], own))]
+        if kind == "DRY" and "to" in arguments:
+            floor = result_wanted.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+            pairs = [(floor, result_wanted.find(arguments["to"], single))]
         else:
-            pairs = found.pairs(given["between"], own)
+            pairs = result_wanted.pairs(arguments["between"], single)
         a, b = pairs[0]
         assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
-            link = found.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
+            link = result_wanted.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
         elif kind == "BUT":
-            sign = -1.0 if given.get("side") == "above" else 1.0
-            clamp = float(given.get("clamp", False))
-            for (a, b), gap in zip(pairs, gaps(given.get("gap", 0.0), len(pairs)), strict=True):
+            sign = -1.0 if arguments.get("side") == "above" else 1.0
+            clamp = float(arguments.get("clamp", False))
+            for (a, b), gap in zip(pairs, gaps(arguments.get("gap", 0.0), len(pairs)), strict=True):
                 shape = of("K"), of("exponent", 1.0), gap, of("Z"), sign, clamp
-                link = found.link(a, b, ELASTIC["contact"], 0, *shape)
+                link = result_wanted.link(a, b, ELASTIC["contact"], 0, *shape)
         elif kind == "LNL":
-            law, damping = given.get("law"), given.get("damping")
+            law, damping = arguments.get("law"), arguments.get("damping")
             row = [0.0] * N_NUMBERS
             for i, constant in enumerate(_OF_ELASTIC.get(law, ())):
                 row[i] = of(constant)
@@ -214,33 +216,33 @@ def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, 
             for i, constant in enumerate(_OF_DAMPING.get(damping, ())):
                 row[3 + i] = of(constant)
             laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
-            link = found.link(a, b, *laws, *row)
-        elif kind == "BRISTLE" or "K" in given:
+            link = result_wanted.link(a, b, *laws, *row)
+        elif kind == "BRISTLE" or "K" in arguments:
             level, stiffness = ("Fc", "sigma0") if kind == "BRISTLE" else ("F", "K")
             static = of("Fs" if kind == "BRISTLE" else "static", of(level))
             speed = of("vs" if kind == "BRISTLE" else "speed", 0.001)
             shape = of(stiffness), of("sigma1"), of("sigma2"), of(level), static, speed
-            link = found.link(a, b, ELASTIC["bristle"], 0, *shape)
+            link = result_wanted.link(a, b, ELASTIC["bristle"], 0, *shape)
         elif kind == "DRY":
             shape = of("F"), of("static", of("F")), 0.0, of("speed", 0.001)
-            link = found.link(a, b, ELASTIC["dry"], 0, *shape)
+            link = result_wanted.link(a, b, ELASTIC["dry"], 0, *shape)
         else:
             raise ValueError(f"{kind} is not known here")
-        found.links[label] = link
+        result_wanted.links[label] = link
 
 
-def gaps(given: Any, n: int) -> list[float]:
+def gaps(arguments: Any, n: int) -> list[float]:
     """The gap at each of n points [m]: one value for all, a list, or least +
     depth·(i/length)^power.
     """
-    if isinstance(given, list):
-        return [number(one) for one in given]
-    if not isinstance(given, dict):
-        return [number(given)] * n
-    assert "top" not in given, "a top is not known here"
-    i = np.arange(n) / number(given.get("length", max(n - 1, 1)))
-    shape = number(given["depth"]) * i ** number(given.get("power", 2.0))
-    return list(number(given.get("least", 0.0)) + shape)
+    if isinstance(arguments, list):
+        return [number(one) for one in arguments]
+    if not isinstance(arguments, dict):
+        return [number(arguments)] * n
+    assert "top" not in arguments, "a top is not known here"
+    i = np.arange(n) / number(arguments.get("length", max(n - 1, 1)))
+    shape = number(arguments["depth"]) * i ** number(arguments.get("power", 2.0))
+    return list(number(arguments.get("least", 0.0)) + shape)
 
 
 def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int, int]], int]:
@@ -260,78 +262,82 @@ def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int
     edges = []
     for x, y in rows:
         for right, up in steps:
-            one, other = (x, y), (x + right, y + up)
-            if max(ring(*one), ring(*other)) <= outer and (one in inner or other in inner):
-                edges.append((inner.get(one, -1), inner.get(other, -1)))
+            first, other = (x, y), (x + right, y + up)
+            if max(ring(*first), ring(*other)) <= outer and (first in inner or other in inner):
+                edges.append((inner.get(first, -1), inner.get(other, -1)))
     return edges, len(inner)
 
 
-def _body(found: Equations, label: str, kind: str, given: dict[str, Any]) -> None:
+def _body(result_wanted: Equations, label: str, kind: str, arguments: dict[str, Any]) -> None:
     if kind == "STRING":
-        n = given["masses"]
-        edges = string_edges(n, given.get("ends", "fixed"), given.get("stiffness", 0.0))
+        n = arguments["masses"]
+        edges = string_edges(n, arguments.get("ends", "fixed"), arguments.get("stiffness", 0.0))
     else:
-        fixed = given.get("rim", "free") == "fixed"
-        pairs, n = plate_edges(given.get("shape", "hex"), given["radius"], fixed=fixed)
+        fixed = arguments.get("rim", "free") == "fixed"
+        pairs, n = plate_edges(arguments.get("shape", "hex"), arguments["radius"], fixed=fixed)
         edges = [(min(pair), max(pair), 1.0) for pair in pairs]
-    m = number(given["M"]) / n
-    sigma = 3.0 * np.log(10.0) / number(given["t60"]) if "t60" in given else 0.0
-    f = number(str(given["f"]).removesuffix("Hz"))
+    m = number(arguments["M"]) / n
+    sigma = 3.0 * np.log(10.0) / number(arguments["t60"]) if "t60" in arguments else 0.0
+    f = number(str(arguments["f"]).removesuffix("Hz"))
     omega2 = (2.0 * np.pi * f) ** 2 + sigma**2
     k = m * omega2 / eigenvalues(edges, n)[0]
     z = 2.0 * sigma * k / omega2
-    first = len(found.mass)
+    first = len(result_wanted.mass)
     for i in range(n):
-        found.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
-    ground = found.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for field_, values in (("X0", found.x0), ("V0", found.v0)):
-        if field_ in given:
-            starts = given[field_]
+        result_wanted.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
+    ground = result_wanted.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for field_, values in (("X0", result_wanted.x0), ("V0", result_wanted.v0)):
+        if field_ in arguments:
+            starts = arguments[field_]
             for start in starts if isinstance(starts, list) else [starts]:
                 values[first + start["at"]] = number(start["x" if field_ == "X0" else "v"])
-    q = number(given.get("hardening", 0.0))
+    q = number(arguments.get("hardening", 0.0))
     law = ELASTIC["cubic"] if q else ELASTIC["linear"]
-    if "stretching" in given:
+    if "stretching" in arguments:
         # The links between neighbours come first; the others bend, and share no tension.
-        n_links = len(string_edges(n, given.get("ends", "fixed"), 0.0))
-        line = len(found.ends)
-        found.stretched.append((line, line + n_links, number(given["stretching"])))
+        n_links = len(string_edges(n, arguments.get("ends", "fixed"), 0.0))
+        line = len(result_wanted.ends)
+        result_wanted.stretched.append((line, line + n_links, number(arguments["stretching"])))
     for i, j, factor in edges:
         a = first + i if i >= 0 else ground
-        found.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)
+        result_wanted.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)
 
 
-def _gestures(found: Equations, score: dict[str, Any]) -> None:
+def _gestures(result_wanted: Equations, score: dict[str, Any]) -> None:
     key_of = {player: told["key"] for player, told in score.get("players", {}).items()}
     images: dict[str, dict[int, int]] = {}
     for player, events in score.get("parts", {}).items():
         key = key_of[player]
         if key not in images:
-            images[key] = _free_copy(found, found.keys[key])
+            images[key] = _free_copy(result_wanted, result_wanted.keys[key])
         for event in events:
             gesture = score["gestures"][event["play"]]
-            whole = gesture if isinstance(gesture, dict) else {"notation": gesture}
-            words = [word for word in whole["notation"].split() if word != "smooth"]
+            complete = gesture if isinstance(gesture, dict) else {"notation": gesture}
+            words = [word for word in complete["notation"].split() if word != "smooth"]
             points = [word.split("@") for word in words]
             x = [number(point[0]) for point in points]
             t = np.array([number(point[1]) for point in points]) + number(event["at"])
-            at_rest = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
-            spline = PPoly.from_spline(make_interp_spline(t, x, k=5, bc_type=at_rest))
-            mass = found.names[key]
-            tracked = whole.get("touch", "open") == "tracked"
-            found.paths.append(Path(mass, images[key][mass], tracked, spline))
+            on_rest = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
+            spline = PPoly.from_spline(make_interp_spline(t, x, k=5, bc_type=on_rest))
+            mass = result_wanted.names[key]
+            tracked = complete.get("touch", "open") == "tracked"
+            result_wanted.paths.append(Path(mass, images[key][mass], tracked, spline))
 
 
-def _free_copy(found: Equations, members: list[int]) -> dict[int, int]:
+def _free_copy(result_wanted: Equations, members: list[int]) -> dict[int, int]:
     """Copy the masses of a key and the links between them; returns the index of each mass's
     image.
     """
     image = {}
     for i in members:
-        k, z = found.ground[i]
-        rest = found.push[i] / k if k else 0.0
-        image[i] = found.point(f"free copy {i}", found.mass[i], k, z, rest, found.x0[i], 0.0)
-    for (a, b), kind, row in list(zip(found.ends, found.kinds, found.numbers, strict=True)):
+        k, z = result_wanted.ground[i]
+        rest = result_wanted.push[i] / k if k else 0.0
+        image[i] = result_wanted.point(
+            f"free copy {i}", result_wanted.mass[i], k, z, rest, result_wanted.x0[i], 0.0
+        )
+    for (a, b), kind, row in list(
+        zip(result_wanted.ends, result_wanted.kinds, result_wanted.numbers, strict=True)
+    ):
         if a in image and b in image:
-            found.link(image[a], image[b], *kind, *row)
+            result_wanted.link(image[a], image[b], *kind, *row)
     return image

@@ -164,12 +164,12 @@ def strokes(x: np.ndarray, rate: float) -> list[int]:
     power = np.sum(x[: n_hops * hop].reshape(n_hops, hop) ** 2, axis=1)
     n_before = round(BEFORE / HOP)
     begins: list[int] = []
-    for at in range(n_hops):
-        before = power[max(0, at - n_before) : at].max(initial=0.0)
-        is_stroke = power[at] > max(QUIET * power.max(), RISE * before)
-        if is_stroke and (not begins or at > begins[-1] + n_before // 5):
-            begins.append(at)
-    return [at * hop for at in begins]
+    for index in range(n_hops):
+        before = power[max(0, index - n_before) : index].max(initial=0.0)
+        is_stroke = power[index] > max(QUIET * power.max(), RISE * before)
+        if is_stroke and (not begins or index > begins[-1] + n_before // 5):
+            begins.append(index)
+    return [index * hop for index in begins]
 
 
 def _energy(x: np.ndarray) -> float:

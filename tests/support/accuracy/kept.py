@@ -40,6 +40,6 @@ def kept(family: str, folder: Path = FOLDER) -> Kept | None:
     path = folder / f"{family}.json"
     if not path.exists():
         return None
-    told = json.loads(path.read_text(encoding="utf-8"))
-    told["tallies"] = tuple(tables.Tally(**own) for own in told["tallies"])
-    return Kept(**told | {"rows": tuple(told["rows"])})
+    output = json.loads(path.read_text(encoding="utf-8"))
+    output["tallies"] = tuple(tables.Tally(**own) for own in output["tallies"])
+    return Kept(**output | {"rows": tuple(output["rows"])})

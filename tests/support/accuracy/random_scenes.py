@@ -89,8 +89,8 @@ def _string(dice: Dice) -> tuple[Modules, int]:
 def _body(dice: Dice) -> tuple[Modules, int, float]:
     """A string or a plate, its number of masses, and the mass of each [kg]."""
     if dice.whole(0, 2):
-        made, n = _string(dice)
-        return made, n, made["STRING"]["M"] / n
+        built, n = _string(dice)
+        return built, n, built["STRING"]["M"] / n
     radius = dice.whole(1, 3)
     n = 1 + 3 * radius * (radius + 1)
     M = dice.by_ratio(1e-2, 1.0)
@@ -177,10 +177,10 @@ def _contact(dice: Dice, light: float, speed: float) -> Modules:
     # The equivalent spring has the same stiffness at the depth speed/omega.
     K = light * omega**2 * (speed / omega) ** (1.0 - exponent)
     Z = dice.one_of(0.0, 0.0, 0.1 * light * omega)
-    told = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.one_of(False, True)}
+    output = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.one_of(False, True)}
     if Z == 0.0:
-        told |= {"contact": dice.one_of("plain", "exact")}
-    return told
+        output |= {"contact": dice.one_of("plain", "exact")}
+    return output
 
 
 def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
@@ -369,8 +369,8 @@ def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
         contact = _contact(dice, m, 0.1)
         modules["c"] = {"BUT": {"between": ["k1", target], "gap": 0.5 * peak, **contact}}
     # At hundredths of a second, which fall on frames at every rate.
-    one, two = dice.whole(4, 8), dice.whole(10, 16)
-    path = f"0m@0 smooth {peak}m@{one / 100}s 0m@{two / 100}s"
+    first, two = dice.whole(4, 8), dice.whole(10, 16)
+    path = f"0m@0 smooth {peak}m@{first / 100}s 0m@{two / 100}s"
     score["gestures"] = {"g": {"notation": path, "touch": dice.one_of("open", "tracked")}}
     score["players"] = {"p": {"key": "k1"}}
     score["parts"] = {"p": [{"at": "0.05s", "play": "g"}]}
@@ -457,12 +457,14 @@ def _stretch(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
     modules["b"], n = _string(dice)
     body = modules["b"]["STRING"]
     m, omega = body["M"] / n, 2.0 * np.pi * body["f"]
-    at, high = dice.whole(0, n - 1), dice.by_ratio(5e-4, 4e-3)
-    slopes = [(i + 1) / (at + 1) if i <= at else (n - i) / (n - at) for i in range(n)]
+    position, high = dice.whole(0, n - 1), dice.by_ratio(5e-4, 4e-3)
+    slopes = [
+        (i + 1) / (position + 1) if i <= position else (n - i) / (n - position) for i in range(n)
+    ]
     body["X0"] = [{"at": i, "x": f"{high * slopes[i]!r}m"} for i in range(n)]
     # q·S over the stiffness of a link: how much the pluck raises the tension.
     k = m * omega**2 / (4.0 * np.sin(0.5 * np.pi / (n + 1)) ** 2)
-    squares = high**2 * (1.0 / (at + 1) + 1.0 / (n - at))
+    squares = high**2 * (1.0 / (position + 1) + 1.0 / (n - position))
     body["stretching"] = float(k / squares * dice.by_ratio(0.03, 2.0))
     point, speed = dice.whole(0, n - 1), omega * high
     gap = high * dice.between(0.05, 0.5)

@@ -119,10 +119,10 @@ def _linear(scene: Equations, A: np.ndarray, n_frames: int, parts: int) -> np.nd
             state = step @ state
             continue
         while strikes and strikes[0][1] < end:
-            struck, at, impulse = strikes.pop(0)
-            state = expm(A * (at - now)) @ state
+            struck, position, impulse = strikes.pop(0)
+            state = expm(A * (position - now)) @ state
             state[n + struck] += impulse / mass[struck]
-            now = at
+            now = position
         state = expm(A * (end - now)) @ state
     return out
 
@@ -135,15 +135,19 @@ def _halves(states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (n_frames, n) at a relative tolerance."""
-    events = [at for _, at, _ in scene.strikes]
+    events = [position for _, position, _ in scene.strikes]
     events += [float(t) for path in scene.paths for t in path.spline.x]
     frames = np.arange(n_frames) / scene.rate
-    events = [at for at in events if at < frames[-1] and np.abs(frames - at).min() > 1e-12]
+    events = [
+        position
+        for position in events
+        if position < frames[-1] and np.abs(frames - position).min() > 1e-12
+    ]
     when = np.sort(np.concatenate([frames, events]))
     blows = np.zeros((len(when), len(scene.mass)))
-    for struck, at, impulse in scene.strikes:
-        if at <= frames[-1]:
-            blows[np.abs(when - at).argmin(), struck] += impulse / scene.mass[struck]
+    for struck, position, impulse in scene.strikes:
+        if position <= frames[-1]:
+            blows[np.abs(when - position).argmin(), struck] += impulse / scene.mass[struck]
     # For each gesture and each interval between two instants: the coefficients that are valid at
     # its middle.
     middle = 0.5 * (when[1:] + when[:-1])
@@ -181,9 +185,9 @@ def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.nda
         _TABLEAU,
     )
     assert np.isfinite(states).all(), "the reference went beyond all bounds"
-    kept = states[np.searchsorted(when, frames - 1e-13)]
+    saved = states[np.searchsorted(when, frames - 1e-13)]
     n = len(scene.mass)
-    return kept[:, :n], kept[:, n : 2 * n]
+    return saved[:, :n], saved[:, n : 2 * n]
 
 
 @nb.njit(cache=True)
@@ -251,7 +255,7 @@ def _slopes(
     make it hold.
     """
     n = len(inverse)
-    bend = 2 * n
+    curvature = 2 * n
     for g in range(len(leads)):
         p = pieces[g, at]
         if np.isnan(p[6]):
@@ -275,9 +279,9 @@ def _slopes(
         if kinds[k, 0] == _BRISTLE:  # sigma0, sigma1, sigma2, Fc, Fs, vs
             c = numbers[k]
             level = c[3] + (c[4] - c[3]) * np.exp(-((w / c[5]) ** 2))
-            dy[bend] = w - c[0] * abs(w) * y[bend] / level
-            f = c[0] * y[bend] + c[1] * dy[bend] + c[2] * w
-            bend += 1
+            dy[curvature] = w - c[0] * abs(w) * y[curvature] / level
+            f = c[0] * y[curvature] + c[1] * dy[curvature] + c[2] * w
+            curvature += 1
         else:
             f = _pull(kinds[k, 0], kinds[k, 1], numbers[k], d, w)
         dy[n + a] += f
@@ -394,29 +398,29 @@ def _march(
     has_dry = (kinds[:, 0] == _DRY).any()
     out = np.empty((len(when), size))
     h = when[1] - when[0]
-    for at in range(len(when)):
-        out[at] = y
-        blown = at == 0
+    for index in range(len(when)):
+        out[index] = y
+        blown = index == 0
         for i in range(n):
-            y[n + i] += blows[at, i]
-            blown |= blows[at, i] != 0.0
-        if at + 1 == len(when):
+            y[n + i] += blows[index, i]
+            blown |= blows[index, i] != 0.0
+        if index + 1 == len(when):
             break
-        t, end = when[at], when[at + 1]
+        t, end = when[index], when[index + 1]
         shortest = _FEWEST * (end - t)
         # For a step in which a DRY turns: its greatest and its least length.
-        most, least, halves = end - t, 0.0, 0
+        limit, least, halves = end - t, 0.0, 0
         begins = has_dry and blown
         while t < end:
             if begins:
-                _slopes(t, y, k[0], at, inverse, ground, push, ends, kinds, numbers, stretched,
+                _slopes(t, y, k[0], index, inverse, ground, push, ends, kinds, numbers, stretched,
                         leads, pieces, ways, needs)  # fmt: skip
                 _begin(y, n, ends, kinds, numbers, ways, needs)
                 begins = False
             h = min(h, end - t)
             if halves:  # the last of them takes the shortest step that turns
-                h = most if halves == _HALVES else 0.5 * (least + most)
-            whole = h == end - t
+                h = limit if halves == _HALVES else 0.5 * (least + limit)
+            complete = h == end - t
             # The last stage is at the end of the step, given by the weights of order 8.
             for stage in range(_STAGES + 1):
                 for i in range(size):
@@ -424,7 +428,7 @@ def _march(
                     for j in range(stage):
                         total += A[stage, j] * k[j, i]
                     new[i] = y[i] + h * total
-                _slopes(t + C[stage] * h, new, k[stage], at, inverse, ground, push, ends, kinds,
+                _slopes(t + C[stage] * h, new, k[stage], index, inverse, ground, push, ends, kinds,
                         numbers, stretched, leads, pieces, ways, needs)  # fmt: skip
             top_x = max(largest[:n].max(), np.abs(new[:n]).max())
             top_v = max(largest[n : 2 * n].max(), np.abs(new[n : 2 * n]).max())
@@ -433,9 +437,9 @@ def _march(
                 top_z = max(top_z, largest[i], abs(new[i]))
             five, three = 0.0, 0.0
             for i in range(size):
-                own = max(largest[i], abs(new[i]))
+                single = max(largest[i], abs(new[i]))
                 top = top_x if i < n else top_v if i < 2 * n else top_z
-                scale = tolerance * (own + _SMALL * top) + 1e-30
+                scale = tolerance * (single + _SMALL * top) + 1e-30
                 e5, e3 = 0.0, 0.0
                 for j in range(_STAGES + 1):
                     e5 += E5[j] * k[j, i]
@@ -450,7 +454,7 @@ def _march(
             if is_taken and has_dry:
                 turned = _has_turned(new, n, ends, kinds, numbers, ways, needs)
                 if halves < _HALVES and (turned or halves):
-                    most, least = (h, least * (halves > 0)) if turned else (most, h)
+                    limit, least = (h, least * (halves > 0)) if turned else (limit, h)
                     halves += 1
                     continue
                 halves = 0
@@ -458,7 +462,7 @@ def _march(
                     _turn(new, inverse, ends, kinds, numbers, ways)
                     begins = True
             if is_taken:
-                t = end if whole else t + h
+                t = end if complete else t + h
                 for i in range(size):
                     y[i] = new[i]
                     largest[i] = max(largest[i], abs(new[i]))

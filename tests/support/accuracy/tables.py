@@ -87,9 +87,9 @@ def summary(groups: Mapping[str, Sequence[Tally]]) -> str:
         "| false cannot | inversions | real − stated, worst | overspending: median | worst |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    everything = [together(own) for own in zip(*groups.values(), strict=True)]
-    for name, own in (*groups.items(), ("all", everything)):
-        for budget, tally in zip(BUDGETS, own, strict=True):
+    everything = [together(item) for item in zip(*groups.values(), strict=True)]
+    for name, item in (*groups.items(), ("all", everything)):
+        for budget, tally in zip(BUDGETS, item, strict=True):
             lines.append(f"| {name} | {name_of(budget)} | {_row(budget, tally)} |")
     return "\n".join(lines)
 
@@ -130,10 +130,10 @@ def scene(audit: Audit) -> str:
     cells = [_cell(plan) for plan in audit.plans]
     spent = [audit.overspending(plan) for plan in audit.plans]
     worst = max((ratio for ratio in spent if ratio is not None), default=None)
-    whole = max((p.whole for p in audit.plans[-1:] if not p.refused), default=None)
+    complete = max((p.whole for p in audit.plans[-1:] if not p.refused), default=None)
     best = min(audit.plain, key=lambda one: one.real, default=None)
     cells += [
-        "–" if whole is None else f"{whole:.0f}",
+        "–" if complete is None else f"{complete:.0f}",
         "–" if worst is None else f"{worst:.2f}",
         "–" if best is None else f"{best.method} ×{best.times}: {best.real:.0f}",
     ]
@@ -149,8 +149,8 @@ def _cell(plan: Plan) -> str:
         ("**silent**", plan.is_silent_miss),
         ("cannot", plan.warned and not plan.chaotic),
     ]
-    said = " ".join(word for word, holds in words if holds)
+    text = " ".join(word for word, holds in words if holds)
     stated = "exact" if plan.stated <= -150.0 else f"{plan.stated:.0f}"
     if plan.stated == inf:
         stated = "not measured"
-    return f"{stated} / {plan.real:.0f} {said}".strip()
+    return f"{stated} / {plan.real:.0f} {text}".strip()

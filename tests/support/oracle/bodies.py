@@ -53,8 +53,8 @@ def stiffness_of(edges: Edges, n: int) -> np.ndarray:
 
 def eigenvalues(edges: Edges, n: int) -> np.ndarray:
     """Eigenvalues of the unit network without its rigid modes, rising."""
-    found = np.linalg.eigvalsh(stiffness_of(edges, n))
-    return found[found > 1e-9 * found[-1]]
+    result = np.linalg.eigvalsh(stiffness_of(edges, n))
+    return result[result > 1e-9 * result[-1]]
 
 
 def tune(edges: Edges, n: int, m: float, f: float, t60: float | None) -> tuple[float, float]:

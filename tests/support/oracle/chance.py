@@ -39,11 +39,11 @@ def body(scene: Scene, dice: Dice, count: int, *, even: bool = True) -> list[Mat
 
     mats: list[Mat] = []
     for i in range(count):
-        own, k = M * dice.between(0.5, 2.0), K * dice.between(0.0, 0.2)
+        single, k = M * dice.between(0.5, 2.0), K * dice.between(0.0, 0.2)
         if dice.chance(0.3):
-            mats.append(scene.cel(f"m{i}", M=own, K=k, Z=viscosity(k)))
+            mats.append(scene.cel(f"m{i}", M=single, K=k, Z=viscosity(k)))
         else:
-            mats.append(scene.mas(f"m{i}", M=own))
+            mats.append(scene.mas(f"m{i}", M=single))
     points = [scene.sol("g", X0=0.0), *mats]
     links = [(i, i + 1) for i in range(count)]
     for _ in range(dice.whole(0, 2)):
@@ -99,27 +99,27 @@ def scene(seed: int, *, even: bool = True) -> Scene:
     to stiffness, and bodies have enough masses to be cut out. Bodies of other scenes are also
     joined across.
     """
-    dice, made = Dice(seed), Scene()
+    dice, built = Dice(seed), Scene()
     all_mats: list[Mat] = []
     for i in range(dice.whole(1, 3)):
-        made.part(f"p{i}")
+        built.part(f"p{i}")
         met = dice.chance(0.6)
         if dice.chance(0.6):
-            mats = body(made, dice, dice.whole(4 if met and even else 1, 8), even=even)
+            mats = body(built, dice, dice.whole(4 if met and even else 1, 8), even=even)
         else:
-            mats = [cell(made, dice, "c")]
+            mats = [cell(built, dice, "c")]
         struck = mats[dice.whole(0, len(mats) - 1)]
         if met:
-            made.part(f"s{i}")
+            built.part(f"s{i}")
             by = key if dice.chance(0.4) else hammer
-            striker, gap = by(made, dice, f"s{i}")
-            meet(made, dice, striker, struck, i, gap=gap)
-            made.listen(f"s{i}", positions=[(striker, 1.0)])
+            striker, gap = by(built, dice, f"s{i}")
+            meet(built, dice, striker, struck, i, gap=gap)
+            built.listen(f"s{i}", positions=[(striker, 1.0)])
         if not met or dice.chance(0.3):
-            strikes(made, dice, mats)
-        made.listen(f"o{i}", positions=[(mats[-1], 1.0), (mats[0], dice.between(-1.0, 1.0))])
+            strikes(built, dice, mats)
+        built.listen(f"o{i}", positions=[(mats[-1], 1.0), (mats[0], dice.between(-1.0, 1.0))])
         all_mats += mats
     if not even and len(all_mats) > 1:
         a, b = all_mats[0], all_mats[-1]
-        made.ref("across", a, b, K=dice.by_ratio(10.0, 1e3), Z=dice.between(0.0, 0.1))
-    return made
+        built.ref("across", a, b, K=dice.by_ratio(10.0, 1e3), Z=dice.between(0.0, 0.1))
+    return built

@@ -17,9 +17,11 @@ def weights(order: int) -> list[Fraction]:
     middle.
     """
     middle = Fraction(2 * SIDE - 1, 2) if order == 1 else Fraction(SIDE)
-    at = [Fraction(i) - middle for i in range(2 * SIDE if order == 1 else 2 * SIDE + 1)]
+    index = [Fraction(i) - middle for i in range(2 * SIDE if order == 1 else 2 * SIDE + 1)]
     # Σ w·t^p is the derivative of t^p at 0, for every power p.
-    rows = [[t**p for t in at] + [Fraction(order if p == order else 0)] for p in range(len(at))]
+    rows = [
+        [t**p for t in index] + [Fraction(order if p == order else 0)] for p in range(len(index))
+    ]
     for i in range(len(rows)):  # Gauss and Jordan
         pivot = next(j for j in range(i, len(rows)) if rows[j][i])
         rows[i], rows[pivot] = rows[pivot], rows[i]

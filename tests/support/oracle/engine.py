@@ -20,11 +20,11 @@ def discrete(point: Point, T: float) -> tuple[float, float, float]:
     if point.ca and point.tuned is None:
         return point.K / point.M, point.Z / point.M, g
     sigma, omega2 = decay(point)
-    one_r = -math.expm1(-sigma * T)
-    r = 1.0 - one_r
+    single_r = -math.expm1(-sigma * T)
+    r = 1.0 - single_r
     half = 0.5 * T * math.sqrt(abs(omega2))
     turn = math.sin(half) if omega2 >= 0.0 else math.sinh(half)
-    kappa = one_r**2 + math.copysign(4.0 * r * turn**2, omega2)
+    kappa = single_r**2 + math.copysign(4.0 * r * turn**2, omega2)
     return kappa, -math.expm1(-2.0 * sigma * T), g
 
 
@@ -45,15 +45,15 @@ def backward(point: Point, T: float) -> float:
     u, v = point.X0 - point.rest, point.V0
     if omega2 > 0.0:
         omega = math.sqrt(omega2)
-        one_c = -math.expm1(s) + math.exp(s) * 2.0 * math.sin(0.5 * omega * T) ** 2
+        single_c = -math.expm1(s) + math.exp(s) * 2.0 * math.sin(0.5 * omega * T) ** 2
         sine = math.exp(s) * math.sin(omega * T) / omega
     elif omega2 < 0.0:
         omega = math.sqrt(-omega2)
-        one_c = -math.expm1(s) - math.exp(s) * 2.0 * math.sinh(0.5 * omega * T) ** 2
+        single_c = -math.expm1(s) - math.exp(s) * 2.0 * math.sinh(0.5 * omega * T) ** 2
         sine = math.exp(s) * math.sinh(omega * T) / omega
     else:
-        one_c, sine = -math.expm1(s), math.exp(s) * T
-    return u * one_c + sine * (v + sigma * u)
+        single_c, sine = -math.expm1(s), math.exp(s) * T
+    return u * single_c + sine * (v + sigma * u)
 
 
 def row_of(link: Link, scene: Scene, T: float) -> tuple[int, list[float]]:
@@ -225,16 +225,16 @@ def strike(scene, rate, mats, forces, column):
     linked = {i for link in scene.lias for i in (link.a, link.b)}
     key_parts = {scene.mats[m].part for m in scene.keys}
     hits = []
-    for mat, at, impulse, mass, speed in scene.strikes:
+    for mat, position, impulse, mass, speed in scene.strikes:
         point = scene.mats[mat]
-        whole = point.ca or point.part in key_parts
-        n = math.floor(at * rate + 0.5) if whole else math.floor(at * rate)
-        late = 0.0 if whole else at * rate - n
+        complete = point.ca or point.part in key_parts
+        n = math.floor(position * rate + 0.5) if complete else math.floor(position * rate)
+        late = 0.0 if complete else position * rate - n
         if not math.isnan(mass):
             struck = point.M * T * T if point.ca else point.M
             hits.append((float(n), float(mat), mass / struck, speed * T))
             continue
-        if point.cel and mat not in linked and not whole:
+        if point.cel and mat not in linked and not complete:
             sigma, omega2 = decay(point)
             omega, r = math.sqrt(omega2), math.exp(-sigma * T)
             gain = impulse / (T * T * omega)

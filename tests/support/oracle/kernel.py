@@ -72,12 +72,12 @@ def turned(v, gain, bound):
     """The step after `v` that gains `gain`, reduced by dry friction by at most `bound`."""
     if v == 0.0 and abs(gain) <= bound:
         return 0.0
-    way = 1.0 if (v > 0.0 or (v == 0.0 and gain > 0.0)) else -1.0
-    to = way * (v + gain) - bound
+    method = 1.0 if (v > 0.0 or (v == 0.0 and gain > 0.0)) else -1.0
+    to = method * (v + gain) - bound
     if to >= 0.0:
-        return way * to
-    before, after = way * gain - bound, way * gain + bound
-    return 0.0 if after >= 0.0 else way * to * after / before
+        return method * to
+    before, after = method * gain - bound, method * gain + bound
+    return 0.0 if after >= 0.0 else method * to * after / before
 
 
 @nb.njit

@@ -43,8 +43,8 @@ class Law:
 
     def values(self) -> list[float]:
         """Constants in the order of the kernel, padded to three."""
-        given = dict(self.constants)
-        return [given[name] for name in TABLE[self.name][3]] + [0.0] * (
+        arguments = dict(self.constants)
+        return [arguments[name] for name in TABLE[self.name][3]] + [0.0] * (
             3 - len(TABLE[self.name][3])
         )
 

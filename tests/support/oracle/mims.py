@@ -41,8 +41,8 @@ class Played:
     def values(self, texts: Sequence[str]) -> Callable[[], list[float]]:
         """Values at each step; computed once if there is no signal."""
         if not any(signal in text for signal in self.signals for text in texts):
-            found = [self.value(text) for text in texts]
-            return lambda: found
+            result = [self.value(text) for text in texts]
+            return lambda: result
         return lambda: [self.value(text) for text in texts]
 
     def force(self, m1: Mass, m2: Mass, f: float) -> None:
@@ -55,7 +55,7 @@ class Played:
 
     def proxy(self, name: str, along: Sequence[str]) -> Mass:
         kind, length, width, data = self.macros[name]
-        own = [0.0, 0.0, 0.0]
+        single = [0.0, 0.0, 0.0]
         places = self.weights(kind, length, width, [self.value(a) for a in along])
 
         def weights() -> list[tuple[int, float]]:
@@ -64,17 +64,17 @@ class Played:
             return self.weights(kind, length, width, [self.value(a) for a in along])
 
         def read() -> None:
-            before, own[0] = own[0], sum(w * data[i][0] for i, w in weights())
-            own[1] = own[0] - before
+            before, single[0] = single[0], sum(w * data[i][0] for i, w in weights())
+            single[1] = single[0] - before
 
         def spread() -> None:
             for i, w in weights():
-                data[i][2] += own[2] * w
-            own[2] = 0.0
+                data[i][2] += single[2] * w
+            single[2] = 0.0
 
         self.moves.append(read)
         self.spreads.append(spread)
-        return own
+        return single
 
     def weights(
         self, kind: str, length: int, width: int, at: Sequence[float]
@@ -98,39 +98,39 @@ def played(
     seconds: float,
     laws: str = "head",
     inputs: Mapping[str, Sequence[float]] | None = None,
-    given: Mapping[str, float] | None = None,
+    arguments: Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Outputs of a model (n_frames, n_out)."""
-    own = Played(dialect == "v1", laws, inputs or {})
-    rows = [_words(line, own.is_v1) for line in re.split(r"\r\n|\r|\n", text)]
+    single = Played(dialect == "v1", laws, inputs or {})
+    rows = [_words(line, single.is_v1) for line in re.split(r"\r\n|\r|\n", text)]
     rows = [row for row in rows if row]
     for name, word, *rest in rows:
         if word == "param":
-            own.params[name[1:]] = own.value(rest[0])
+            single.params[name[1:]] = single.value(rest[0])
         if word == "audioParam":
-            own.params[name[1:]], own.signals[name[1:]] = 0.0, rest[0].lstrip("@")
-    own.params |= given or {}
+            single.params[name[1:]], single.signals[name[1:]] = 0.0, rest[0].lstrip("@")
+    single.params |= arguments or {}
     for row in rows:
-        _matter(own, *row)
-    n_reads = len(own.moves)
+        _matter(single, *row)
+    n_reads = len(single.moves)
     for row in rows:
-        _links_and_ports(own, *row)
-    proxies, own.moves = own.moves[n_reads:], own.moves[:n_reads]
+        _links_and_ports(single, *row)
+    proxies, single.moves = single.moves[n_reads:], single.moves[:n_reads]
     frames = round(seconds * RATE)
-    sound = np.zeros((frames, max(own.outs)))
+    sound = np.zeros((frames, max(single.outs)))
     for n in range(frames):
-        for name, source in own.signals.items():
-            signal = own.inputs.get(source, ())
-            own.params[name] = signal[n] if n < len(signal) else 0.0
-        for read in own.reads:
+        for name, source in single.signals.items():
+            signal = single.inputs.get(source, ())
+            single.params[name] = signal[n] if n < len(signal) else 0.0
+        for read in single.reads:
             read(n)
-        for step in (*own.moves, *proxies, *own.pulls):
+        for step in (*single.moves, *proxies, *single.pulls):
             step()
-        for push in own.pushes:
+        for push in single.pushes:
             push(n)
-        for spread in own.spreads:
+        for spread in single.spreads:
             spread()
-        for channel, out in own.outs.items():
+        for channel, out in single.outs.items():
             sound[n, channel - 1] = out()
     return sound
 
@@ -196,11 +196,11 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
     if n == 1:
         pairs = [(i, i + 1) for i in range(length - 1)]
     else:
-        at = lambda i, j: i * width + j  # noqa: E731
+        position = lambda i, j: i * width + j  # noqa: E731
         for i in range(length):
-            pairs += [(at(i, j), at(i, j + 1)) for j in range(width - 1)]
+            pairs += [(position(i, j), position(i, j + 1)) for j in range(width - 1)]
         for i in range(length - 1):
-            pairs += [(at(i, j), at(i + 1, j)) for j in range(width)]
+            pairs += [(position(i, j), position(i + 1, j)) for j in range(width)]
     if word == "stiffString":
         low = 0 if own.laws == "2019" else -1
         clip = lambda i: min(max(i, 0), length - 1)  # noqa: E731
@@ -247,8 +247,8 @@ def _links_and_ports(own: Played, name: str, word: str, *rest: str) -> None:
 
             own.pushes.append(push)
         else:
-            at = 0 if word == "posOutput" else 2
-            own.outs[int(name[4:])] = lambda: m[0][at]
+            position = 0 if word == "posOutput" else 2
+            own.outs[int(name[4:])] = lambda: m[0][position]
     elif word in LAWS:
         (m1, m2), words = _ends(own, rest, 2)
         values = own.values([one.strip("[]") for one in words])
@@ -272,10 +272,12 @@ def _ends(own: Played, rest: Sequence[str], count: int) -> tuple[list[Mass], lis
         for point, place in zip(on, words[len(words) - len(on) :], strict=True):
             point += place.split(":")
         words = words[: len(words) - len(on)]
-    found = []
-    for at, *along in points:
-        found.append(own.proxy(at, along) if at in own.macros else own.masses[at])
-    return found, words
+    result = []
+    for position, *along in points:
+        result.append(
+            own.proxy(position, along) if position in own.macros else own.masses[position]
+        )
+    return result, words
 
 
 # --- laws: force over d = x1 - x2 and v, subtracted from m1 --------------------------------------

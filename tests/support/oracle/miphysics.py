@@ -24,39 +24,39 @@ def played(
     masses: list[tuple[str, dict[str, Any]]] = []
     links: list[tuple[str, dict[str, Any]]] = []
     for line in text.splitlines():
-        given: dict[str, Any] = dict(re.findall(r'([\w.]+)="([^"]*)"', line))
+        arguments: dict[str, Any] = dict(re.findall(r'([\w.]+)="([^"]*)"', line))
         tag = re.match(r"\s*<(\w+)", line)
         if tag is None:
             continue
         if tag[1] in _KINDS:
             kind = tag[1]
         elif tag[1] == "gravity":
-            gravity = float(given["gravity"])
+            gravity = float(arguments["gravity"])
         elif tag[1] == "friction":
-            friction = float(given["friction"])
+            friction = float(arguments["friction"])
         elif tag[1].startswith(("mass_", "interaction_")):
-            (masses if tag[1].startswith("mass_") else links).append((kind, given))
+            (masses if tag[1].startswith("mass_") else links).append((kind, arguments))
 
     def vector(given: dict[str, Any], name: str) -> list[float]:
         return [float(given.get(f"{name}.{axis}", 0.0)) for axis in "xyz"]
 
-    at = {given["name"]: i for i, (_, given) in enumerate(masses)}
-    x = np.array([vector(given, "initPos") for _, given in masses])
-    before = x - np.array([vector(given, "initVel") for _, given in masses]) / rate
+    index = {arguments["name"]: i for i, (_, arguments) in enumerate(masses)}
+    x = np.array([vector(arguments, "initPos") for _, arguments in masses])
+    before = x - np.array([vector(arguments, "initVel") for _, arguments in masses]) / rate
     moves = np.array([not kind.startswith("Ground") for kind, _ in masses])
-    of_z = np.array([kind.endswith("1D") for kind, _ in masses])
-    inverse = np.array([1.0 / float(given.get("mass", 1.0)) for _, given in masses])
-    tie = np.array([float(given.get("stiffness", 0.0)) for _, given in masses])
-    loss = np.array([float(given.get("damping", 0.0)) for _, given in masses]) + friction
+    from_z = np.array([kind.endswith("1D") for kind, _ in masses])
+    inverse = np.array([1.0 / float(arguments.get("mass", 1.0)) for _, arguments in masses])
+    tie = np.array([float(arguments.get("stiffness", 0.0)) for _, arguments in masses])
+    loss = np.array([float(arguments.get("damping", 0.0)) for _, arguments in masses]) + friction
     home = x.copy()
     home[[kind != "Osc1D" for kind, _ in masses]] = 0.0
-    a = np.array([at[given["m1"]] for _, given in links], int)
-    b = np.array([at.get(given["m2"], 0) for _, given in links], int)
+    a = np.array([index[arguments["m1"]] for _, arguments in links], int)
+    b = np.array([index.get(arguments["m2"], 0) for _, arguments in links], int)
     k, z, rest, plane = (
-        np.array([float(given.get(name, 0.0)) for _, given in links])
+        np.array([float(arguments.get(name, 0.0)) for _, arguments in links])
         for name in ("stiffness", "damping", "drest", "position")
     )
-    axis = np.array([int(given.get("orientation", 0)) for _, given in links], int)
+    axis = np.array([int(arguments.get("orientation", 0)) for _, arguments in links], int)
 
     def of(*wanted: str) -> np.ndarray:
         return np.array([one in wanted for one, _ in links], bool)
@@ -91,7 +91,7 @@ def played(
         new = (2.0 - inverse * (tie + loss))[:, None] * y - (1.0 - inverse * loss)[:, None] * past
         new += forces * inverse[:, None] + home
         new[:, 2] -= gravity
-        new[of_z, :2] = x[of_z, :2]
+        new[from_z, :2] = x[from_z, :2]
         new[~moves] = x[~moves]
         x, before = new, x
-    return {name: places[:, i] for name, i in at.items()}
+    return {name: places[:, i] for name, i in index.items()}

@@ -25,9 +25,9 @@ def free(x: Any, v: Any, lam: Any, z: Any, t: np.ndarray) -> np.ndarray:
 def modes(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """λ, z (n_modes), shapes of mass 1 (n_free, n_modes), and the MATs that move (n_free)."""
     M, K, Z = matrices(scene)
-    at = moving(scene)
-    root = np.sqrt(np.diag(M)[at])
-    stiffness, damping = (m[np.ix_(at, at)] / np.outer(root, root) for m in (K, Z))
+    position = moving(scene)
+    root = np.sqrt(np.diag(M)[position])
+    stiffness, damping = (m[np.ix_(position, position)] / np.outer(root, root) for m in (K, Z))
     _, shapes = np.linalg.eigh(stiffness)
     # ωt is large, so rounding of a low eigenvalue of a stiff body is visible. A Rayleigh quotient
     # in long double is insensitive to it.
@@ -37,30 +37,32 @@ def modes(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     between = shapes.T @ damping @ shapes
     z = np.diag(between).copy()
     assert np.abs(between - np.diag(z)).max() <= _PROPORTIONAL * max(np.abs(z).max(), 1e-300)
-    return lam.astype(float), z, shapes / root[:, None], at
+    return lam.astype(float), z, shapes / root[:, None], position
 
 
 def exact(scene: Scene, rate: float, n_frames: int) -> np.ndarray:
     """Positions (n_frames, n_mat) of a held linear scene of proportional damping."""
     M, K, _ = matrices(scene)
-    lam, z, shapes, at = modes(scene)
-    fixed = np.setdiff1d(np.arange(len(scene.mats)), at)
+    lam, z, shapes, position = modes(scene)
+    fixed = np.setdiff1d(np.arange(len(scene.mats)), position)
     x0 = np.array([p.X0 for p in scene.mats])
-    v0 = np.array([p.V0 for p in scene.mats])[at]
+    v0 = np.array([p.V0 for p in scene.mats])[position]
     push = np.array([p.K * p.rest for p in scene.mats])
     for link in scene.lias:
         push[link.a] -= link.K * link.offset
         push[link.b] += link.K * link.offset
-    rest = np.linalg.solve(K[np.ix_(at, at)], push[at] - K[np.ix_(at, fixed)] @ x0[fixed])
-    mass = np.diag(M)[at]
+    rest = np.linalg.solve(
+        K[np.ix_(position, position)], push[position] - K[np.ix_(position, fixed)] @ x0[fixed]
+    )
+    mass = np.diag(M)[position]
     t = np.arange(n_frames) / rate
-    q = free(shapes.T @ (mass * (x0[at] - rest)), shapes.T @ (mass * v0), lam, z, t)
-    slot = {int(mat): i for i, mat in enumerate(at)}
+    q = free(shapes.T @ (mass * (x0[position] - rest)), shapes.T @ (mass * v0), lam, z, t)
+    slot = {int(mat): i for i, mat in enumerate(position)}
     for mat, when, impulse, *_ in scene.strikes:
         if mat in slot:
             q += free(np.zeros(len(lam)), impulse * shapes[slot[mat]], lam, z, t - when)
     out = np.tile(x0, (n_frames, 1))
-    out[:, at] = rest + q @ shapes.T
+    out[:, position] = rest + q @ shapes.T
     return out
 
 
@@ -69,6 +71,6 @@ def heard(scene: Scene, x: np.ndarray) -> np.ndarray:
     assert all(kind != 1 for taps in scene.outs for kind, _, _ in taps), (
         "forces of links are not said"
     )
-    own = scene.mats
-    said = {0: lambda i: x[:, i], 2: lambda i: own[i].K * (x[:, i] - own[i].rest)}
-    return np.stack([sum(w * said[kind](i) for kind, i, w in taps) for taps in scene.outs], axis=1)
+    single = scene.mats
+    text = {0: lambda i: x[:, i], 2: lambda i: single[i].K * (x[:, i] - single[i].rest)}
+    return np.stack([sum(w * text[kind](i) for kind, i, w in taps) for taps in scene.outs], axis=1)

@@ -17,8 +17,8 @@ def plan(scene: Scene, rate: float, **wishes: Any) -> Any:
 def simulation(scene: Scene, rate: float, *, threads: int = 1, **wishes: Any) -> Any:
     """A fresh simulation of the scene by a plan."""
     network, timeline = scene.build(_core, rate)
-    found = _core.Plan(network, timeline, **wishes)
-    return _core.Simulation(network, timeline, plan=found, threads=threads)
+    result = _core.Plan(network, timeline, **wishes)
+    return _core.Simulation(network, timeline, plan=result, threads=threads)
 
 
 def render(scene: Scene, rate: float, n_frames: int, **wishes: Any) -> np.ndarray:

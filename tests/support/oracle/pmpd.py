@@ -80,23 +80,23 @@ def audio(text: str, n_frames: int, inputs: Mapping[int, Sequence[float]] = {}) 
                 mass["x"] = gain * inputs[number][n]
             elif what == "inForce":
                 mass["f"] += gain * inputs[number][n]
-        for one in links:
-            a, b = one["a"], one["b"]
-            F = one["K"] * (a["x"] - b["x"]) + one["D"] * (a["v"] - b["v"])
+        for item in links:
+            a, b = item["a"], item["b"]
+            F = item["K"] * (a["x"] - b["x"]) + item["D"] * (a["v"] - b["v"])
             a["f"] -= F
             b["f"] += F
-        for one in springs:
-            a, b = one["a"], one["b"]
-            L = a["x"] - b["x"] - one["L"]
-            if one["low"] < L < one["high"]:
-                F = one["K"] * _power(abs(L), one["P"])
-                F = (-F if L < 0.0 else F) + one["D"] * (a["v"] - b["v"])
+        for item in springs:
+            a, b = item["a"], item["b"]
+            L = a["x"] - b["x"] - item["L"]
+            if item["low"] < L < item["high"]:
+                F = item["K"] * _power(abs(L), item["P"])
+                F = (-F if L < 0.0 else F) + item["D"] * (a["v"] - b["v"])
                 a["f"] -= F
                 b["f"] += F
-        for one in masses:
-            one["v"] += one["f"] * one["w"]
-            one["f"] = 0.0
-            one["x"] += one["v"]
+        for item in masses:
+            item["v"] += item["f"] * item["w"]
+            item["f"] = 0.0
+            item["x"] += item["v"]
         for what, number, mass, gain in ports:
             if what.startswith("out"):
                 sound[n, number] += gain * mass["x" if what == "outPos" else "v"]
@@ -108,11 +108,11 @@ def audio(text: str, n_frames: int, inputs: Mapping[int, Sequence[float]] = {}) 
 
 def _read(place: float, values: Sequence[float]) -> float:
     sign = 1.0 if place > 0.0 else -1.0
-    at = abs(place) * len(values)
-    n = int(at)
+    position = abs(place) * len(values)
+    n = int(position)
     if n >= len(values) - 1:
         return sign * values[-1]
-    return sign * ((at - n) * values[n + 1] + (1.0 - (at - n)) * values[n])
+    return sign * ((position - n) * values[n + 1] + (1.0 - (position - n)) * values[n])
 
 
 def bangs(text: str, n_bangs: int) -> np.ndarray:
@@ -152,15 +152,15 @@ def bangs(text: str, n_bangs: int) -> np.ndarray:
             )
         elif word == "link":
             name, a, b, K, D, Pow, low, high = [*rest, *[0.0, 0.0, 1.0, -1e6, 1e6][len(rest) - 3 :]]
-            own = {"of": name, "K": K, "D": D, "P": Pow, "low": low, "high": high, "tabs": None}
-            join(a, b, own)
+            single = {"of": name, "K": K, "D": D, "P": Pow, "low": low, "high": high, "tabs": None}
+            join(a, b, single)
         elif word == "tabLink":
             name, a, b, k, k_long, d, d_long = rest
-            own = {"of": name, "K": 1.0, "D": 1.0, "low": -1e6, "high": 1e6}
-            join(a, b, {**own, "tabs": (k, k_long, d, d_long)})
+            single = {"of": name, "K": 1.0, "D": 1.0, "low": -1e6, "high": 1e6}
+            join(a, b, {**single, "tabs": (k, k_long, d, d_long)})
         elif word in ("setPos", "pos", "posX", "setPosX"):
-            for one in of(masses, rest[0]):
-                one |= {"x": rest[1], "v": 0.0, "f": 0.0}
+            for item in of(masses, rest[0]):
+                item |= {"x": rest[1], "v": 0.0, "f": 0.0}
         elif word in ("addPos", "force", "setForce", "setSpeed", "setDEnv"):
             key, is_sum = {
                 "addPos": ("x", True),
@@ -169,49 +169,49 @@ def bangs(text: str, n_bangs: int) -> np.ndarray:
                 "setSpeed": ("v", False),
                 "setDEnv": ("D", False),
             }[word]
-            for one in of(masses, rest[0]):
-                one[key] = rest[1] + is_sum * one[key]
+            for item in of(masses, rest[0]):
+                item[key] = rest[1] + is_sum * item[key]
         elif word == "setM":
-            for one in of(masses, rest[0]):
-                one["w"] = 1.0 / rest[1] if rest[1] > 0.0 else one["w"]
+            for item in of(masses, rest[0]):
+                item["w"] = 1.0 / rest[1] if rest[1] > 0.0 else item["w"]
         elif word in ("setFixed", "setMobile"):
-            for one in of(masses, rest[0]):
-                one["on"] = word == "setMobile"
+            for item in of(masses, rest[0]):
+                item["on"] = word == "setMobile"
         elif word in ("setK", "setD", "setPow", "setL", "addL"):
             key = {"setPow": "P", "addL": "L"}.get(word, word[3:])
-            for one in of(links, rest[0]):
-                one[key] = rest[1] + (one["L"] if word == "addL" else 0.0)
+            for item in of(links, rest[0]):
+                item[key] = rest[1] + (item["L"] if word == "addL" else 0.0)
         elif word == "reset":
             masses, links = [], []
         elif rest and rest[0] == "resize":
             arrays[word] = [*arrays.get(word, []), *[0.0] * int(rest[1])][: int(rest[1])]
         elif rest and isinstance(rest[0], float) and word not in ("pmpd",):
-            first, values, own_array = int(rest[0]), rest[1:], arrays.setdefault(word, [])
-            own_array += [0.0] * (first + len(values) - len(own_array))
-            own_array[first : first + len(values)] = values
+            first, values, single_array = int(rest[0]), rest[1:], arrays.setdefault(word, [])
+            single_array += [0.0] * (first + len(values) - len(single_array))
+            single_array[first : first + len(values)] = values
         else:
             assert word in ("pmpd", "bang", "print", "infosL") or word.startswith("mass"), word
     moved = np.zeros((n_bangs, len(masses)))
     for n in range(n_bangs):
-        for one in masses:
-            if one["on"]:
-                one["v"] += one["f"] * one["w"]
-                one["x"] += one["v"]
-                one["f"] = -one["D"] * one["v"]
-        for one in links:
-            a, b = one["a"], one["b"]
-            L, before = a["x"] - b["x"], one["before"]
-            if one["low"] <= L < one["high"] and L != 0.0:
-                if one["tabs"]:
-                    k, k_long, d, d_long = one["tabs"]
-                    F = one["D"] * _read((L - before) / d_long, arrays[d])
-                    F += one["K"] * _read(L / k_long, arrays[k])
+        for item in masses:
+            if item["on"]:
+                item["v"] += item["f"] * item["w"]
+                item["x"] += item["v"]
+                item["f"] = -item["D"] * item["v"]
+        for item in links:
+            a, b = item["a"], item["b"]
+            L, before = a["x"] - b["x"], item["before"]
+            if item["low"] <= L < item["high"] and L != 0.0:
+                if item["tabs"]:
+                    k, k_long, d, d_long = item["tabs"]
+                    F = item["D"] * _read((L - before) / d_long, arrays[d])
+                    F += item["K"] * _read(L / k_long, arrays[k])
                 else:
-                    F = one["D"] * (L - before)
-                    e = L - one["L"]
-                    F += one["K"] * (_power(e, one["P"]) if e >= 0.0 else -_power(-e, one["P"]))
+                    F = item["D"] * (L - before)
+                    e = L - item["L"]
+                    F += item["K"] * (_power(e, item["P"]) if e >= 0.0 else -_power(-e, item["P"]))
                 a["f"] -= F
                 b["f"] += F
-            one["before"] = L
-        moved[n] = [one["x"] for one in masses]
+            item["before"] = L
+        moved[n] = [item["x"] for item in masses]
     return moved

@@ -22,12 +22,12 @@ def played(
     rows = []
     waiting = []
     for line in text.splitlines():
-        said = re.sub(r"#.*|//.*", "", re.sub(r'"[^"]*"', "0", line)).strip()
-        if said.startswith("faustcode:"):
-            parts = said.removeprefix("faustcode:").split(";")
+        message = re.sub(r"#.*|//.*", "", re.sub(r'"[^"]*"', "0", line)).strip()
+        if message.startswith("faustcode:"):
+            parts = message.removeprefix("faustcode:").split(";")
             waiting += [part.split("=", 1) for part in parts if part.strip()]
-        elif said and not said.startswith(("audioout", "display")):
-            rows.append(said)
+        elif message and not message.startswith(("audioout", "display")):
+            rows.append(message)
 
     def value(expression: str) -> float:
         return float(eval(expression.replace("^", "**"), {"__builtins__": {}}, {**calls, **names}))
@@ -41,53 +41,53 @@ def played(
 
     masses: dict[str, tuple[str, list[float]]] = {}
     links: list[tuple[str, str, str, str, list[float]]] = []
-    for said in rows:
-        word, inside, outside = re.fullmatch(r"(\w+)\s*\((.*)\)\s*,(.*);", said).groups()  # type: ignore[union-attr]
+    for message in rows:
+        word, inside, outside = re.fullmatch(r"(\w+)\s*\((.*)\)\s*,(.*);", message).groups()  # type: ignore[union-attr]
         numbers = [value(one) for one in inside.split(",")] if inside.strip() else []
-        own, *ends = (one.strip() for one in outside.split(","))
+        item, *ends = (one.strip() for one in outside.split(","))
         if ends:
-            links.append((word, own, *ends, numbers))
+            links.append((word, item, *ends, numbers))
         else:
-            masses[own] = (word, numbers)
+            masses[item] = (word, numbers)
 
-    at = {name: i for i, name in enumerate(masses)}
+    index = {name: i for i, name in enumerate(masses)}
     kinds = [kind for kind, _ in masses.values()]
-    x = np.zeros(len(at))  # of the sample before
-    speed = np.zeros(len(at))
-    mobility = np.zeros(len(at))
+    x = np.zeros(len(index))  # of the sample before
+    speed = np.zeros(len(index))
+    mobility = np.zeros(len(index))
     for name, (kind, numbers) in masses.items():
         if kind == "mass":
-            mobility[at[name]] = 1.0 / (numbers[0] * FS * FS)
+            mobility[index[name]] = 1.0 / (numbers[0] * FS * FS)
     resonances = [
-        (at[name], [_resonance(*numbers[i : i + 3]) for i in range(0, len(numbers), 3)])
+        (index[name], [_resonance(*numbers[i : i + 3]) for i in range(0, len(numbers), 3)])
         for name, (kind, numbers) in masses.items()
         if kind == "resonators"
     ]
     states = {i: np.zeros((len(each), 2)) for i, each in resonances}
-    a = np.array([at[one[2]] for one in links], int)
-    b = np.array([at[one[3]] for one in links], int)
+    a = np.array([index[one[2]] for one in links], int)
+    b = np.array([index[one[3]] for one in links], int)
     k, R, o = (np.array([one[4][i] for one in links], float) for i in range(3))
     is_touch = np.array([one[0] == "touch" for one in links], bool)
     before = np.zeros(len(links))
-    places = np.empty((n_frames, len(at)))
+    places = np.empty((n_frames, len(index)))
     forces = np.empty((n_frames, len(links)))
     for n in range(n_frames):
         for name, samples in ports.items():
-            x[at[name]] = samples[n]
+            x[index[name]] = samples[n]
         apart = x[a] - x[b] - o
         force = k * apart + R * FS * (apart - before)
         force[is_touch & ~(apart > 0.0)] = 0.0
         before = apart
-        whole = np.zeros(len(at))
-        np.subtract.at(whole, a, force)
-        np.add.at(whole, b, force)
+        complete = np.zeros(len(index))
+        np.subtract.at(complete, a, force)
+        np.add.at(complete, b, force)
         start = (
             [(one[1][1], one[1][2]) if one[0] == "mass" else (0.0, 0.0) for one in masses.values()]
             if n == 0
             else []
         )
         x = x.copy()
-        speed = speed + whole * mobility
+        speed = speed + complete * mobility
         moving = np.array([kind == "mass" for kind in kinds])
         if n == 0:
             speed += np.array([v0 / FS for _, v0 in start])
@@ -96,20 +96,20 @@ def played(
             x[moving] += speed[moving]
         for name, (kind, numbers) in masses.items():
             if kind == "ground":
-                x[at[name]] = numbers[0]
+                x[index[name]] = numbers[0]
             elif kind == "port" and name not in ports:
-                x[at[name]] = 0.0
+                x[index[name]] = 0.0
         for i, each in resonances:
             old, new = states[i], np.empty_like(states[i])
             for row, (c, s, b1, b2) in enumerate(each):
                 w, u = old[row]
-                new[row] = c * w - s * u + b1 * whole[i], s * w + c * u + b2 * whole[i]
+                new[row] = c * w - s * u + b1 * complete[i], s * w + c * u + b2 * complete[i]
             states[i] = new
             x[i] = new[:, 0].sum()
         places[n] = x
         forces[n] = force
-    found = {name: places[:, i] for name, i in at.items()}
-    return found | {one[1]: forces[:, i] for i, one in enumerate(links)}
+    result = {name: places[:, i] for name, i in index.items()}
+    return result | {one[1]: forces[:, i] for i, one in enumerate(links)}
 
 
 def _resonance(f: float, t60: float, m: float) -> tuple[float, float, float, float]:

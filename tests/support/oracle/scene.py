@@ -91,24 +91,26 @@ class Scene:
         on: str,
         method: str,
         *args: Any,
-        made: Sequence[int] = (),
+        built: Sequence[int] = (),
         kind: str = "mat",
         **kw: Any,
     ) -> None:
-        self.calls.append((on, method, args, kw, list(made), kind))
+        self.calls.append((on, method, args, kw, list(built), kind))
 
     def _point(self, method: str, name: str, point: Point, **kw: Any) -> Mat:
         point.ca, point.part = self.ca, self.at_part
         self.mats.append(point)
         i = Mat(len(self.mats) - 1)
-        self._call("net", method, name, made=[i], **kw)
+        self._call("net", method, name, built=[i], **kw)
         return i
 
     def _link(self, method: str, name: str, link: Link, *args: Any, **kw: Any) -> Lia:
         link.ca = self.ca
         self.lias.append(link)
         j = Lia(len(self.lias) - 1)
-        self._call("net", method, name, Mat(link.a), Mat(link.b), *args, made=[j], kind="lia", **kw)
+        self._call(
+            "net", method, name, Mat(link.a), Mat(link.b), *args, built=[j], kind="lia", **kw
+        )
         return j
 
     def part(self, name: str, *, ca_rate: float | None = None) -> None:
@@ -162,7 +164,7 @@ class Scene:
         self.mats += [Point(M=m, ca=self.ca, part=self.at_part) for _ in range(count)]
         if any(i < 0 for i, _, _ in edges):
             self.mats.append(Point(M=np.inf, ca=self.ca, part=self.at_part))
-        made = [Mat(first + i) for i in range(count)]
+        built = [Mat(first + i) for i in range(count)]
         for i, j, s in edges:
             a = first + (i if i >= 0 else count)
             law = Law("cubic", (("k", s * k), ("q", q), ("z", z * s))) if q else None
@@ -172,9 +174,9 @@ class Scene:
         # The core may number a plate's masses differently: only its centre is the same there.
         kind = "centre" if method == "plate" else "mat"
         self._call(
-            "net", method, name, made=made[:1] if kind == "centre" else made, kind=kind, **kw
+            "net", method, name, built=built[:1] if kind == "centre" else built, kind=kind, **kw
         )
-        return made
+        return built
 
     def ref(
         self, name: str, a: Mat, b: Mat, *, K: float = 0.0, Z: float = 0.0, rest: float = 0.0
@@ -182,9 +184,14 @@ class Scene:
         return self._link("ref", name, Link("ref", a, b, K, Z, rest), K=K, Z=Z, rest=rest)
 
     def but(self, name: str, a: Mat, b: Mat, *, K: float, contact: str = "plain", **kw: Any) -> Lia:
-        given = dict(kw)
+        arguments = dict(kw)
         link = Link(
-            {"plain": "but"}.get(contact, contact), a, b, K, offset=given.pop("gap", 0.0), **given
+            {"plain": "but"}.get(contact, contact),
+            a,
+            b,
+            K,
+            offset=arguments.pop("gap", 0.0),
+            **arguments,
         )
         return self._link("but", name, link, K=K, contact=contact, **kw)
 
@@ -254,9 +261,11 @@ class Scene:
         mass: float | None = None,
         speed: float | None = None,
     ) -> None:
-        given = {"impulse": impulse, "mass": mass, "speed": speed}
-        self.strikes.append((int(mat), at, *(np.nan if v is None else v for v in given.values())))
-        self._call("time", "strike", mat, at, **given)
+        arguments = {"impulse": impulse, "mass": mass, "speed": speed}
+        self.strikes.append(
+            (int(mat), at, *(np.nan if v is None else v for v in arguments.values()))
+        )
+        self._call("time", "strike", mat, at, **arguments)
 
     def drive(
         self,
@@ -274,8 +283,8 @@ class Scene:
             self._call("net", "impose", mat)
         value = constant
         self.drives.append((int(mat), kind, curve or (lambda t: np.full(len(t), value))))
-        given = {"constant": constant} if constant is not None else kw
-        self._call("time", "drive", mat, kind, **given)
+        arguments = {"constant": constant} if constant is not None else kw
+        self._call("time", "drive", mat, kind, **arguments)
 
     # --- the same in the core ---
 
@@ -299,7 +308,7 @@ class Scene:
         for on in ("net", "time"):
             if on == "time":
                 timeline = core.Timeline(network, rate)
-            for where, method, args, kw, made, kind in self.calls:
+            for where, method, args, kw, built, kind in self.calls:
                 if where != on:
                     continue
                 target = network if on == "net" else timeline
@@ -307,9 +316,9 @@ class Scene:
                     *(told(v) for v in args), **{k: told(v) for k, v in kw.items()}
                 )
                 if kind == "centre":
-                    index["mat", made[0]] = network.centre(first)
+                    index["mat", built[0]] = network.centre(first)
                     continue
-                for i, handle in enumerate(made):
+                for i, handle in enumerate(built):
                     index[kind, handle] = first + i
         self.core_index = {i: c for (kind, i), c in index.items() if kind == "mat"}
         return network, timeline

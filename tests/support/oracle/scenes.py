@@ -54,7 +54,7 @@ def whole(seconds: float = 1.0) -> Scene:
     """Two coupled keys, a bell, a string under a felt, a hard plate, an old cell, eight cells."""
     scene = Scene()
     scene.part("k1")
-    one = scene.cel("m", M=0.4, K=60.0, Z=1.2)
+    first = scene.cel("m", M=0.4, K=60.0, Z=1.2)
     scene.part("k2")
     two = scene.cel("m", M=0.3, K=90.0, Z=0.8)
     scene.part("bell")
@@ -73,22 +73,22 @@ def whole(seconds: float = 1.0) -> Scene:
     scene.dry("felt", floor, sky[1], F=2e-4, static=3e-4, speed=1e-3)
     scene.dry("rub", sky[2], sky[3], F=1e-4, speed=1e-3)
     scene.part("links")
-    hit = scene.but("hit", one, bell, K=900.0, Z=0.1, gap=1e-3)
-    felt = scene.but("felt", two, mats[9], K=3e5, exponent=1.5, Z=0.05, gap=5e-4)
+    hit = scene.but("hit", first, bell, K=900.0, Z=0.1, gap=1e-3)
+    forces = scene.but("felt", two, mats[9], K=3e5, exponent=1.5, Z=0.05, gap=5e-4)
     # A small Z: the oracle multiplies it by a difference of positions, which rounds at 1e-18 m.
-    push = scene.but("push", one, centre, K=600.0, gap=2e-3, clamp=True, Z=0.02)
+    push = scene.but("push", first, centre, K=600.0, gap=2e-3, clamp=True, Z=0.02)
     hook = scene.but("hook", two, old, K=300.0, gap=5e-4, side="above")
-    scene.ref("duet", one, two, K=40.0, Z=0.2)
-    scene.listen("keys", positions=[(one, 1.0), (two, -1.0)])
+    scene.ref("duet", first, two, K=40.0, Z=0.2)
+    scene.listen("keys", positions=[(first, 1.0), (two, -1.0)])
     for name, mat in (("bell", bell), ("left", mats[4]), ("right", mats[15])):
         scene.listen(name, positions=[(mat, 1.0)])
     scene.listen("gong", positions=[(centre, 1.0)])
     scene.listen("old", positions=[(old, 1.0)])
     scene.listen("sky", ground_forces=[(mat, 1.0 / (1 + i)) for i, mat in enumerate(sky)])
-    for name, link in (("hit", hit), ("felt", felt), ("push", push)):
+    for name, link in (("hit", hit), ("felt", forces), ("push", push)):
         scene.listen(name, forces=[(link, 1.0)])
     scene.listen("hook", forces=[(hook, 1.0), (rub, 0.5)])
-    ada, remi = scene.key("k1", one), scene.key("k2", two)
+    ada, remi = scene.key("k1", first), scene.key("k2", two)
     # Both gestures end with the compared second. A released key keeps the last rounding of its path
     # as a speed of 1e-17 m a sample, and so drifts by 1e-14 m.
     scene.gesture(ada, [0.0, 0.2, 0.4, 1.0], [0.0, 6e-3, 1e-3, 0.0], SMOOTH[:4])

@@ -77,10 +77,10 @@ fn a_released_cell_moves_as_the_matrix_exponential() {
             } else {
                 flow(1.0, k, z, t, 1.0, 0.0).0
             };
-            let found = cell.released(t);
+            let result = cell.released(t);
             assert!(
-                (found - exact).abs() < 1e-12,
-                "{k} {z} {t}: {found} {exact}"
+                (result - exact).abs() < 1e-12,
+                "{k} {z} {t}: {result} {exact}"
             );
         }
     }

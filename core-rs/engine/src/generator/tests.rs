@@ -173,9 +173,9 @@ fn a_large_gong_matches_arpack() {
         (0..run.len).map(|i| ((run.a + i, 1.0), Some((run.b + i, 1.0)), run.factor))
     });
     let springs = crate::spectrum::springs::Springs::new(gong.n_mat, links.collect());
-    let found = crate::spectrum::lowest_modes(&springs, 7);
-    assert!(found.is_certified && found.modes[0].lambda.abs() < 1e-13);
-    let modes = &found.modes[1..];
+    let result = crate::spectrum::lowest_modes(&springs, 7);
+    assert!(result.is_certified && result.modes[0].lambda.abs() < 1e-13);
+    let modes = &result.modes[1..];
     let expected = [
         0.001_767_593_317_852,
         0.001_767_593_317_852,
@@ -261,9 +261,9 @@ fn discrete_tuning_gives_the_pole() {
         .vector;
     let (mut x, mut last) = (shape.clone(), shape);
     let (mut elastic, mut viscous) = (vec![0.0; 12], vec![0.0; 12]);
-    let mut heard = Vec::new();
+    let mut listened = Vec::new();
     for _ in 0..4 {
-        heard.push(x[5]);
+        listened.push(x[5]);
         let delta: Vec<f64> = x.iter().zip(&last).map(|(x, last)| x - last).collect();
         string.apply(&x, &mut elastic);
         string.apply(&delta, &mut viscous);
@@ -273,7 +273,7 @@ fn discrete_tuning_gives_the_pole() {
         }
     }
     // x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1], solved for κ and ζ from four samples.
-    let (a, b, c, d) = (heard[0], heard[1], heard[2], heard[3]);
+    let (a, b, c, d) = (listened[0], listened[1], listened[2], listened[3]);
     let (p, q) = (
         (b * c - a * d) / (b * b - a * c),
         (c * c - b * d) / (b * b - a * c),

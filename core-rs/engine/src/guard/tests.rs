@@ -99,10 +99,10 @@ fn what_links_have_stiffened_by_bounds_lambda() {
 
 #[test]
 fn laws_say_how_far_they_may_be_stretched() {
-    let near = |found: f64, expected: f64| {
+    let near = |result: f64, expected: f64| {
         assert!(
-            found <= expected && found > expected / 1.05,
-            "{found} {expected}"
+            result <= expected && result > expected / 1.05,
+            "{result} {expected}"
         );
     };
     near(law("2e4*d + 1e10*d**3").stiffens_beyond(5e4), 1e-3);

@@ -62,12 +62,12 @@ fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
         let (over, under) = (moved(by), moved(-by));
         let differences = over.iter().zip(&under).map(|(a, b)| (a - b) / (2.0 * by));
         let differences: Vec<f64> = differences.collect();
-        let own: Vec<f64> = jacobian[column..]
+        let single: Vec<f64> = jacobian[column..]
             .iter()
             .step_by(columns.len())
             .copied()
             .collect();
-        differs(&own, &differences) / rms(differences.into_iter())
+        differs(&single, &differences) / rms(differences.into_iter())
     };
     // Wide differences include turns that appear or vanish, narrow ones suffer from rounding; one of the three is
     // accurate.
@@ -229,7 +229,7 @@ fn derivatives_with_respect_to_forces_equal_differences() {
         .map(|n| if (n / 170) % 2 == 0 { 0.5 } else { -0.7 } + 0.2 * f64::from(n % 3))
         .collect();
     let ticks: Vec<usize> = (0..20).map(|i| 40 + 97 * i).collect();
-    let found = key.force_derivatives(&force, 1000.0, None, &ticks).unwrap();
+    let result = key.force_derivatives(&force, 1000.0, None, &ticks).unwrap();
     let by = 1e-6;
     for (column, &tick) in ticks.iter().enumerate() {
         let path = |by: f64| {
@@ -241,8 +241,8 @@ fn derivatives_with_respect_to_forces_equal_differences() {
         let (mut error, mut size) = (0.0, 0.0);
         for n in 0..force.len() {
             let wide = (more[n] - less[n]) / (2.0 * by);
-            let own = found[n * ticks.len() + column];
-            error += (wide - own) * (wide - own);
+            let single = result[n * ticks.len() + column];
+            error += (wide - single) * (wide - single);
             size += wide * wide;
         }
         assert!(error < 1e-8 * size, "{tick}: {error} {size}");

@@ -30,14 +30,14 @@ fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
 
 /// The reference: evaluates a tree without compiling it.
 fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
-    let of = |node| walk(tree, node, d, v);
+    let source = |node| walk(tree, node, d, v);
     match tree.nodes[node] {
         Node::Number(value) | Node::Open(_, value) => value,
         Node::Elongation => d,
         Node::Rate => v,
-        Node::Unary(operation, a) => operation.of(of(a)),
-        Node::Binary(operation, a, b) => operation.of(of(a), of(b)),
-        Node::Where(c, a, b) => choose(of(c), of(a), of(b)),
+        Node::Unary(operation, a) => operation.of(source(a)),
+        Node::Binary(operation, a, b) => operation.of(source(a), source(b)),
+        Node::Where(c, a, b) => choose(source(c), source(a), source(b)),
     }
 }
 
@@ -300,13 +300,13 @@ fn trees() -> impl Strategy<Value = String> {
     leaf.prop_recursive(6, 100, 3, |inner| {
         let infix = prop::sample::select(vec!["+", "-", "*", "/", "**"]);
         let compare = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
-        let one = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
+        let first = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
         let two = prop::sample::select(vec!["min", "max"]);
         let pair = (inner.clone(), inner.clone());
         prop_oneof![
             (pair.clone(), infix).prop_map(|((a, b), s)| format!("({a}){s}{b}")),
             (pair.clone(), compare).prop_map(|((a, b), s)| format!("(({a}) {s} ({b}))")),
-            (inner.clone(), one).prop_map(|(a, f)| format!("{f}({a})")),
+            (inner.clone(), first).prop_map(|(a, f)| format!("{f}({a})")),
             (pair, two).prop_map(|((a, b), f)| format!("{f}({a}, {b})")),
             (inner.clone(), 0u32..9).prop_map(|(a, n)| format!("({a})**{n}")),
             (inner.clone(), inner.clone(), inner)

@@ -80,9 +80,9 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
     network
         .spring("by", first + 1, first + 3, 5.0, 0.0, 0.0)
         .unwrap();
-    let own = network.part_alone(1, &[]);
-    assert_eq!(own.mats, (1..=6).collect::<Vec<_>>());
-    let alone = own.network;
+    let single = network.part_alone(1, &[]);
+    assert_eq!(single.mats, (1..=6).collect::<Vec<_>>());
+    let alone = single.network;
     assert_eq!(alone.mat_name(3), "key.s.3");
     // Five links of the string, `in` and `by`; `out` leads to another part.
     assert_eq!((alone.n_mat(), alone.n_lia()), (6, 7));
@@ -92,9 +92,9 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
         .collect();
     assert_eq!(rules[..6], [Some(rate); 6]);
     assert_eq!(rules[6], None, "a physical link stays one");
-    let kept = run_of(5);
-    assert_eq!((kept.k, kept.z, kept.rest), (0.1, 0.2, 0.3));
-    assert_eq!((kept.a, kept.b), (0, 2));
+    let saved = run_of(5);
+    assert_eq!((saved.k, saved.z, saved.rest), (0.1, 0.2, 0.3));
+    assert_eq!((saved.a, saved.b), (0, 2));
     assert_eq!(network.link_name(inner), "key.in");
     let degrees: Vec<u32> = (0..6).map(|i| alone.degree(i)).collect();
     assert_eq!(degrees, [3, 3, 3, 3, 1, 1]);

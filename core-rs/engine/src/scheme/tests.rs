@@ -119,12 +119,12 @@ fn oversampling_suffices_and_less_does_not() {
             .spring("l", mass, fixed, k * m / (t * t), 0.0, 0.0)
             .unwrap();
         let (_, _, factor) = unstable(&network);
-        let at = |factor: u32| {
+        let position = |factor: u32| {
             let rate = Rate::new(HERTZ * f64::from(factor)).unwrap();
             Scheme::new(&network, rate).unwrap().certify(&network)
         };
         assert!(
-            at(factor).is_ok() && at(factor - 1).is_err(),
+            position(factor).is_ok() && position(factor - 1).is_err(),
             "{k}: {factor}"
         );
     }

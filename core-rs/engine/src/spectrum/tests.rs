@@ -12,9 +12,9 @@ fn matrix(n: usize, springs: &Springs) -> springs::Springs {
 
 /// The lowest modes; the inertia of the matrix confirms that none is missing.
 fn certified(n: usize, springs: &Springs, count: usize) -> Vec<Mode> {
-    let found = lowest_modes(&matrix(n, springs), count);
-    assert!(found.is_certified);
-    found.modes
+    let result = lowest_modes(&matrix(n, springs), count);
+    assert!(result.is_certified);
+    result.modes
 }
 
 /// Springs (a, b, k); `None` for b is the ground.
@@ -140,9 +140,9 @@ fn modes_of_a_string_and_of_a_membrane() {
             springs.push((i - side, Some(i), 1.0));
         }
     }
-    let one = |i: usize| of_sine(i as f64 * PI / (2.0 * side as f64));
+    let single = |i: usize| of_sine(i as f64 * PI / (2.0 * side as f64));
     let mut closed: Vec<f64> = (0..side * side)
-        .map(|i| one(i / side) + one(i % side))
+        .map(|i| single(i / side) + single(i % side))
         .collect();
     closed.sort_by(f64::total_cmp);
     let null = [vec![1.0; side * side]];
@@ -262,17 +262,17 @@ fn what_is_beyond_a_bound_is_known_after_a_few_steps() {
             y[i] = 2.0 * v[i] - before - after;
         }
     };
-    let whole = largest(n, &mut row);
+    let complete = largest(n, &mut row);
     let beyond = largest_up_to(n, &mut row, 3.0);
-    assert!(beyond.theta >= 3.0 && beyond.theta <= whole.theta);
+    assert!(beyond.theta >= 3.0 && beyond.theta <= complete.theta);
     assert!(
-        beyond.steps <= 5 && whole.steps > 50,
+        beyond.steps <= 5 && complete.steps > 50,
         "{} of {}",
         beyond.steps,
-        whole.steps
+        complete.steps
     );
     // If the bound is not reached, the eigenvalue is found as exactly as without it.
-    assert_eq!(largest_up_to(n, &mut row, 4.0), whole);
+    assert_eq!(largest_up_to(n, &mut row, 4.0), complete);
 }
 
 /// Eigenvalues, and squares of coordinates, against nalgebra's; one matrix has equal eigenvalues.
@@ -351,12 +351,12 @@ fn modes_that_lie_near_each_other_are_found_once_each() {
 fn what_is_no_mode_or_one_twice_is_not_certified() {
     let alone: Springs = (0..5).map(|i| (i, None, 1.0 + i as f64)).collect();
     let springs = matrix(5, &alone);
-    let found = lowest_modes(&springs, 4).modes;
-    assert!(are_modes(&springs, &found));
-    let mut twice = found.clone();
+    let result = lowest_modes(&springs, 4).modes;
+    assert!(are_modes(&springs, &result));
+    let mut twice = result.clone();
     twice[2] = twice[1].clone();
     assert!(!are_modes(&springs, &twice));
-    let mut other = found;
+    let mut other = result;
     other[2].vector = other[3].vector.clone();
     assert!(!are_modes(&springs, &other));
 }

@@ -58,10 +58,10 @@ fn fades_lie_on_the_grid_and_never_jump() {
             assert_eq!(open[open.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
             // C1: the second difference of 3u² − 2u³ is at most 6/fade² per frame, and twice that where two fades meet.
             for three in open.windows(3) {
-                let bend = three[2] - 2.0 * three[1] + three[0];
+                let curvature = three[2] - 2.0 * three[1] + three[0];
                 assert!(
-                    bend.abs() <= 12.0 / (fade * fade) + 1e-15,
-                    "{hertz} {start}: {bend}"
+                    curvature.abs() <= 12.0 / (fade * fade) + 1e-15,
+                    "{hertz} {start}: {curvature}"
                 );
             }
         }
@@ -173,14 +173,16 @@ fn an_instant_falls_on_the_nearest_frame() {
 #[test]
 fn a_strike_keeps_its_impulse_and_its_instant() {
     let network = network();
-    for at in [0.0, 0.25, 0.5, 7.999_9] {
+    for position in [0.0, 0.25, 0.5, 7.999_9] {
         let mut timeline = timeline(1_000.0);
-        timeline.strike(&network, 0, at * 1e-3, 2e-3, 9).unwrap();
+        timeline
+            .strike(&network, 0, position * 1e-3, 2e-3, 9)
+            .unwrap();
         let pushes = pushes(&network, &timeline, |_| true);
         let sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
         assert!((sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
         let moment = sum(&|push| push.force * push.frame as f64) * 1e-3;
-        assert!((moment - 2e-3 * at).abs() < 1e-14, "{at}");
+        assert!((moment - 2e-3 * position).abs() < 1e-14, "{position}");
         // One recorded impulse per strike, however it is split.
         assert_eq!(pushes.iter().filter(|push| push.impulse != 0.0).count(), 1);
     }
@@ -206,12 +208,12 @@ fn on_a_key_and_under_ca_a_strike_is_one_step() {
 fn a_strike_that_is_none_is_refused() {
     let network = network();
     let mut timeline = timeline(44_100.0);
-    for at in [-1e-9, f64::NAN, f64::INFINITY] {
+    for position in [-1e-9, f64::NAN, f64::INFINITY] {
         assert!(matches!(
-            timeline.strike(&network, 0, at, 1.0, 0),
+            timeline.strike(&network, 0, position, 1.0, 0),
             Err(StrikeError::Before(_))
         ));
-        assert!(timeline.ergon(&network, 0, at, 1.0, 1.0, 0).is_err());
+        assert!(timeline.ergon(&network, 0, position, 1.0, 1.0, 0).is_err());
     }
     assert!(timeline.strike(&network, 0, 0.0, f64::NAN, 0).is_err());
     for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {

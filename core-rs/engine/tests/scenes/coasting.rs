@@ -86,14 +86,14 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
         weight: 1.0,
     };
     network.listen("force", vec![force]).unwrap();
-    for (mat, at, impulse) in [
+    for (mat, instant, impulse) in [
         (9, 0.2, 3e-3),
         (hammer, 0.3, 4e-3),
         (hammer, 0.300_01, 4e-3),
         (reed, 0.31, 1e-3),
         (9, 0.45, -2e-3),
     ] {
-        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+        timeline.strike(&network, mat, instant, impulse, 0).unwrap();
     }
     planned(network, &timeline, contacts)
 }
@@ -106,8 +106,8 @@ fn played(plan: &Arc<Plan>, blocks: &[usize]) -> (Vec<u64>, String) {
     };
     let mut simulation = Simulation::planned(plan.clone(), options).unwrap();
     let sound = play(&mut simulation, N, blocks);
-    let told = format!("{:?} {:?}", simulation.reports(), simulation.positions());
-    (sound, told)
+    let output = format!("{:?} {:?}", simulation.reports(), simulation.positions());
+    (sound, output)
 }
 
 #[test]
@@ -115,14 +115,14 @@ fn frames_that_are_passed_over_are_those_one_by_one() {
     let cases = [2e-2, 0.4].into_iter();
     for (below, contacts) in cases.flat_map(|below| CONTACTS.map(|contacts| (below, contacts))) {
         let plan = plan(below, contacts);
-        let one_by_one = played(&plan, &[1]);
-        let touches = one_by_one.0.chunks(3).map(|frame| frame[2] << 1 != 0);
+        let single_by_one = played(&plan, &[1]);
+        let touches = single_by_one.0.chunks(3).map(|frame| frame[2] << 1 != 0);
         let (closed, open) = touches.fold((0, 0), |(closed, open), is_closed| {
             (closed + i32::from(is_closed), open + i32::from(!is_closed))
         });
         assert!(closed > 20 && open > 10_000, "{closed} {open}");
-        assert!(played(&plan, &[N]) == one_by_one);
-        assert!(played(&plan, &[2, 63, 7, 64, 300]) == one_by_one);
+        assert!(played(&plan, &[N]) == single_by_one);
+        assert!(played(&plan, &[2, 63, 7, 64, 300]) == single_by_one);
     }
 }
 
@@ -155,15 +155,15 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
         weight: 1.0,
     });
     network.listen("harp", terms.to_vec()).unwrap();
-    let own = timeline.key("k", key);
-    for (at, touch, ergons) in [
+    let single = timeline.key("k", key);
+    for (position, touch, ergons) in [
         (0.05, Touch::Open, Ergons::Event),
         (0.2, Touch::Tracked, Ergons::Event),
         (0.35, Touch::Open, Ergons::Particle),
         (0.431, Touch::Open, Ergons::Event),
     ] {
         let written = Written {
-            t: &[at, at + 0.04, at + 0.08],
+            t: &[position, position + 0.04, position + 0.08],
             x: &[0.0, 6e-3, 0.0],
             approaches: &[Approach::Path(Curve::Smooth); 3],
             sources: &[],
@@ -173,11 +173,13 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
             ergons,
             ..Manner::OPEN
         };
-        let gesture = Gesture::written(own, &written, manner).unwrap();
+        let gesture = Gesture::written(single, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
-    for (mat, at, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
-        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+    for (mat, position, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
+        timeline
+            .strike(&network, mat, position, impulse, 0)
+            .unwrap();
     }
     planned(network, &timeline, contacts)
 }
@@ -187,8 +189,8 @@ fn frames_between_the_gestures_of_a_key_are_passed_over_too() {
     let cases = [7e-3, 1e-4].into_iter();
     for (gap, contacts) in cases.flat_map(|gap| CONTACTS.map(|contacts| (gap, contacts))) {
         let plan = keyed(gap, contacts);
-        let one_by_one = played(&plan, &[1]);
-        assert!(played(&plan, &[N]) == one_by_one);
-        assert!(played(&plan, &[2, 63, 7, 44, 300]) == one_by_one);
+        let single_by_one = played(&plan, &[1]);
+        assert!(played(&plan, &[N]) == single_by_one);
+        assert!(played(&plan, &[2, 63, 7, 44, 300]) == single_by_one);
     }
 }

@@ -89,8 +89,8 @@ fn taken_over_and_damped() {
             let mut playing = Simulation::planned(versions[0].clone(), by(threads)).unwrap();
             let mut all = play(&mut playing, N, blocks);
             for plan in &versions[1..] {
-                let (plan, at) = (plan.clone(), playing.frame());
-                let mut new = Simulation::planned_from(plan, by(threads), at).unwrap();
+                let (plan, position) = (plan.clone(), playing.frame());
+                let mut new = Simulation::planned_from(plan, by(threads), position).unwrap();
                 let mut takeover = Takeover::new(&playing, &new);
                 assert!(new.take_over(&mut playing, &mut takeover));
                 playing = new;

@@ -31,8 +31,8 @@ fn t60(simulation: &mut Simulation, output: usize, apart: f64) -> f64 {
 fn level(simulation: &mut Simulation, output: usize) -> f64 {
     let mut sound = vec![0.0; (0.05 * RATE) as usize * simulation.n_out()];
     simulation.process(&mut sound).unwrap();
-    let own = sound.iter().skip(output).step_by(simulation.n_out());
-    10.0 * ergon_engine::maths::log10(own.map(|x| x * x).sum::<f64>())
+    let single = sound.iter().skip(output).step_by(simulation.n_out());
+    10.0 * ergon_engine::maths::log10(single.map(|x| x * x).sum::<f64>())
 }
 
 /// The additional damping adds to the own damping, for each method and frequency, until it is changed or another
@@ -42,13 +42,16 @@ fn an_extra_viscosity_adds_up() {
     let damping = 0.8;
     let ln_1000 = 6.907_755_278_982_137;
     // Damping in proportion to mass: all modes of these bodies have the same decay time.
-    let own = 2.0;
+    let single = 2.0;
     let mut network = Network::new();
     // The last pitch is 1/16 of the rate: every eighth frame has the same phase, up to its sign.
     let pitches = [220.0, 3_000.0, 2_756.25];
     for (i, f) in pitches.into_iter().enumerate() {
         network.part(&format!("bell{i}"), None);
-        let tie = Tie::Tuned { f, t60: Some(own) };
+        let tie = Tie::Tuned {
+            f,
+            t60: Some(single),
+        };
         let m = network.cel("m", 2e-3, tie, 0.0, 1e-3, 0.0).unwrap();
         let term = Term::Position {
             first: m,
@@ -73,7 +76,7 @@ fn an_extra_viscosity_adds_up() {
         }
         let first = network.n_mat();
         for i in 0..12 {
-            let z = 2.0 * ln_1000 / own * 2e-3;
+            let z = 2.0 * ln_1000 / single * 2e-3;
             let k = if i == 0 || i == 11 { 4e3 } else { 0.0 };
             let tie = Tie::Physical { k, z };
             let x0 = if i == 5 { 1e-4 } else { 0.0 };
@@ -98,7 +101,7 @@ fn an_extra_viscosity_adds_up() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
-    let both = 1.0 / (1.0 / own + 1.0 / damping);
+    let both = 1.0 / (1.0 / single + 1.0 / damping);
     let budgets = [
         Budget::default(),
         Budget::Method(Method::Ca),
@@ -113,19 +116,19 @@ fn an_extra_viscosity_adds_up() {
         for output in 0..start.n_out() {
             let mut simulation = start.fork();
             simulation.damp(Some(damping));
-            let found = t60(&mut simulation, output, 0.5);
+            let result = t60(&mut simulation, output, 0.5);
             assert!(
-                (found / both - 1.0).abs() < 0.02,
-                "{budget:?} {output}: {found} {both}"
+                (result / both - 1.0).abs() < 0.02,
+                "{budget:?} {output}: {result} {both}"
             );
             let from = simulation.frame();
             let mut next = Simulation::planned_from(plan.clone(), plain(), from).unwrap();
             let mut takeover = Takeover::new(&simulation, &next);
             assert!(next.take_over(&mut simulation, &mut takeover));
-            let found = t60(&mut next, output, 0.5);
+            let result = t60(&mut next, output, 0.5);
             assert!(
-                (found / own - 1.0).abs() < 0.02,
-                "{budget:?} {output}: {found} {own} after"
+                (result / single - 1.0).abs() < 0.02,
+                "{budget:?} {output}: {result} {single} after"
             );
         }
         // Everything that sounded is 60 dB down soon after the decay time that was set.

@@ -136,9 +136,11 @@ fn nothing_moves_a_muted_part() {
     timeline
         .drive(mass, DriveKind::Force, Source::Constant(1.0), true)
         .unwrap();
-    for at in [0.05, 0.15, 0.25] {
-        timeline.strike(&network, mass, at, 1.0, 0).unwrap();
-        timeline.ergon(&network, mass, at, 1e-3, 1e3, 0).unwrap();
+    for position in [0.05, 0.15, 0.25] {
+        timeline.strike(&network, mass, position, 1.0, 0).unwrap();
+        timeline
+            .ergon(&network, mass, position, 1e-3, 1e3, 0)
+            .unwrap();
     }
     let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
     play(&mut simulation, 6_000);

@@ -65,18 +65,18 @@ fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> 
 /// Largest third difference over some frames, of all outputs together.
 fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
     let x = |frame: usize, output: usize| sound[frame * n_out + output];
-    let of =
+    let source =
         |n: usize, o: usize| (x(n + 3, o) - 3.0 * x(n + 2, o) + 3.0 * x(n + 1, o) - x(n, o)).abs();
     let all = frames.flat_map(|n| (0..n_out).map(move |o| (n, o)));
-    all.map(|(n, o)| of(n, o)).fold(0.0, f64::max)
+    all.map(|(n, o)| source(n, o)).fold(0.0, f64::max)
 }
 
 /// Ratio of the largest third difference during the change to that before and after it.
 fn roughness(sound: &[f64], n_out: usize) -> f64 {
-    let (at, over, long) = (AT as usize, OVER as usize, 1_500);
-    let before = third(sound, n_out, at - long..at - 4);
-    let after = third(sound, n_out, at + over + 4..at + over + long);
-    third(sound, n_out, at - 4..at + over + 4) / before.max(after)
+    let (position, over, long) = (AT as usize, OVER as usize, 1_500);
+    let before = third(sound, n_out, position - long..position - 4);
+    let after = third(sound, n_out, position + over + 4..position + over + long);
+    third(sound, n_out, position - 4..position + over + 4) / before.max(after)
 }
 
 fn plan(network: Network, timeline: &Timeline, budget: &Budget) -> Arc<Plan> {
@@ -112,12 +112,12 @@ fn a_cell_glides_to_another_stiffness() {
     let mut simulation = Simulation::planned_from(gliding, plain(), AT).unwrap();
     let end = AT + OVER;
     simulation.skip(end - AT).unwrap();
-    let mut kept = simulation.fork();
+    let mut saved = simulation.fork();
     let mut next = Simulation::planned_from(after, plain(), end).unwrap();
     let mut takeover = Takeover::new(&simulation, &next);
     assert!(next.take_over(&mut simulation, &mut takeover));
     let (mut a, mut b) = (vec![0.0; 5_000], vec![0.0; 5_000]);
-    kept.process(&mut a).unwrap();
+    saved.process(&mut a).unwrap();
     next.process(&mut b).unwrap();
     let apart = a
         .iter()
@@ -334,12 +334,12 @@ fn a_slow_body_goes_on() {
     let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();
     let mut unchanged = vec![0.0; 2 * 9_000];
     alone.process(&mut unchanged).unwrap();
-    for (old, new, most) in [(0, 0, 1e-9), (0, 1, 2e-6), (1, 0, 2e-6)] {
-        for at in [1_024, 4_413, 4_415] {
-            let sound = joined(&before[old], &after[new], at, 9_000);
+    for (old, new, limit) in [(0, 0, 1e-9), (0, 1, 2e-6), (1, 0, 2e-6)] {
+        for position in [1_024, 4_413, 4_415] {
+            let sound = joined(&before[old], &after[new], position, 9_000);
             let apart = sound.iter().zip(&unchanged).map(|(a, b)| (a - b).abs());
             let apart = apart.fold(0.0, f64::max);
-            assert!(apart < most, "{old} {new} {at}: {apart} m of 2 mm");
+            assert!(apart < limit, "{old} {new} {position}: {apart} m of 2 mm");
         }
     }
 }
@@ -365,9 +365,9 @@ fn a_path_goes_on_where_a_glide_ends() {
     let tie = Tie::Physical { k, z };
     network.cel("m", m, tie, 0.0, 0.001, 0.0).unwrap();
     listen_to_all(&mut network);
-    let at = |frame: u64| instant(frame);
+    let position = |frame: u64| instant(frame);
     let budget = Budget::default();
-    let heard = |timeline: &Timeline| {
+    let listened = |timeline: &Timeline| {
         let plan = plan(network.clone(), timeline, &budget);
         let mut sound = vec![0.0; 16_000];
         let mut simulation = Simulation::planned(plan, plain()).unwrap();
@@ -376,20 +376,20 @@ fn a_path_goes_on_where_a_glide_ends() {
     };
     let mut glide = begin();
     glide
-        .glide(&network, 0, ties[0], (at(640), at(6_400)))
+        .glide(&network, 0, ties[0], (position(640), position(6_400)))
         .unwrap();
     let mut short = begin();
-    let points = [(at(640), ties[0]), (at(6_400), ties[1])];
+    let points = [(position(640), ties[0]), (position(6_400), ties[1])];
     short.path(&network, 0, &points).unwrap();
     let mut long = begin();
     let points = [
         points[0],
         points[1],
-        (at(9_600), ties[1]),
-        (at(9_664), ties[2]),
+        (position(9_600), ties[1]),
+        (position(9_664), ties[2]),
     ];
     long.path(&network, 0, &points).unwrap();
-    let (glide, short, longer) = (heard(&glide), heard(&short), heard(&long));
+    let (glide, short, longer) = (listened(&glide), listened(&short), listened(&long));
     assert!(glide == short);
     assert!(glide[..9_600] == longer[..9_600]);
     assert!(glide[9_600..] != longer[9_600..]);
@@ -404,7 +404,7 @@ fn a_path_goes_on_where_a_glide_ends() {
 }
 
 /// Two cells, joined by a spring and a contact; the arguments are factors of K and Z.
-fn joined_cells(of_spring: [f64; 2], of_contact: [f64; 2]) -> Network {
+fn joined_cells(from_spring: [f64; 2], from_contact: [f64; 2]) -> Network {
     let mut network = Network::new();
     network.part("pair", None);
     for i in 0..3 {
@@ -413,9 +413,9 @@ fn joined_cells(of_spring: [f64; 2], of_contact: [f64; 2]) -> Network {
         let name = format!("m{i}");
         network.cel(&name, 2e-3, tie, 0.0, x0, 0.0).unwrap();
     }
-    let [k, z] = of_spring;
+    let [k, z] = from_spring;
     network.spring("l", 0, 1, 3e3 * k, 3e-3 * z, 0.0).unwrap();
-    let [k, z] = of_contact;
+    let [k, z] = from_contact;
     let contact = But::plain(2e4 * k, 1e-2 * z, 1e-4);
     network.but("c", 2, 1, contact).unwrap();
     listen_to_all(&mut network);
@@ -438,16 +438,16 @@ fn played(network: &Network, timeline: &Timeline, budget: &Budget, blocks: usize
 #[test]
 fn links_that_are_led_are_links_with_those_values() {
     let (spring, contact) = ([4.0, 0.5], [2.0, 4.0]);
-    let own = joined_cells([1.0; 2], [1.0; 2]);
+    let single = joined_cells([1.0; 2], [1.0; 2]);
     let written = joined_cells(spring, contact);
     let mut timeline = begin();
-    timeline.lead(&own, (0, 1), &[(0.0, spring)]).unwrap();
-    timeline.lead(&own, (1, 1), &[(0.0, contact)]).unwrap();
-    let by_ear = played(&own, &timeline, &Budget::default(), 8_000);
-    assert!(by_ear == played(&own, &timeline, &Budget::default(), 37));
+    timeline.lead(&single, (0, 1), &[(0.0, spring)]).unwrap();
+    timeline.lead(&single, (1, 1), &[(0.0, contact)]).unwrap();
+    let by_ear = played(&single, &timeline, &Budget::default(), 8_000);
+    assert!(by_ear == played(&single, &timeline, &Budget::default(), 37));
     let stepped = Budget::Method(Method::Ca);
-    let led = played(&own, &timeline, &stepped, 8_000);
-    assert!(led == played(&own, &timeline, &stepped, 37));
+    let led = played(&single, &timeline, &stepped, 8_000);
+    assert!(led == played(&single, &timeline, &stepped, 37));
     let expected = played(&written, &begin(), &stepped, 8_000);
     let apart = led.iter().zip(&expected);
     let apart = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -458,17 +458,17 @@ fn links_that_are_led_are_links_with_those_values() {
 #[test]
 fn a_string_that_is_led_is_the_string_it_is_led_to() {
     let n = 12;
-    let (own, written) = (string(1.0, n), string(4.0, n));
-    let mut timeline = struck(&own);
+    let (single, written) = (string(1.0, n), string(4.0, n));
+    let mut timeline = struck(&single);
     let all = (0, n - 1);
-    timeline.lead(&own, all, &[(0.0, [4.0, 4.0])]).unwrap();
+    timeline.lead(&single, all, &[(0.0, [4.0, 4.0])]).unwrap();
     for end in [0, n - 1] {
         let ties = [4.0 * 2e4, 4.0 * 4e-3, 2e-3];
-        timeline.path(&own, end, &[(0.0, ties)]).unwrap();
+        timeline.path(&single, end, &[(0.0, ties)]).unwrap();
     }
     let ca = Budget::Method(Method::Ca);
     let (led, expected) = (
-        played(&own, &timeline, &ca, 64),
+        played(&single, &timeline, &ca, 64),
         played(&written, &struck(&written), &ca, 64),
     );
     let peak = expected.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));

@@ -45,11 +45,11 @@ impl Keyboard {
     fn try_play(&mut self, points: Points<'_>, manner: Manner) -> Result<usize, GestureError> {
         let t: Vec<f64> = points.iter().map(|point| point.0).collect();
         let x: Vec<f64> = points.iter().map(|point| point.1).collect();
-        let way: Vec<Approach> = points.iter().map(|point| point.2).collect();
+        let method: Vec<Approach> = points.iter().map(|point| point.2).collect();
         let written = Written {
             t: &t,
             x: &x,
-            approaches: &way,
+            approaches: &method,
             sources: &[],
         };
         let gesture = Gesture::written(0, &written, manner)?;
@@ -193,10 +193,10 @@ fn a_throw_that_cannot_land_is_not_made() {
 #[test]
 fn points_that_are_none_are_refused() {
     let mut keys = Keyboard::new(44_100.0);
-    for way in [Approach::Throw, Path(Smooth)] {
+    for method in [Approach::Throw, Path(Smooth)] {
         for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
             assert!(
-                keys.try_play(&[(0.0, 0.0, way), (t, x, way)], Manner::OPEN)
+                keys.try_play(&[(0.0, 0.0, method), (t, x, method)], Manner::OPEN)
                     .is_err()
             );
         }

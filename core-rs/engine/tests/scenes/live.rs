@@ -86,15 +86,18 @@ fn a_recording_renders_to_what_was_played() {
         let mut open = Timeline::new(rate());
         open.hand(&network, KEY, every, HandWay::Line, &[]).unwrap();
         let mut live = planned(&network, &open, &budget);
-        let (mut played, mut felt) = (Vec::new(), Vec::new());
+        let (mut played, mut forces) = (Vec::new(), Vec::new());
         for &x in &ticks {
             live.hold(0, x, None);
             let mut out = vec![0.0; every as usize];
             live.process(&mut out).unwrap();
             played.extend(out);
-            felt.push(live.felt(0));
+            forces.push(live.felt(0));
         }
-        assert!(felt.iter().any(|f| *f < -0.1), "the hand feels the string");
+        assert!(
+            forces.iter().any(|f| *f < -0.1),
+            "the hand feels the string"
+        );
         assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
         let mut known = Timeline::new(rate());
         known
@@ -106,7 +109,7 @@ fn a_recording_renders_to_what_was_played() {
             out.chunks_mut(block)
                 .for_each(|out| again.process(out).unwrap());
             assert!(out == played, "{budget:?}, blocks of {block}");
-            assert_eq!(again.felt(0).to_bits(), felt[felt.len() - 1].to_bits());
+            assert_eq!(again.felt(0).to_bits(), forces[forces.len() - 1].to_bits());
         }
     }
 }
@@ -118,10 +121,11 @@ fn a_key_apart_is_the_key_in_the_scene() {
     let push = 2.0;
     // The whole network; a constant force pushes the key until it strikes.
     let n_frames = 4_000;
-    let mut one = Timeline::new(rate());
-    one.drive(KEY, DriveKind::Force, Source::Constant(push), true)
+    let mut first = Timeline::new(rate());
+    first
+        .drive(KEY, DriveKind::Force, Source::Constant(push), true)
         .unwrap();
-    let mut whole = Simulation::new(network.clone(), &one, plain()).unwrap();
+    let mut complete = Simulation::new(network.clone(), &first, plain()).unwrap();
     // The scene without the key, and the key alone.
     let mut open = Timeline::new(rate());
     open.hand(&network, KEY, 1, HandWay::Line, &[]).unwrap();
@@ -136,14 +140,18 @@ fn a_key_apart_is_the_key_in_the_scene() {
     for n in 0..n_frames {
         apart.hold(0, x, Some(d));
         let (mut a, mut b) = ([0.0], [0.0]);
-        whole.process(&mut a).unwrap();
+        complete.process(&mut a).unwrap();
         apart.process(&mut b).unwrap();
-        let felt = apart.felt(0);
-        touched |= felt != 0.0;
-        d += (push + felt) * w - ratios.kappa * x - ratios.zeta * d;
+        let forces = apart.felt(0);
+        touched |= forces != 0.0;
+        d += (push + forces) * w - ratios.kappa * x - ratios.zeta * d;
         x += d;
         assert_eq!(a[0].to_bits(), b[0].to_bits(), "sound at {n}");
-        assert_eq!(whole.positions()[KEY].to_bits(), x.to_bits(), "key at {n}");
+        assert_eq!(
+            complete.positions()[KEY].to_bits(),
+            x.to_bits(),
+            "key at {n}"
+        );
     }
     assert!(touched);
 }

@@ -42,15 +42,15 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
         }
         network.part(&format!("plate {side}"), part_rate);
         let topology = plate(Shape::Hex, 3, Rim::Fixed).unwrap();
-        let own = network
+        let single = network
             .mesh("p", &topology, 0.3 * m, 180.0, Some(1.0), 0.0)
             .unwrap();
-        struck.push(own + 12);
+        struck.push(single + 12);
         network.part(&format!("gong {side}"), part_rate);
-        let own = network
+        let single = network
             .mesh("g", &topology, 0.3 * m, 150.0, Some(1.0), 1e11)
             .unwrap();
-        struck.push(own + 14);
+        struck.push(single + 14);
         network.part(&format!("frame {side}"), part_rate);
         let tie = |k: f64, zed: f64| Tie::Physical { k, z: zed * z };
         let a = network
@@ -84,9 +84,9 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
     }
     for (i, mat) in struck.into_iter().enumerate() {
         for k in 0..4_u32 {
-            let at = 1e-3 + 0.013 * f64::from(k) + 1e-4 * i as f64;
+            let position = 1e-3 + 0.013 * f64::from(k) + 1e-4 * i as f64;
             timeline
-                .strike(&network, mat, at, 2e-3 * f64::from(k + 1), 0)
+                .strike(&network, mat, position, 2e-3 * f64::from(k + 1), 0)
                 .unwrap();
         }
     }
@@ -168,7 +168,7 @@ fn every_mass_is_seen_where_it_is() {
     assert!(kinds(|how| matches!(how, How::Modal(_))) >= 2 * 37);
     let (mut a, mut b) = (vec![0.0; 441 * 2], vec![0.0; 441 * 2]);
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
-    let mut most = vec![0.0_f64; network.parts().len()];
+    let mut limit = vec![0.0_f64; network.parts().len()];
     let mut worst = vec![0.0_f64; network.parts().len()];
     for _ in 0..10 {
         truth.process(&mut a).unwrap();
@@ -177,13 +177,13 @@ fn every_mass_is_seen_where_it_is() {
         let (seen, true_x) = (positions(&look, &tracks), truth.positions());
         for (point, x) in look.points.iter().zip(seen) {
             let is = true_x[point.mat];
-            most[point.part] = most[point.part].max((is - point.rest).abs());
+            limit[point.part] = limit[point.part].max((is - point.rest).abs());
             worst[point.part] = worst[point.part].max((x - is).abs());
         }
     }
-    for (part, (most, worst)) in network.parts().iter().zip(most.iter().zip(&worst)) {
-        assert!(*most > 1e-7, "{} stands still", part.name);
-        assert!(worst < &(2e-3 * most), "{}: {worst} of {most}", part.name);
+    for (part, (limit, worst)) in network.parts().iter().zip(limit.iter().zip(&worst)) {
+        assert!(*limit > 1e-7, "{} stands still", part.name);
+        assert!(worst < &(2e-3 * limit), "{}: {worst} of {limit}", part.name);
     }
 }
 
@@ -192,18 +192,18 @@ fn looking_changes_no_sample() {
     for discrete in [true, false] {
         let (network, timeline) = scene(discrete);
         let budget = Budget::default();
-        let heard = plan(&network, &timeline, &[], &budget);
-        let mut blind = running(&heard, 1);
+        let listened = plan(&network, &timeline, &[], &budget);
+        let mut blind = running(&listened, 1);
         let mut out = vec![0.0; N * blind.n_out()];
         blind.process(&mut out).unwrap();
         let out: Vec<u64> = out.iter().map(|x| x.to_bits()).collect();
         let seen = plan(&network, &timeline, &all(&network), &budget);
-        assert_eq!(heard.hash(), seen.hash());
-        assert_eq!(heard.rows().len(), seen.rows().len());
-        assert!(!seen.seen().is_empty() && heard.seen().is_empty());
+        assert_eq!(listened.hash(), seen.hash());
+        assert_eq!(listened.rows().len(), seen.rows().len());
+        assert!(!seen.seen().is_empty() && listened.seen().is_empty());
         for threads in [1, 3] {
             assert!(
-                sound(&heard, threads) == out,
+                sound(&listened, threads) == out,
                 "{discrete}, {threads} threads"
             );
             assert!(
@@ -231,8 +231,8 @@ fn what_is_free_goes_where_two_frames_say() {
         let step = 1.0 / RATE;
         let mut free = Vec::new();
         for (track, point) in look.points.iter().enumerate() {
-            if let How::Free(own) = point.how {
-                free.push((track, own));
+            if let How::Free(single) = point.how {
+                free.push((track, single));
             }
         }
         // Bodies without contacts: the hammers bounce for a while.
@@ -243,21 +243,21 @@ fn what_is_free_goes_where_two_frames_say() {
                     body.modes
                         .iter()
                         .enumerate()
-                        .map(|(i, own)| (look.points.len() + body.first + i, *own)),
+                        .map(|(i, single)| (look.points.len() + body.first + i, *single)),
                 );
             }
         }
         assert!(free.len() > 30);
-        for (track, own) in free {
-            let begun = own.phase(now[track], now[n + track], step);
-            let (x, y) = own.later(begun, 1_000.0 * step);
+        for (track, single) in free {
+            let begun = single.phase(now[track], now[n + track], step);
+            let (x, y) = single.later(begun, 1_000.0 * step);
             let size = libm::hypot(begun.0, begun.1) + 1e-12;
             assert!(
                 (x - then[track]).abs() < 1e-6 * size,
                 "{track}: {x} {}",
                 then[track]
             );
-            let there = own.phase(then[track], then[n + track], step);
+            let there = single.phase(then[track], then[n + track], step);
             assert!((y - there.1).abs() < 1e-5 * size);
         }
     }
@@ -272,27 +272,27 @@ fn a_contact_tells_how_hard_it_pushed() {
     assert_eq!(look.contacts.len(), 2);
     assert_eq!(look.contacts[0].name, "hammer heard.hits");
     simulation.watch();
-    let mut told = Vec::new();
+    let mut output = Vec::new();
     for _ in 0..10 {
         simulation.skip(441).unwrap();
         let until = simulation.frame();
         simulation.take_contacts(&look, |contact, frame, force| {
             assert!(frame < until && frame + 441 >= until);
-            told.push((contact, frame, force));
+            output.push((contact, frame, force));
         });
     }
     // The hammer comes from below at 1.5 m/s over 1 mm, and is pushed down.
-    let first = told.iter().find(|touch| touch.0 == 0).unwrap();
-    assert!((25..60).contains(&first.1), "{told:?}");
+    let first = output.iter().find(|touch| touch.0 == 0).unwrap();
+    assert!((25..60).contains(&first.1), "{output:?}");
     // At most m v √(k/m); less because the skin gives way.
-    let most = 1.5 * (4e4_f64 * 5e-3).sqrt();
+    let limit = 1.5 * (4e4_f64 * 5e-3).sqrt();
     assert!(
-        first.2.abs() > 0.3 * most && first.2.abs() < 1.05 * most,
-        "{told:?}"
+        first.2.abs() > 0.3 * limit && first.2.abs() < 1.05 * limit,
+        "{output:?}"
     );
     assert!(first.2 < 0.0);
     assert_eq!(
-        told.iter().filter(|touch| touch.0 == 0).count(),
-        told.iter().filter(|touch| touch.0 == 1).count()
+        output.iter().filter(|touch| touch.0 == 0).count(),
+        output.iter().filter(|touch| touch.0 == 1).count()
     );
 }

@@ -145,20 +145,20 @@ fn all_pairs_are_as_a_link_each() {
     for (seed, n_axes) in [(1, 2), (2, 3), (3, 2), (4, 3)] {
         // Long enough for points to move by several gaps; afterwards rounding errors have grown.
         let n_frames = 2_000;
-        let own = motion(seed, n_axes, false, n_frames);
+        let single = motion(seed, n_axes, false, n_frames);
         let listed = motion(seed, n_axes, true, n_frames);
-        let apart: Vec<f64> = (own.positions().iter().zip(listed.positions()))
-            .map(|(own, listed)| own - listed)
+        let apart: Vec<f64> = (single.positions().iter().zip(listed.positions()))
+            .map(|(single, listed)| single - listed)
             .collect();
         assert!(largest(&apart) < 1e-9, "{seed}: {}", largest(&apart));
-        let [own, listed] = [own, listed].map(|one| one.energy().unwrap());
-        for (own, listed) in [
-            (own.start, listed.start),
-            (own.stored, listed.stored),
-            (own.lost, listed.lost),
-            (own.produced, listed.produced),
+        let [single, listed] = [single, listed].map(|one| one.energy().unwrap());
+        for (single, listed) in [
+            (single.start, listed.start),
+            (single.stored, listed.stored),
+            (single.lost, listed.lost),
+            (single.produced, listed.produced),
         ] {
-            assert!((own - listed).abs() < 1e-7 * listed.abs().max(1e-6));
+            assert!((single - listed).abs() < 1e-7 * listed.abs().max(1e-6));
         }
         assert!(listed.lost > 1e-5, "nothing met");
     }
@@ -246,9 +246,9 @@ fn a_ball_leaves_a_plane_as_fast_as_it_came() {
     let still = [0.0; 3];
     let wall = points(&mut network, "w", 3, &[0.0], [&[0.1, -0.2, 0.3], &still]);
     // The ball starts where it touches the wall.
-    let at = [0.1 + GAP * normal[0], 5.0, 0.3 + GAP * normal[2]];
+    let position = [0.1 + GAP * normal[0], 5.0, 0.3 + GAP * normal[2]];
     let speed = [-v * normal[0], 0.4, -v * normal[2]];
-    let ball = points(&mut network, "m", 3, &[m], [&at, &speed]);
+    let ball = points(&mut network, "m", 3, &[m], [&position, &speed]);
     let what = PairLaw::smooth(Measure::Plane(normal), LINEAR);
     network
         .pairwise("touch", [wall, ball], 3, what, [k, 0.0, GAP])
@@ -275,8 +275,14 @@ fn a_ball_stays_within_a_sphere() {
     network.part("drum", None);
     let still = [0.0; 3];
     let drum = points(&mut network, "d", 3, &[0.0], [&[1.0, 1.0, 1.0], &still]);
-    let at = [1.02, 1.0, 1.0];
-    let ball = points(&mut network, "m", 3, &[1e-3], [&at, &[0.3, 2.0, -1.0]]);
+    let position = [1.02, 1.0, 1.0];
+    let ball = points(
+        &mut network,
+        "m",
+        3,
+        &[1e-3],
+        [&position, &[0.3, 2.0, -1.0]],
+    );
     let what = PairLaw::smooth(Measure::Within, HERTZ);
     network
         .pairwise("skin", [drum, ball], 3, what, [3e5, 0.0, 0.1])
@@ -302,69 +308,69 @@ fn a_ball_stays_within_a_sphere() {
 fn what_cannot_meet_is_refused() {
     let mut network = Network::new();
     network.part("sand", None);
-    let own = crowd(&mut network, "m", 3, 5, 1);
+    let single = crowd(&mut network, "m", 3, 5, 1);
     let few = crowd(&mut network, "s", 3, 2, 2);
-    let part = PointGroup { n: 3, ..own };
+    let part = PointGroup { n: 3, ..single };
     let far = PointGroup {
         first: SpacePoint::strided(20, 5),
         n: 5,
     };
-    let mut refused = |groups, measure, law, numbers, said: &str| {
+    let mut refused = |groups, measure, law, numbers, text: &str| {
         let error = network.pairwise("c", groups, 3, PairLaw::smooth(measure, law), numbers);
-        assert_eq!(error.unwrap_err().to_string(), format!("sand.c: {said}"));
+        assert_eq!(error.unwrap_err().to_string(), format!("sand.c: {text}"));
     };
     let (near, numbers) = (Measure::Distance, [1.0, 0.0, GAP]);
     refused(
-        [own, few],
+        [single, few],
         near.clone(),
         LINEAR,
         numbers,
         "needs two groups of points, the second not smaller than the first",
     );
     refused(
-        [part, own],
+        [part, single],
         near.clone(),
         LINEAR,
         numbers,
         "its two groups have points in common",
     );
     refused(
-        [own, far],
+        [single, far],
         near.clone(),
         LINEAR,
         numbers,
         "joins a module that does not exist",
     );
     refused(
-        [own, own],
+        [single, single],
         near.clone(),
         SpaceLaw::Spring,
         numbers,
         "only contacts and attractions act between all pairs of points",
     );
     refused(
-        [own, own],
+        [single, single],
         near.clone(),
         LINEAR,
         [1.0, 0.0, 0.0],
         "points that meet need a gap above 0: the distance at which they touch",
     );
     refused(
-        [few, own],
+        [few, single],
         Measure::Plane([1.0, 1.0, 0.0]),
         LINEAR,
         numbers,
         "the normal of a plane has a length of 1",
     );
     refused(
-        [own, own],
+        [single, single],
         Measure::Within,
         LINEAR,
         numbers,
         "points of one group meet by their distance",
     );
     // Twelve such contacts at once on one grain would diverge.
-    meet(&mut network, [own, own], 3, LINEAR, [5e5, 0.0, GAP]);
+    meet(&mut network, [single, single], 3, LINEAR, [5e5, 0.0, GAP]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
     assert!(error.unwrap_err().to_string().contains("sand."));
@@ -377,8 +383,8 @@ fn made_energy_is_told_of() {
     network.part("drum", None);
     let still = [0.0; 3];
     let drum = points(&mut network, "d", 3, &[0.0], [&still, &still]);
-    let own = crowd(&mut network, "m", 3, 20, 7);
-    meet(&mut network, [own, own], 3, HERTZ, [300.0, 0.0, GAP]);
+    let single = crowd(&mut network, "m", 3, 20, 7);
+    meet(&mut network, [single, single], 3, HERTZ, [300.0, 0.0, GAP]);
     let law = SpaceLaw::Contact {
         exponent: 1.5,
         clamp: false,
@@ -386,7 +392,7 @@ fn made_energy_is_told_of() {
     network
         .pairwise(
             "skin",
-            [drum, own],
+            [drum, single],
             3,
             PairLaw::smooth(Measure::Within, law),
             [3e9, 0.0, 0.04],
@@ -403,14 +409,14 @@ fn apart(is_reversed: bool) -> Vec<f64> {
     alone.part("sand", None);
     crowd(&mut alone, "a", n_axes, n, 5);
     let mats = alone.mats();
-    let of = |axes: std::ops::Range<usize>| {
+    let source = |axes: std::ops::Range<usize>| {
         let part = axes.start * n..axes.end * n;
         [&mats.m[..n], &mats.x0[part.clone()], &mats.v0[part]].map(<[f64]>::to_vec)
     };
     let mut network = Network::new();
     network.part("sand", None);
     let mut add = |axes: std::ops::Range<usize>| {
-        let [masses, x0, v0] = of(axes.clone());
+        let [masses, x0, v0] = source(axes.clone());
         let group = points(&mut network, "a", axes.len(), &masses, [&x0, &v0]);
         group.first.first
     };
@@ -446,10 +452,11 @@ fn apart(is_reversed: bool) -> Vec<f64> {
 
 #[test]
 fn coordinates_of_a_point_may_stand_in_any_order() {
-    let [one, other] = [false, true].map(apart);
-    assert!(largest(&one) > 0.02, "they fly apart");
+    let [first, other] = [false, true].map(apart);
+    assert!(largest(&first) > 0.02, "they fly apart");
     assert!(
-        one.iter()
+        first
+            .iter()
             .zip(&other)
             .all(|(a, b)| a.to_bits() == b.to_bits()),
         "the same bits"

@@ -28,11 +28,11 @@ fn islands_play_what_the_whole_plays() {
             ledger: false,
             ..options(OnFault::Stop)
         };
-        let whole = heard(scene.simulation(options), scene.n_frames());
+        let complete = heard(scene.simulation(options), scene.n_frames());
         let planned = Simulation::planned(Arc::new(plan), options).unwrap();
         let planned = heard(planned, scene.n_frames());
-        let peak = whole.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
-        for (a, b) in whole.iter().zip(&planned) {
+        let peak = complete.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+        for (a, b) in complete.iter().zip(&planned) {
             assert!((a - b).abs() <= 1e-15 * peak, "{seed}: {a} {b}");
         }
     }
@@ -78,19 +78,28 @@ fn the_modes_of_a_discrete_body_are_the_body() {
         ledger: false,
         ..options(OnFault::Stop)
     };
-    let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
+    let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap();
-    let Computed::Modes { of, kept, .. } = plan.rows()[0].what else {
+    let Computed::Modes {
+        of: source,
+        kept: saved,
+        ..
+    } = plan.rows()[0].what
+    else {
         panic!("{:?}", plan.rows());
     };
-    assert_eq!((of, kept), (12, 12));
+    assert_eq!((source, saved), (12, 12));
     let planned = Simulation::planned(Arc::new(plan), options).unwrap();
-    let (whole, planned) = (heard(whole, 88_200), heard(planned, 88_200));
-    let most = whole
+    let (complete, planned) = (heard(complete, 88_200), heard(planned, 88_200));
+    let limit = complete
         .iter()
         .zip(&planned)
-        .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    assert!(most <= 1e-10 * peak(&whole), "{most} of {}", peak(&whole));
+        .fold(0.0_f64, |limit, (a, b)| limit.max((a - b).abs()));
+    assert!(
+        limit <= 1e-10 * peak(&complete),
+        "{limit} of {}",
+        peak(&complete)
+    );
 }
 
 /// The same body with hands, contacts and couplings: modes that are pushed at their ports still equal the discrete
@@ -142,7 +151,7 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
             ..options(OnFault::Stop)
         };
         let n_frames = 30_000;
-        let whole = heard(
+        let complete = heard(
             Simulation::new(network.clone(), &timeline, options).unwrap(),
             n_frames,
         );
@@ -154,36 +163,36 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
             plan.rows()
         );
         let mut simulation = Simulation::planned(plan, options).unwrap();
-        let mut planned = vec![0.0; whole.len()];
+        let mut planned = vec![0.0; complete.len()];
         let n_out = simulation.n_out();
         // In blocks of any size, and again from a snapshot.
-        let mut at = 0;
+        let mut position = 0;
         for block in [1, 63, 64, 65, 997, 12_345] {
-            let end = at + block * n_out;
-            simulation.process(&mut planned[at..end]).unwrap();
-            at = end;
+            let end = position + block * n_out;
+            simulation.process(&mut planned[position..end]).unwrap();
+            position = end;
         }
         let moment = simulation.snapshot();
-        simulation.process(&mut planned[at..]).unwrap();
-        let first = planned[at..].to_vec();
+        simulation.process(&mut planned[position..]).unwrap();
+        let first = planned[position..].to_vec();
         simulation.restore(&moment);
-        simulation.process(&mut planned[at..]).unwrap();
-        assert_eq!(first, planned[at..]);
+        simulation.process(&mut planned[position..]).unwrap();
+        assert_eq!(first, planned[position..]);
         for output in 0..n_out {
-            let of = |sound: &[f64]| -> Vec<f64> {
+            let source = |sound: &[f64]| -> Vec<f64> {
                 sound.iter().skip(output).step_by(n_out).copied().collect()
             };
-            let (whole, planned) = (of(&whole), of(&planned));
+            let (complete, planned) = (source(&complete), source(&planned));
             // Later, the smallest difference has grown: a ball between two walls amplifies it.
-            let (whole, planned) = (&whole[..1_000], &planned[..1_000]);
-            let most = whole
+            let (complete, planned) = (&complete[..1_000], &planned[..1_000]);
+            let limit = complete
                 .iter()
                 .zip(planned)
-                .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+                .fold(0.0_f64, |limit, (a, b)| limit.max((a - b).abs()));
             assert!(
-                peak(whole) > 0.0 && most <= 1e-8 * peak(whole),
-                "{contact:?} {output}: {most} of {}",
-                peak(whole)
+                peak(complete) > 0.0 && limit <= 1e-8 * peak(complete),
+                "{contact:?} {output}: {limit} of {}",
+                peak(complete)
             );
         }
     }

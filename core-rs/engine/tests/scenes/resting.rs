@@ -51,11 +51,11 @@ fn network() -> Arc<Network> {
         .unwrap();
     network.listen("plate", term(skin + 16, 1)).unwrap();
     network.part("key", None);
-    let own = Tie::Tuned {
+    let single = Tie::Tuned {
         f: 2.0,
         t60: Some(0.6),
     };
-    let key = cel(&mut network, "m", 0.3, own, 0.0);
+    let key = cel(&mut network, "m", 0.3, single, 0.0);
     network.but("to", key, skin + 24, but).unwrap();
     network.part("gong", None);
     let gong = network
@@ -111,8 +111,8 @@ fn mat(network: &Network, name: &str) -> usize {
 /// The events: at the border of a block, next to it, and between frames.
 fn timeline(network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let at = |name: &str| mat(network, name);
-    timeline.key("key", at("key.m"));
+    let position = |name: &str| mat(network, name);
+    timeline.key("key", position("key.m"));
     let begins = BEGINS as f64;
     for (start, layer) in [(begins, false), (begins + 900.5, true)] {
         let start = seconds(start);
@@ -135,14 +135,14 @@ fn timeline(network: &Network) -> Timeline {
             .strike(network, gong, seconds(frame), 3e-3, 0)
             .unwrap();
     }
-    let chain = at("chains.c1");
+    let chain = position("chains.c1");
     timeline
         .strike(network, chain, seconds(begins + 0.5), 1e-4, 0)
         .unwrap();
     timeline
         .ergon(network, chain, seconds(begins + 700.0), 1e-4, 1.0, 0)
         .unwrap();
-    let lever = at("lever.m");
+    let lever = position("lever.m");
     timeline
         .strike(network, lever, seconds(begins + 3.0), 2e-3, 0)
         .unwrap();
@@ -151,12 +151,12 @@ fn timeline(network: &Network) -> Timeline {
     timeline
         .couple(network, couple.unwrap(), from, Some(to))
         .unwrap();
-    let rail = at("rail.r");
+    let rail = position("rail.r");
     let press = Source::Constant(1e-3);
     timeline
         .drive(rail, DriveKind::Position, press, true)
         .unwrap();
-    let aside = at("aside.a");
+    let aside = position("aside.a");
     timeline
         .path(
             network,
@@ -209,12 +209,12 @@ fn stored(simulation: &mut Simulation) -> Vec<Vec<u8>> {
 }
 
 fn simulations(network: &Arc<Network>, timeline: &Timeline) -> Vec<(String, Simulation)> {
-    let kept = Options {
+    let saved = Options {
         record: true,
         ..options(OnFault::Stop)
     };
     let mut all = Vec::new();
-    for (name, options) in [("steps", plain()), ("ledger", kept)] {
+    for (name, options) in [("steps", plain()), ("ledger", saved)] {
         let simulation = Simulation::new(network.clone(), timeline, options).unwrap();
         all.push((name.to_owned(), simulation));
     }
@@ -250,16 +250,19 @@ fn what_rests_is_passed_over_and_not_a_bit_is_another() {
     ];
     for (name, mut rested) in simulations(&network, &timeline) {
         let mut reference = rested.fork();
-        let mut at = 0;
+        let mut position = 0;
         for until in looks {
-            let sound = play(&mut rested, until - at, &[1, 700, 44, 256, 3]);
-            assert!(sound == awake(&mut reference, until - at), "{name} {until}");
+            let sound = play(&mut rested, until - position, &[1, 700, 44, 256, 3]);
+            assert!(
+                sound == awake(&mut reference, until - position),
+                "{name} {until}"
+            );
             assert_eq!(seen(&rested), seen(&reference), "{name} {until}");
             assert!(
                 stored(&mut rested) == stored(&mut reference),
                 "{name} {until}"
             );
-            at = until;
+            position = until;
         }
         assert_eq!(rested.take_ergons(), reference.take_ergons(), "{name}");
         let passed = rested.steps_at_rest();
@@ -330,12 +333,12 @@ fn what_has_stopped_rests_again() {
         (3, 120_000, 132_300),
         (2, 60_000, 80_000),
     ];
-    for (seconds, least, most) in passed {
+    for (seconds, least, limit) in passed {
         let (n, before) = (seconds * 44_100, rested.steps_at_rest());
         assert!(play(&mut rested, n, &[256, 100]) == awake(&mut reference, n));
         assert_eq!(seen(&rested), seen(&reference));
         let passed = rested.steps_at_rest() - before;
-        assert!((least..most).contains(&passed), "{seconds} s: {passed}");
+        assert!((least..limit).contains(&passed), "{seconds} s: {passed}");
     }
 }
 
@@ -347,7 +350,7 @@ fn a_look_sees_what_presses_at_rest() {
     let mut rested = Simulation::new(network.clone(), &timeline, plain()).unwrap();
     let mut reference = rested.fork();
     let look = rested.looked_at();
-    let (mut own, mut other) = (Glance::new(&rested, &look), Glance::new(&rested, &look));
+    let (mut single, mut other) = (Glance::new(&rested, &look), Glance::new(&rested, &look));
     assert!(play(&mut rested, 5_000, &[256]) == awake(&mut reference, 5_000));
     assert!(rested.steps_at_rest() > 0);
     rested.watch();
@@ -355,10 +358,10 @@ fn a_look_sees_what_presses_at_rest() {
     for _ in 0..30 {
         play(&mut rested, 1_470, &[49]);
         play(&mut reference, 1_470, &[49]);
-        rested.glance(&look, &mut own);
+        rested.glance(&look, &mut single);
         reference.glance(&look, &mut other);
-        assert_eq!(format!("{own:?}"), format!("{other:?}"));
-        assert!(own.pushes.iter().any(|push| push.force != 0.0));
+        assert_eq!(format!("{single:?}"), format!("{other:?}"));
+        assert!(single.pushes.iter().any(|push| push.force != 0.0));
     }
 }
 
@@ -367,33 +370,36 @@ fn a_look_sees_what_presses_at_rest() {
 fn a_version_takes_over_from_one_at_rest() {
     let network = network();
     let version = |is_written: bool| {
-        let mut own = Timeline::new(Rate::new(RATE).unwrap());
+        let mut single = Timeline::new(Rate::new(RATE).unwrap());
         if is_written {
-            own = timeline(&network);
+            single = timeline(&network);
         } else {
-            own.key("key", mat(&network, "key.m"));
+            single.key("key", mat(&network, "key.m"));
             let press = Source::Constant(1e-3);
             let rail = mat(&network, "rail.r");
-            own.drive(rail, DriveKind::Position, press, true).unwrap();
+            single
+                .drive(rail, DriveKind::Position, press, true)
+                .unwrap();
         }
-        own.open();
-        Arc::new(Plan::new(network.clone(), &own, &Budget::Error(-70.0), None).unwrap())
+        single.open();
+        Arc::new(Plan::new(network.clone(), &single, &Budget::Error(-70.0), None).unwrap())
     };
     let (still, written) = (version(false), version(true));
     for [first, second] in [[3_000, 9_001], [5_003, BEGINS as usize + 300]] {
         let played = |is_awake: bool| {
             let mut sound = Vec::new();
             let mut now = Simulation::planned(still.clone(), plain()).unwrap();
-            let (mut at, mut passed) = (0, 0);
+            let (mut position, mut passed) = (0, 0);
             for (from, plan) in [(first, &still), (second, &written), (N, &written)] {
                 sound.extend(if is_awake {
-                    awake(&mut now, from - at)
+                    awake(&mut now, from - position)
                 } else {
-                    play(&mut now, from - at, &[256, 44])
+                    play(&mut now, from - position, &[256, 44])
                 });
                 passed += now.steps_at_rest();
-                at = from;
-                let mut next = Simulation::planned_from(plan.clone(), plain(), at as u64).unwrap();
+                position = from;
+                let mut next =
+                    Simulation::planned_from(plan.clone(), plain(), position as u64).unwrap();
                 let mut takeover = Takeover::new(&now, &next);
                 assert!(next.take_over(&mut now, &mut takeover));
                 now = next;

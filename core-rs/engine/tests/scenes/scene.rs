@@ -108,8 +108,8 @@ impl Scene {
         let bell = self.network.cel(&format!("bell{i}"), m, tie, 0.0, x0, 0.0);
         let first = bell.unwrap();
         let (len, weight) = (1, 1.0);
-        let heard = vec![Term::Position { first, len, weight }];
-        self.network.listen(&format!("bell{i}"), heard).unwrap();
+        let listened = vec![Term::Position { first, len, weight }];
+        self.network.listen(&format!("bell{i}"), listened).unwrap();
         first
     }
 
@@ -237,14 +237,14 @@ impl Scene {
 
     fn strikes(&mut self, bells: &[usize]) {
         for (i, &bell) in bells.iter().enumerate() {
-            let (at, speed) = (self.draw(0.0, 0.15), self.draw(-300.0, 300.0));
+            let (position, speed) = (self.draw(0.0, 0.15), self.draw(-300.0, 300.0));
             let network = &self.network;
             let timeline = &mut self.timeline;
             timeline
-                .strike(network, bell, at, speed * 1e-7, i as u32)
+                .strike(network, bell, position, speed * 1e-7, i as u32)
                 .unwrap();
             timeline
-                .ergon(network, bell, at + 0.01, 1e-7, speed, i as u32)
+                .ergon(network, bell, position + 0.01, 1e-7, speed, i as u32)
                 .unwrap();
         }
         let rain = Rain {
@@ -264,24 +264,24 @@ impl Scene {
     fn gesture(&mut self, key: usize) {
         let mut t = vec![self.draw(-0.01, 0.12)];
         let mut x = vec![self.draw(-1e-3, 1e-3)];
-        let mut way = vec![Approach::Path(Curve::Smooth)];
+        let mut method = vec![Approach::Path(Curve::Smooth)];
         for _ in 0..self.pick(4) {
             t.push(t[t.len() - 1] + self.draw(4e-3, 4e-2));
             let (last, next) = (x[x.len() - 1], self.draw(-3e-3, 3e-3));
-            let (kind, at) = match self.pick(5) {
+            let (kind, position) = match self.pick(5) {
                 // There is no frame before the piece, so the first points cannot be reached by a throw.
                 0 if t[t.len() - 1] > 1e-3 => (Approach::Throw, next),
                 1 => (Approach::Path(Curve::Line), next),
                 2 => (Approach::Path(Curve::Hold), last),
                 _ => (Approach::Path(Curve::Smooth), next),
             };
-            way.push(kind);
-            x.push(at);
+            method.push(kind);
+            x.push(position);
         }
         let written = Written {
             t: &t,
             x: &x,
-            approaches: &way,
+            approaches: &method,
             sources: &[],
         };
         let (touch, ergons) = [

@@ -144,8 +144,8 @@ fn between_its_steps_it_is_seen_on_a_straight_line() {
     // A step is given as the step of one frame.
     let next = simulation.positions();
     for mat in 4..network.n_mat() {
-        let own = (next[mat] - before[mat]) / f64::from(EVERY);
-        assert!((simulation.steps()[mat] - own).abs() < 1e-15);
+        let single = (next[mat] - before[mat]) / f64::from(EVERY);
+        assert!((simulation.steps()[mat] - single).abs() < 1e-15);
         assert!(step[mat].abs() < 1e-3);
     }
 }
@@ -153,16 +153,16 @@ fn between_its_steps_it_is_seen_on_a_straight_line() {
 /// Everything that is heard and seen, in blocks of this size.
 fn all(plan: &Arc<Plan>, threads: usize, block: usize) -> (Vec<u64>, Vec<Vec<u64>>) {
     let mut simulation = playing(plan, threads);
-    let (mut heard, mut seen) = (Vec::new(), Vec::new());
+    let (mut listened, mut seen) = (Vec::new(), Vec::new());
     let mut out = vec![0.0; N as usize];
     for second in out.chunks_mut(735) {
         for block in second.chunks_mut(block) {
             simulation.process(block).unwrap();
         }
-        heard.extend(second.iter().map(|x| x.to_bits()));
+        listened.extend(second.iter().map(|x| x.to_bits()));
         seen.push(swing(&simulation));
     }
-    (heard, seen)
+    (listened, seen)
 }
 
 #[test]
@@ -171,14 +171,14 @@ fn no_thread_block_or_snapshot_changes_a_bit_and_what_is_heard_keeps_its_samples
     let timeline = at(RATE, &network);
     let budget = Budget::Error(-60.0);
     let slow = plan(&network, &timeline, EVERY, &budget);
-    let (heard, seen) = all(&slow, 1, 735);
+    let (listened, seen) = all(&slow, 1, 735);
     for (threads, block) in [(1, 1), (1, 64), (3, 735), (4, 17)] {
-        assert!(all(&slow, threads, block) == (heard.clone(), seen.clone()));
+        assert!(all(&slow, threads, block) == (listened.clone(), seen.clone()));
     }
     let full = plan(&network, &timeline, 1, &budget);
     assert_eq!(slow.hash(), full.hash());
     let each = all(&full, 1, 735);
-    assert!(each.0 == heard && each.1 != seen);
+    assert!(each.0 == listened && each.1 != seen);
     let mut simulation = playing(&slow, 1);
     simulation.skip(1_000).unwrap();
     let there = simulation.snapshot();
@@ -225,8 +225,8 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
     let budget = Budget::Method(Method::Ca);
     let slow = plan(&quiet, &timeline, EVERY, &budget);
     for from in [EVERY.into(), 1_000_u64, 2_001] {
-        let mut whole = playing(&slow, 1);
-        whole.skip(N).unwrap();
+        let mut complete = playing(&slow, 1);
+        complete.skip(N).unwrap();
         let taken_over_by = |plan: &Arc<Plan>| {
             let mut before = playing(&slow, 1);
             before.skip(from).unwrap();
@@ -237,10 +237,10 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
         };
         let mut next = taken_over_by(&plan(&quiet, &timeline, EVERY, &budget));
         next.skip(N - from).unwrap();
-        assert_eq!(swing(&next), swing(&whole));
+        assert_eq!(swing(&next), swing(&complete));
         // If an output hears it from then on, it continues at every frame.
-        let heard = network(true);
-        let plan = plan(&heard, &timeline, EVERY, &budget);
+        let listened = network(true);
+        let plan = plan(&listened, &timeline, EVERY, &budget);
         assert!(plan.seen().is_empty());
         let mut next = taken_over_by(&plan);
         let mut before = playing(&slow, 1);
@@ -249,8 +249,8 @@ fn a_version_goes_on_where_it_was_at_any_frame() {
         let (dx, dy) = (before.steps(), next.steps());
         for mat in 4..quiet.n_mat() {
             // The difference is at most one of its own steps.
-            let most = f64::from(EVERY) * dx[mat].abs() + 1e-12;
-            assert!((x[mat] - y[mat]).abs() <= most, "{from} {mat}");
+            let limit = f64::from(EVERY) * dx[mat].abs() + 1e-12;
+            assert!((x[mat] - y[mat]).abs() <= limit, "{from} {mat}");
             assert!((dx[mat] - dy[mat]).abs() <= 1e-12 + 1e-9 * dx[mat].abs());
         }
         next.skip(100).unwrap();

@@ -120,8 +120,10 @@ fn sleep_ends_with_a_strike_between_frames() {
     let (network, hammer) = drum_at(2_400.0, 1e9);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     for (index, frame) in [(0, 2_000.0), (1, 80_000.5)] {
-        let at = frame / RATE;
-        timeline.strike(&network, hammer, at, 0.01, index).unwrap();
+        let position = frame / RATE;
+        timeline
+            .strike(&network, hammer, position, 0.01, index)
+            .unwrap();
     }
     let plan = Plan::new(network.clone(), &timeline, &Budget::default(), None).unwrap();
     assert_eq!(plan.rows()[0].oversampling, 4);
@@ -149,15 +151,18 @@ fn sleep_in_blocks_of_any_size_and_from_stored_states() {
         ) == expected
     );
     // While it moves, while it sleeps, and after the second strike.
-    for at in [20_000, 80_000, 100_000] {
+    for position in [20_000, 80_000, 100_000] {
         let mut first = simulation(&network, &timeline);
-        play(&mut first, at, &[512]);
-        let mut second = simulation_from(&network, &timeline, at);
+        play(&mut first, position, &[512]);
+        let mut second = simulation_from(&network, &timeline, position);
         for island in first.storable() {
             let (_, state) = first.recorded(&island);
             assert!(second.set_state(&island, &state).is_ok());
         }
-        assert!(play(&mut second, N - at, &[512]) == expected[at..], "{at}");
+        assert!(
+            play(&mut second, N - position, &[512]) == expected[position..],
+            "{position}"
+        );
     }
 }
 

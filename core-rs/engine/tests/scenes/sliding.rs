@@ -32,14 +32,14 @@ fn block(angle: f64, friction: f64, v0: [f64; 3]) -> Simulation {
         &[M],
         [&normal.map(|part| above * part), &v0],
     );
-    let own = PairLaw {
+    let single = PairLaw {
         friction,
         ..PairLaw::smooth(Measure::Plane(normal), LINEAR)
     };
     // Critical damping of a spring of K with M.
     let z = 2.0 * (K * M).sqrt();
     network
-        .pairwise("lies", [slope, block], 3, own, [K, z, GAP])
+        .pairwise("lies", [slope, block], 3, single, [K, z, GAP])
         .unwrap();
     let last = block.first.first + 2;
     network.weigh(last..last + 1, -G).unwrap();
@@ -60,13 +60,16 @@ fn a_block_that_friction_holds_stays_where_its_spring_holds_it() {
         let friction = 1.3 * sin(angle) / cos(angle);
         let mut simulation = block(angle, friction, STILL);
         simulation.skip(44_100).unwrap();
-        let [at, beside, speed] = uphill(&simulation, angle);
+        let [position, beside, speed] = uphill(&simulation, angle);
         let held = -M * G * sin(angle) / K;
-        assert!((at - held).abs() < 1e-6 * held.abs(), "{at} is not {held}");
+        assert!(
+            (position - held).abs() < 1e-6 * held.abs(),
+            "{position} is not {held}"
+        );
         assert_eq!(beside, 0.0);
         assert!(speed.abs() < 1e-12);
         simulation.skip(441_000).unwrap();
-        let creep = uphill(&simulation, angle)[0] - at;
+        let creep = uphill(&simulation, angle)[0] - position;
         assert!(creep.abs() < 1e-12, "it crept by {creep}");
     }
 }
@@ -79,10 +82,13 @@ fn a_block_that_friction_does_not_hold_slides_as_coulomb_says() {
         simulation.skip(n).unwrap();
         let seconds = n as f64 / RATE;
         let slope = sin(angle) - friction * cos(angle);
-        let [at, _, speed] = uphill(&simulation, angle);
+        let [position, _, speed] = uphill(&simulation, angle);
         let expected = -0.5 * G * slope * seconds * seconds;
         // Friction reaches its full level once its spring is stretched, after a micrometre.
-        assert!((at / expected - 1.0).abs() < 2e-3, "{at} is not {expected}");
+        assert!(
+            (position / expected - 1.0).abs() < 2e-3,
+            "{position} is not {expected}"
+        );
         assert!((speed / (-G * slope * seconds) - 1.0).abs() < 2e-3);
     }
 }
@@ -119,15 +125,15 @@ fn nothing_slips_where_a_version_takes_over() {
     let scene = |has_bell: bool| {
         let mut network = Network::new();
         network.part("sand", None);
-        let own = crowd(&mut network, "m", 3, 30, 23);
+        let single = crowd(&mut network, "m", 3, 30, 23);
         rub(
             &mut network,
-            [own, own],
+            [single, single],
             3,
             (HERTZ, 0.6),
             [400.0, 0.02, GAP],
         );
-        for first in own.first.first..own.first.first + 3 * own.n {
+        for first in single.first.first..single.first.first + 3 * single.n {
             let (len, weight) = (1, 1.0);
             let term = Term::Position { first, len, weight };
             network.listen(&format!("x{first}"), vec![term]).unwrap();
@@ -137,7 +143,7 @@ fn nothing_slips_where_a_version_takes_over() {
             let hit = points(&mut network, "b", 3, &[1e-3], [&[1.0; 3], &STILL]);
             rub(
                 &mut network,
-                [hit, own],
+                [hit, single],
                 3,
                 (HERTZ, 0.0),
                 [400.0, 0.02, GAP],
@@ -159,7 +165,7 @@ fn nothing_slips_where_a_version_takes_over() {
     play(&mut alone, n, &[64]);
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
-    let [after, unchanged] = [&mut new, &mut alone].map(|own| play(own, 40, &[40]));
+    let [after, unchanged] = [&mut new, &mut alone].map(|single| play(single, 40, &[40]));
     assert!(after == unchanged);
 }
 
@@ -169,21 +175,27 @@ fn friction_of_all_pairs_is_that_of_each() {
     let motion = |is_listed: bool, n_axes: usize| {
         let mut network = Network::new();
         network.part("sand", None);
-        let own = crowd(&mut network, "m", n_axes, 14, 11);
+        let single = crowd(&mut network, "m", n_axes, 14, 11);
         let law = (HERTZ, 0.7);
         let numbers = [400.0, 0.02, GAP];
         if is_listed {
-            let one = |i| PointGroup {
-                first: alone(own, i),
+            let first = |i| PointGroup {
+                first: alone(single, i),
                 n: 1,
             };
-            for i in 0..own.n {
-                for j in i + 1..own.n {
-                    rub(&mut network, [one(i), one(j)], n_axes, law.clone(), numbers);
+            for i in 0..single.n {
+                for j in i + 1..single.n {
+                    rub(
+                        &mut network,
+                        [first(i), first(j)],
+                        n_axes,
+                        law.clone(),
+                        numbers,
+                    );
                 }
             }
         } else {
-            rub(&mut network, [own, own], n_axes, law, numbers);
+            rub(&mut network, [single, single], n_axes, law, numbers);
         }
         let mut simulation = start(network);
         simulation.skip(1_500).unwrap();
@@ -191,9 +203,9 @@ fn friction_of_all_pairs_is_that_of_each() {
         (simulation.positions(), energy)
     };
     for n_axes in [2, 3] {
-        let [(own, energy), (listed, other)] = [false, true].map(|is| motion(is, n_axes));
-        for (own, listed) in own.iter().zip(&listed) {
-            assert!((own - listed).abs() < 1e-10, "{own} is not {listed}");
+        let [(single, energy), (listed, other)] = [false, true].map(|is| motion(is, n_axes));
+        for (single, listed) in single.iter().zip(&listed) {
+            assert!((single - listed).abs() < 1e-10, "{single} is not {listed}");
         }
         assert!((energy.lost - other.lost).abs() < 1e-8 * energy.lost);
         assert!(energy.lost > 0.0);
@@ -205,32 +217,38 @@ fn attraction_of_all_pairs_is_that_of_each() {
     let motion = |is_listed: bool| {
         let mut network = Network::new();
         network.part("sky", None);
-        let own = crowd(&mut network, "m", 3, 9, 4);
+        let single = crowd(&mut network, "m", 3, 9, 4);
         let sun = points(&mut network, "s", 3, &[0.0], [&STILL, &STILL]);
         let law = SpaceLaw::Attraction { core: 4e-3 };
         let numbers = [20.0, 0.0, 0.0];
         if is_listed {
-            let ends = (0..own.n).flat_map(|i| (i + 1..own.n).map(move |j| (i, j)));
+            let ends = (0..single.n).flat_map(|i| (i + 1..single.n).map(move |j| (i, j)));
             let mut link = |ends| {
                 let name = format!("l{}", network.n_lia());
                 network
                     .space_links(&name, ends, 1, 3, law.clone(), numbers)
                     .unwrap();
             };
-            ends.for_each(|(i, j)| link((alone(own, i), alone(own, j))));
-            (0..own.n).for_each(|i| link((sun.first, alone(own, i))));
+            ends.for_each(|(i, j)| link((alone(single, i), alone(single, j))));
+            (0..single.n).for_each(|i| link((sun.first, alone(single, i))));
         } else {
-            rub(&mut network, [own, own], 3, (law.clone(), 0.0), numbers);
-            rub(&mut network, [sun, own], 3, (law, 0.0), numbers);
+            rub(
+                &mut network,
+                [single, single],
+                3,
+                (law.clone(), 0.0),
+                numbers,
+            );
+            rub(&mut network, [sun, single], 3, (law, 0.0), numbers);
         }
         let mut simulation = start(network);
         simulation.skip(4_000).unwrap();
         let energy = simulation.energy().unwrap();
         (simulation.positions(), energy)
     };
-    let [(own, energy), (listed, other)] = [false, true].map(motion);
-    for (own, listed) in own.iter().zip(&listed) {
-        assert!((own - listed).abs() < 1e-8, "{own} is not {listed}");
+    let [(single, energy), (listed, other)] = [false, true].map(motion);
+    for (single, listed) in single.iter().zip(&listed) {
+        assert!((single - listed).abs() < 1e-8, "{single} is not {listed}");
     }
     assert!(energy.residual.abs() < 1e-11 * energy.flow, "{energy:?}");
     assert!((energy.stored / other.stored - 1.0).abs() < 1e-6);

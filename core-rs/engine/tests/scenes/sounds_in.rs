@@ -49,12 +49,12 @@ fn network() -> Network {
     network.spring("h", hand, first, 2e3, 1e-2, 0.0).unwrap();
     network.spring("l", first, second, 2e4, 1e-2, 0.0).unwrap();
     for (name, mat) in [("free", free), ("hand", hand), ("end", second)] {
-        let heard = Term::Position {
+        let listened = Term::Position {
             first: mat,
             len: 1,
             weight: 1.0,
         };
-        network.listen(name, vec![heard]).unwrap();
+        network.listen(name, vec![listened]).unwrap();
     }
     network
 }
@@ -78,13 +78,13 @@ fn channel(frames: &[f32], channel: usize) -> Vec<f64> {
 fn timeline(recorded: Option<&[f32]>) -> (Arc<Network>, Timeline) {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    let samples = |at| recorded.map_or(Vec::new(), |frames| channel(frames, at));
-    for (settings, at, mat, kind) in [
+    let samples = |position| recorded.map_or(Vec::new(), |frames| channel(frames, position));
+    for (settings, position, mat, kind) in [
         (PUSH, 1, 0, DriveKind::Force),
         (PLACE, 0, 1, DriveKind::Position),
         (PUSH, 1, 3, DriveKind::Force),
     ] {
-        let index = timeline.sound_in(settings, &samples(at)).unwrap();
+        let index = timeline.sound_in(settings, &samples(position)).unwrap();
         timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
     }
     (network, timeline)
@@ -184,7 +184,7 @@ fn a_position_is_reached_at_the_end_of_its_frame() {
 #[test]
 fn a_version_goes_on_where_the_input_of_another_stands() {
     let noise = noise();
-    let whole = played(&mut simulation(None), &noise, 64);
+    let complete = played(&mut simulation(None), &noise, 64);
     let mut old = simulation(None);
     let (first, second) = noise.split_at(2 * 64 * 20);
     let mut sound = played(&mut old, first, 64);
@@ -194,7 +194,7 @@ fn a_version_goes_on_where_the_input_of_another_stands() {
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     sound.extend(played(&mut new, second, 64));
-    assert!(sound == whole);
+    assert!(sound == complete);
 }
 
 /// If a mesh is stepped finer, an input position is interpolated linearly and an input force is held: the result is
@@ -211,13 +211,13 @@ fn finer_steps_hear_the_same_input() {
         }
     }
     let (network, timeline) = timeline(Some(&noise));
-    let of = |method| {
+    let source = |method| {
         let budget = Budget::Method(method);
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let mut simulation = Simulation::planned(Arc::new(plan), plain()).unwrap();
         heard(&computed(&mut simulation), 2)
     };
-    let (coarse, fine) = (of(Method::Ca), of(Method::Bm4));
+    let (coarse, fine) = (source(Method::Ca), source(Method::Bm4));
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
     let error: Vec<f64> = coarse.iter().zip(&fine).map(|(x, y)| x - y).collect();
     assert!(
@@ -337,8 +337,8 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
         if goal.is_none() {
             now = BEFORE.get(n).copied().unwrap_or(0.0);
         }
-        let told = TOLD.iter().filter(|one| (one.0, one.1) == (n, number));
-        for &(_, _, value) in told {
+        let output = TOLD.iter().filter(|one| (one.0, one.1) == (n, number));
+        for &(_, _, value) in output {
             (goal, left) = (
                 Some(value.clamp(-1.5, 1.5)),
                 (glide * RATE).round().max(1.0),
@@ -363,11 +363,11 @@ fn what_is_told_is_reached_and_held() {
         let (network, timeline) = told_timeline();
         Simulation::new(network, &timeline, plain()).unwrap()
     };
-    let whole = as_told(&mut simulation(), N, 1000);
-    assert!(whole == as_told(&mut simulation(), N, 7));
+    let complete = as_told(&mut simulation(), N, 1000);
+    assert!(complete == as_told(&mut simulation(), N, 7));
     let (mut now, mut before) = (0.0, 0.0);
     for (n, force) in walked(8, GLIDE).into_iter().enumerate() {
-        let got: f64 = whole[3 * n];
+        let got: f64 = complete[3 * n];
         assert!(
             (got - now).abs() < 1e-9 * now.abs().max(1e-6),
             "{n}: {got} {now}"
@@ -375,14 +375,14 @@ fn what_is_told_is_reached_and_held() {
         let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
         (now, before) = (next, now);
     }
-    let places = heard(&whole, 1);
+    let places = heard(&complete, 1);
     for (n, (x, got)) in walked(9, 0.0).iter().zip(&places[1..]).enumerate() {
         assert!((got - x).abs() < 1e-17, "{n}: {got} {x}");
     }
-    let mut own = simulation();
-    assert!(!own.tell(7, 1.0), "no input has this number");
-    assert!(!own.tell(8, f64::NAN) && !own.tell(8, f64::INFINITY));
-    assert!(own.n_channels_in() == 0);
+    let mut single = simulation();
+    assert!(!single.tell(7, 1.0), "no input has this number");
+    assert!(!single.tell(8, f64::NAN) && !single.tell(8, f64::INFINITY));
+    assert!(single.n_channels_in() == 0);
 }
 
 /// Another version continues the way to the values told, at any frame of it, with and without a plan.
@@ -397,23 +397,23 @@ fn a_version_goes_on_by_what_was_told() {
         };
         Arc::new(plan.unwrap())
     };
-    let whole = as_told(
+    let complete = as_told(
         &mut Simulation::planned(plan(false), plain()).unwrap(),
         N,
         64,
     );
-    for (at, is_planned) in [(400, false), (640, false), (760, false), (2_000, true)] {
+    for (position, is_planned) in [(400, false), (640, false), (760, false), (2_000, true)] {
         let mut old = Simulation::planned(plan(is_planned), plain()).unwrap();
-        let mut sound = as_told(&mut old, at, 64);
-        let mut new = Simulation::planned_from(plan(is_planned), plain(), at as u64).unwrap();
+        let mut sound = as_told(&mut old, position, 64);
+        let mut new = Simulation::planned_from(plan(is_planned), plain(), position as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
         sound.extend(as_told(&mut new, N, 64));
         if is_planned {
-            let off = sound.iter().zip(&whole).map(|(x, y)| (x - y).abs());
+            let off = sound.iter().zip(&complete).map(|(x, y)| (x - y).abs());
             assert!(off.fold(0.0, f64::max) < 1e-9);
         } else {
-            assert!(sound == whole, "{at}");
+            assert!(sound == complete, "{position}");
         }
     }
 }

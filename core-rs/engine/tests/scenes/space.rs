@@ -68,10 +68,10 @@ pub(crate) fn momenta(simulation: &Simulation, masses: &[f64]) -> [[f64; 3]; 2] 
     let (x, d) = (simulation.positions(), simulation.steps());
     let mut sums = [[0.0; 3]; 2];
     for (i, m) in masses.iter().enumerate() {
-        let own = |all: &[f64]| -> [f64; 3] { std::array::from_fn(|axis| all[3 * i + axis]) };
-        let turn = cross(own(&x), own(&d));
+        let single = |all: &[f64]| -> [f64; 3] { std::array::from_fn(|axis| all[3 * i + axis]) };
+        let turn = cross(single(&x), single(&d));
         for axis in 0..3 {
-            sums[0][axis] += m * own(&d)[axis];
+            sums[0][axis] += m * single(&d)[axis];
             sums[1][axis] += m * turn[axis];
         }
     }
@@ -168,8 +168,8 @@ fn a_stretched_row_has_the_modes_of_the_lattice() {
         let frames = 30_000_u64;
         let simulation = run(network, 1e6, frames);
         let exact = 1e-4 * shape(1) / omega * sin(omega * frames as f64 / 1e6);
-        let at = first + axis * (n + 2) + 1;
-        let moved = simulation.positions()[at] - x0[axis * (n + 2) + 1];
+        let position = first + axis * (n + 2) + 1;
+        let moved = simulation.positions()[position] - x0[axis * (n + 2) + 1];
         let size = 1e-4 * shape(1) / omega;
         assert!(
             (moved - exact).abs() < 1e-4 * size,
@@ -224,9 +224,9 @@ fn what_cannot_be_is_refused() {
     network.part("rope", None);
     let a = point(&mut network, "a", 1e-3, [0.0; 3], [0.0; 3]);
     let b = point(&mut network, "b", 1e-3, [0.1, 0.0, 0.0], [0.0; 3]);
-    let mut refused = |ends, law, numbers, said: &str| {
+    let mut refused = |ends, law, numbers, text: &str| {
         let error = network.space_links("s", ends, 1, 3, law, numbers);
-        assert_eq!(error.unwrap_err().to_string(), said);
+        assert_eq!(error.unwrap_err().to_string(), text);
     };
     let spring = SpaceLaw::Spring;
     refused(
@@ -262,8 +262,8 @@ fn what_cannot_be_is_refused() {
     link(&mut network, (a, b), spring, [5e6, 0.0, 0.1]);
     let timeline = Timeline::new(Rate::new(RATE).unwrap());
     let error = Simulation::new(Arc::new(network), &timeline, options(OnFault::Stop));
-    let said = error.unwrap_err().to_string();
-    assert!(said.contains("rope."), "{said}");
+    let text = error.unwrap_err().to_string();
+    assert!(text.contains("rope."), "{text}");
 }
 
 /// A row at its rest length: its spring forces are rounding errors, which do not count as created energy.
@@ -320,11 +320,11 @@ fn runs_of_springs_have_the_bits_of_single_ones() {
             .map(|(law, len)| {
                 let mut network = Network::new();
                 network.part("p", None);
-                let at = |axis: usize, i: usize| match axis {
+                let position = |axis: usize, i: usize| match axis {
                     0 => 1e-2 * i as f64,
                     _ => 1e-3 * sin((axis * N + i) as f64),
                 };
-                let x0 = (0..n_axes * N).map(|mat| at(mat / N, mat % N));
+                let x0 = (0..n_axes * N).map(|mat| position(mat / N, mat % N));
                 let x0: Vec<f64> = x0.collect();
                 let points = SpacePoints {
                     n_axes,

@@ -29,9 +29,9 @@ fn laws_of_distances_keep_momenta_and_ledger() {
     let masses = [0.01, 0.004, 0.02, 0.007];
     let points: Vec<SpacePoint> = (0..4)
         .map(|i| {
-            let at = |axis: usize| 0.03 * sin((3 * i + axis * 7 + 1) as f64);
-            let x0 = std::array::from_fn(at);
-            let v0 = std::array::from_fn(|axis| 10.0 * at(axis + 2));
+            let position = |axis: usize| 0.03 * sin((3 * i + axis * 7 + 1) as f64);
+            let x0 = std::array::from_fn(position);
+            let v0 = std::array::from_fn(|axis| 10.0 * position(axis + 2));
             point(&mut network, &format!("m{i}"), masses[i], x0, v0)
         })
         .collect();

@@ -31,7 +31,7 @@ const RECORDED: Options = Options {
 };
 
 /// A key that is heard, and one gesture on it: up 4 mm and back.
-fn played(way: Approach, manner: Manner) -> Simulation {
+fn played(method: Approach, manner: Manner) -> Simulation {
     let mut network = Network::new();
     network.part("bell", None);
     let tie = |k, z| Tie::Physical { k, z };
@@ -54,7 +54,7 @@ fn played(way: Approach, manner: Manner) -> Simulation {
     let written = Written {
         t: &[0.01, 0.05, 0.13],
         x: &[0.0, 4e-3, 0.0],
-        approaches: &[way; 3],
+        approaches: &[method; 3],
         sources: &[3, 4, 5],
     };
     let gesture = Gesture::written(key, &written, manner).unwrap();
@@ -72,12 +72,12 @@ fn looks(simulation: &mut Simulation, n: usize, frames: usize) -> Vec<(Vec<Recor
     let look = simulation.looked_at();
     simulation.watch();
     let mut glance = Glance::new(simulation, &look);
-    let mut one = |simulation: &mut Simulation, look: &Look| {
+    let mut first = |simulation: &mut Simulation, look: &Look| {
         simulation.skip(frames as u64).unwrap();
         simulation.glance(look, &mut glance);
         (simulation.take_ergons(), glance.sparks().to_vec())
     };
-    (0..n).map(|_| one(simulation, &look)).collect()
+    (0..n).map(|_| first(simulation, &look)).collect()
 }
 
 /// Expected sparks of a stream: for each run of ergons of one sign without a gap, the impulse and the mean instant and
@@ -91,8 +91,10 @@ fn gathered(struck: &[Record]) -> Vec<[f64; 3]> {
             .collect();
         for run in same.chunk_by(|a, b| b.time - a.time <= TOGETHER) {
             let impulse: f64 = run.iter().map(|ergon| ergon.impulse).sum();
-            let mean = |of: fn(&Record) -> f64| {
-                let all = run.iter().map(|ergon| ergon.impulse / impulse * of(ergon));
+            let mean = |source: fn(&Record) -> f64| {
+                let all = run
+                    .iter()
+                    .map(|ergon| ergon.impulse / impulse * source(ergon));
                 all.sum::<f64>()
             };
             let speed = |ergon: &Record| ergon.impulse * 1.0001 / (2e-4 * KEY);
@@ -160,18 +162,18 @@ fn throws_and_grains_are_seen_one_by_one() {
         ..Manner::OPEN
     };
     let smooth = Approach::Path(Curve::Smooth);
-    for (way, manner) in [(Approach::Throw, Manner::OPEN), (smooth, grains)] {
+    for (method, manner) in [(Approach::Throw, Manner::OPEN), (smooth, grains)] {
         let mut n = 0;
-        for (struck, seen) in looks(&mut played(way, manner), 12, LOOK) {
-            let told = |all: &[Record]| -> Vec<(u64, u64)> {
+        for (struck, seen) in looks(&mut played(method, manner), 12, LOOK) {
+            let output = |all: &[Record]| -> Vec<(u64, u64)> {
                 let each = all.iter();
                 each.map(|ergon| (ergon.time.to_bits(), ergon.impulse.to_bits()))
                     .collect()
             };
-            assert_eq!(told(&seen), told(&struck));
+            assert_eq!(output(&seen), output(&struck));
             n += seen.len();
         }
-        if way == Approach::Throw {
+        if method == Approach::Throw {
             assert_eq!(n, 2);
         } else {
             assert!((35..45).contains(&n), "{n}");
@@ -194,8 +196,8 @@ fn more_than_can_be_told_is_gathered_by_sign() {
     }
     for up in [true, false] {
         let sum = |all: &[Record]| -> f64 {
-            let own = all.iter().filter(|ergon| (ergon.impulse > 0.0) == up);
-            own.map(|ergon| ergon.impulse).sum()
+            let single = all.iter().filter(|ergon| (ergon.impulse > 0.0) == up);
+            single.map(|ergon| ergon.impulse).sum()
         };
         near(sum(&seen), sum(&struck), 1e-12 * sum(&struck).abs());
     }
@@ -217,12 +219,12 @@ fn no_impulse_of_a_gesture_is_lost_whatever_the_scene() {
     for seed in 0..24 {
         let scene = Scene::random(seed);
         let frames = scene.n_frames();
-        let mut own = scene.simulation(RECORDED);
+        let mut single = scene.simulation(RECORDED);
         let written: Vec<u32> = {
-            let written = own.written(&scene.timeline);
+            let written = single.written(&scene.timeline);
             written.iter().map(|ergon| ergon.mat).collect()
         };
-        let all = looks(&mut own, 7, frames / 7);
+        let all = looks(&mut single, 7, frames / 7);
         // MATs that strikes or ergons of the score hit are not keys here.
         let gestures = all.iter().flat_map(|look| &look.0);
         let struck = impulses(gestures.filter(|ergon| !written.contains(&ergon.mat)));
@@ -245,17 +247,17 @@ fn watching_what_hands_strike_changes_no_sample() {
     for seed in 0..12 {
         let scene = Scene::random(seed);
         let sound = |is_watched: bool| -> Vec<u64> {
-            let mut own = scene.simulation(RECORDED);
-            let look = own.looked_at();
-            let mut glance = Glance::new(&own, &look);
+            let mut single = scene.simulation(RECORDED);
+            let look = single.looked_at();
+            let mut glance = Glance::new(&single, &look);
             if is_watched {
-                own.watch();
+                single.watch();
             }
-            let mut out = vec![0.0; scene.n_frames() * own.n_out()];
-            for block in out.chunks_mut(500 * own.n_out()) {
-                own.process(block).unwrap();
+            let mut out = vec![0.0; scene.n_frames() * single.n_out()];
+            for block in out.chunks_mut(500 * single.n_out()) {
+                single.process(block).unwrap();
                 if is_watched {
-                    own.glance(&look, &mut glance);
+                    single.glance(&look, &mut glance);
                 }
             }
             out.iter().map(|x| x.to_bits()).collect()

@@ -130,17 +130,20 @@ fn quintic() -> LawText<'static> {
 #[test]
 fn a_scene_that_would_diverge_plays_on() {
     let strikes = [1.0, 2.0, 4.0, 8.0, 16.0];
-    for (network, most) in [
+    for (network, limit) in [
         (gong(Some(1.0)), [-34.0, -27.0, -29.0, -33.0, -250.0]),
         (string(&quintic()), [-21.0, -34.0, -37.0, -250.0, -250.0]),
     ] {
         let network = Arc::new(network);
         let border = hardest(&network);
-        for (by, most) in strikes.into_iter().zip(most) {
-            let [own, truth] = [1, 8].map(|times| heard(&network, by * border, times));
-            let [error, _] = errors(&own, &truth, 451);
-            let [_, louder] = errors(&own, &truth, N);
-            assert!(error < most && louder.abs() < 2.5, "{by}: {error} {louder}");
+        for (by, limit) in strikes.into_iter().zip(limit) {
+            let [single, truth] = [1, 8].map(|times| heard(&network, by * border, times));
+            let [error, _] = errors(&single, &truth, 451);
+            let [_, louder] = errors(&single, &truth, N);
+            assert!(
+                error < limit && louder.abs() < 2.5,
+                "{by}: {error} {louder}"
+            );
         }
     }
 }
@@ -206,14 +209,14 @@ fn what_does_not_stiffen_keeps_its_bytes() {
         assert!(play(&mut guarded, N, &[N]) == play(&mut unguarded, N, &[N]));
         assert!(guarded.finer().is_empty());
         let mut hard = begin(&network, 2.0 * border, plain());
-        let own = play(&mut hard, N, &[N]);
+        let single = play(&mut hard, N, &[N]);
         let finer = hard.finer();
         assert!(finer.len() == 1 && finer[0].0 == "gong" && finer[0].1 > 100 && finer[0].2 > 1);
         if let [_, bell] = network.outputs() {
             let n_out = 2;
             let alone = begin(&network, 0.5 * border, plain());
             assert_eq!((bell.name.as_str(), alone.n_out()), ("bell", n_out));
-            assert!(own.iter().skip(1).step_by(n_out).all(|bits| *bits == 0));
+            assert!(single.iter().skip(1).step_by(n_out).all(|bits| *bits == 0));
         }
     }
 }
@@ -230,7 +233,7 @@ fn a_cell_beside_keeps_its_pitch() {
     network.spring("thread", 2, bell, 1e-3, 0.0, 0.0).unwrap();
     listen(&mut network, "bell", bell);
     let network = Arc::new(network);
-    let heard = |times: usize| {
+    let listened = |times: usize| {
         let timeline = struck(&network, 4.0 * border, times as f64);
         let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
         let mut out = vec![0.0; 2 * N * times];
@@ -240,7 +243,7 @@ fn a_cell_beside_keeps_its_pitch() {
             .map(|frame| frame[1])
             .collect::<Vec<f64>>()
     };
-    let [error, _] = errors(&heard(1), &heard(8), N);
+    let [error, _] = errors(&listened(1), &listened(8), N);
     assert!(error < -38.0, "{error}"); // out of tune it would be near 0
 }
 
@@ -254,16 +257,16 @@ fn it_goes_on_through_everything() {
         let plan = Plan::new(network.clone(), &timeline, &Budget::Method(method), None).unwrap();
         let plan = Arc::new(plan);
         let begin = || Simulation::planned(plan.clone(), plain()).unwrap();
-        let mut whole = begin();
-        let before = play(&mut whole, 480, &[480]);
-        let (snapshot, mut fork) = (whole.snapshot(), whole.fork());
-        let after = play(&mut whole, N, &[N]);
-        let told = whole.finer();
-        assert!(told[0].1 > 100, "{method:?} {told:?}");
+        let mut complete = begin();
+        let before = play(&mut complete, 480, &[480]);
+        let (snapshot, mut fork) = (complete.snapshot(), complete.fork());
+        let after = play(&mut complete, N, &[N]);
+        let output = complete.finer();
+        assert!(output[0].1 > 100, "{method:?} {output:?}");
         assert!(play(&mut fork, N, &[7, 64, 1]) == after, "{method:?}");
-        whole.restore(&snapshot);
-        assert!(play(&mut whole, N, &[300]) == after, "{method:?}");
-        assert_eq!(whole.finer(), told);
+        complete.restore(&snapshot);
+        assert!(play(&mut complete, N, &[300]) == after, "{method:?}");
+        assert_eq!(complete.finer(), output);
         // Another version takes over the parts that are the same.
         let mut old = begin();
         assert!(play(&mut old, 480, &[37]) == before);
@@ -271,7 +274,7 @@ fn it_goes_on_through_everything() {
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
         assert!(play(&mut new, N, &[N]) == after, "{method:?}");
-        assert_eq!(new.finer(), told);
+        assert_eq!(new.finer(), output);
     }
 }
 

@@ -38,10 +38,10 @@ fn shaken(seed: u64, shell: f64, law: SpaceLaw, friction: f64) -> (Network, Vec<
     let x0: Vec<f64> = (0..3 * n).map(|_| chance.uniform(-0.02, 0.02)).collect();
     let v0: Vec<f64> = (0..3 * n).map(|_| chance.uniform(-0.4, 0.4)).collect();
     let wall = points(&mut network, "wall", 3, &[shell], [&[0.0; 3], &[0.0; 3]]);
-    let own: PointGroup = points(&mut network, "m", 3, &masses, [&x0, &v0]);
+    let single: PointGroup = points(&mut network, "m", 3, &masses, [&x0, &v0]);
     rub(
         &mut network,
-        [own, own],
+        [single, single],
         3,
         (LINEAR, friction),
         [500.0, 0.03, GAP],
@@ -54,7 +54,7 @@ fn shaken(seed: u64, shell: f64, law: SpaceLaw, friction: f64) -> (Network, Vec<
         ..PairLaw::smooth(Measure::Surface(Arc::new(cube(HALF, reach))), law)
     };
     network
-        .pairwise("walls", [wall, own], 3, what, [stiff, 0.03, reach])
+        .pairwise("walls", [wall, single], 3, what, [stiff, 0.03, reach])
         .unwrap();
     let all: Vec<f64> = std::iter::once(shell).chain(masses).collect();
     (network, all)

@@ -180,10 +180,10 @@ fn timeline(network: &Network, until: f64) -> Timeline {
         .enumerate()
     {
         for name in ["gong.s5", "string.s3", "net.s4", "sky.c7", "lever.m"] {
-            let (mat, at) = (mat(network, name), t + 1e-4 * i as f64);
+            let (mat, position) = (mat(network, name), t + 1e-4 * i as f64);
             let impulse = if name == "lever.m" { 2e-3 } else { 3e-5 };
             timeline
-                .strike(network, mat, at, impulse * other(at), 0)
+                .strike(network, mat, position, impulse * other(position), 0)
                 .unwrap();
         }
         let cell = mat(network, "sky.c11");
@@ -277,7 +277,7 @@ fn a_version_that_is_the_same_changes_no_bit() {
             .unwrap(),
         );
         let plan = Arc::new(plan);
-        let whole = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44);
+        let complete = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44);
         for (first, second) in [
             (44, 88),
             (440, 4_400),
@@ -293,9 +293,13 @@ fn a_version_that_is_the_same_changes_no_bit() {
                     (plan.clone(), second),
                 ];
                 let parts = versions(&plans, LENGTH, plain(), 64);
-                let at = whole.0.iter().zip(&parts.0).position(|(a, b)| a != b);
-                assert_eq!(at.map(|at| at / 5), None, "{budget:?} {first} {second}");
-                assert_eq!(whole.1, parts.1, "{budget:?} {first} {second}");
+                let position = complete.0.iter().zip(&parts.0).position(|(a, b)| a != b);
+                assert_eq!(
+                    position.map(|position| position / 5),
+                    None,
+                    "{budget:?} {first} {second}"
+                );
+                assert_eq!(complete.1, parts.1, "{budget:?} {first} {second}");
             }
         }
     }
@@ -362,18 +366,18 @@ fn a_session_is_planned_for_what_may_come() {
         assert_eq!(plan.choices(), first.choices());
         assert_eq!(plan.hash(), first.hash());
     }
-    let (whole, like) = (Arc::new(first), Arc::new(again));
+    let (complete, like) = (Arc::new(first), Arc::new(again));
     let sound = |plan| versions(&[(plan, 0)], LENGTH, plain(), 440);
-    let heard = sound(whole.clone());
-    assert_eq!(sound(like), heard);
+    let listened = sound(complete.clone());
+    assert_eq!(sound(like), listened);
     // No event of the first version has begun yet: after the takeover, the samples are those of the other, to the last
     // bit, with threads too.
-    let plans = [(Arc::new(other), 0), (whole, 150)];
+    let plans = [(Arc::new(other), 0), (complete, 150)];
     let options = Options {
         threads: 3,
         ..plain()
     };
-    assert_eq!(versions(&plans, LENGTH, options, 4_400), heard);
+    assert_eq!(versions(&plans, LENGTH, options, 4_400), listened);
 }
 
 /// Another instrument is added and removed: everything that it does not touch keeps its bits, whatever its new indices
@@ -387,7 +391,7 @@ fn what_is_added_changes_no_bit_of_the_others() {
             Arc::new(Plan::new(network.clone(), &timeline, &budget, None).unwrap())
         };
         let (plan, with) = (plan(&network), plan(&more));
-        let whole = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44).0;
+        let complete = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44).0;
         let (come, gone) = (4_433, 8_811);
         let plans = [(plan.clone(), 0), (with, come), (plan, gone)];
         let joined = versions(&plans, LENGTH, plain(), 64).0;
@@ -396,16 +400,16 @@ fn what_is_added_changes_no_bit_of_the_others() {
         let (between, after) = rest.split_at((gone - come) as usize * 6);
         let between = between.chunks(6).flat_map(|frame| &frame[1..]);
         let joined: Vec<u64> = before.iter().chain(between).chain(after).copied().collect();
-        for (at, (a, b)) in whole.iter().zip(&joined).enumerate() {
+        for (index, (a, b)) in complete.iter().zip(&joined).enumerate() {
             // An output that sums several units adds them in the order of their costs, which may change.
-            let is_sum = [2, 4].contains(&(at % 5));
+            let is_sum = [2, 4].contains(&(index % 5));
             let apart = (f64::from_bits(*a) - f64::from_bits(*b)).abs();
             assert!(
                 a == b || (is_sum && apart < 1e-15),
-                "{budget:?} {at}: {apart}"
+                "{budget:?} {index}: {apart}"
             );
         }
-        assert_eq!(whole.len(), joined.len());
+        assert_eq!(complete.len(), joined.len());
     }
 }
 
@@ -451,14 +455,19 @@ fn a_gesture_that_is_gone_ends_there() {
     );
     let x: Vec<f64> = versions.0.iter().map(|x| f64::from_bits(*x)).collect();
     // Up to the throw, the acceleration is that of the gesture, 4 mm in 40 ms: nothing jumps.
-    let bend = |n: usize| (x[n + 1] - 2.0 * x[n] + x[n - 1]).abs() * RATE * RATE;
-    let worst = (1..(0.239 * RATE) as usize).map(bend).fold(0.0, f64::max);
+    let curvature = |n: usize| (x[n + 1] - 2.0 * x[n] + x[n - 1]).abs() * RATE * RATE;
+    let worst = (1..(0.239 * RATE) as usize)
+        .map(curvature)
+        .fold(0.0, f64::max);
     assert!(worst < 40.0, "{worst} m/s²");
     // The free key swings at its own frequency from its position at the takeover; a led key is where the gesture asks
     // for it.
-    let at = |t: f64| x[(t * RATE).round() as usize];
-    assert!(at(0.05) > at(from) && at(0.1) < -5e-4, "it swings back");
-    assert!((at(0.24) - 2e-3).abs() < 1e-6, "{}", at(0.24));
+    let position = |t: f64| x[(t * RATE).round() as usize];
+    assert!(
+        position(0.05) > position(from) && position(0.1) < -5e-4,
+        "it swings back"
+    );
+    assert!((position(0.24) - 2e-3).abs() < 1e-6, "{}", position(0.24));
 }
 
 /// Another network: masses of the same name keep their motion, in a bank or stepped; new ones begin at their initial
@@ -489,7 +498,7 @@ fn masses_go_on_by_name() {
         timeline.strike(&network, b, 2e-3, 1e-3, 0).unwrap();
         Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap())
     };
-    let at = 3_000;
+    let position = 3_000;
     let all = [
         (2e3, false, false),
         (2e3, true, false),
@@ -500,9 +509,9 @@ fn masses_go_on_by_name() {
         for &after in &all[i + 1..] {
             let pair = [before, after].map(|(k, coupled, more)| version(k, coupled, more));
             let mut old = Simulation::planned(pair[0].clone(), plain()).unwrap();
-            old.skip(at).unwrap();
+            old.skip(position).unwrap();
             let (x, d) = (old.positions(), old.steps());
-            let mut new = Simulation::planned_from(pair[1].clone(), plain(), at).unwrap();
+            let mut new = Simulation::planned_from(pair[1].clone(), plain(), position).unwrap();
             let mut takeover = Takeover::new(&old, &new);
             assert!(new.take_over(&mut old, &mut takeover));
             let (now, steps) = (new.positions(), new.steps());
@@ -554,16 +563,16 @@ fn go_on(seeds: Range<u64>) {
                 ..plain()
             };
             let plan = plan(budget);
-            let whole = versions(&[(plan.clone(), 0)], n, options, 64);
-            for at in [n / 31, n / 7, n / 3, n / 2 + 1] {
+            let complete = versions(&[(plan.clone(), 0)], n, options, 64);
+            for position in [n / 31, n / 7, n / 3, n / 2 + 1] {
                 let plans = [
                     (plan.clone(), 0),
-                    (plan.clone(), at),
-                    (plan.clone(), at + n / 4),
+                    (plan.clone(), position),
+                    (plan.clone(), position + n / 4),
                 ];
                 let parts = versions(&plans, n, options, 64);
-                assert!(whole.0 == parts.0, "{seed} {budget:?} {at}");
-                assert_eq!(whole.1, parts.1, "{seed} {budget:?} {at}");
+                assert!(complete.0 == parts.0, "{seed} {budget:?} {position}");
+                assert_eq!(complete.1, parts.1, "{seed} {budget:?} {position}");
             }
         }
     }

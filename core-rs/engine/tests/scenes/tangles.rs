@@ -126,9 +126,9 @@ fn free(turned: impl Fn([f64; 3]) -> [f64; 3], drift: [f64; 3]) -> (Network, [f6
     let masses = [0.01, 0.004, 0.02, 0.007];
     let points: Vec<SpacePoint> = (0..4)
         .map(|i| {
-            let at = |axis: usize| 0.03 * sin((3 * i + axis * 7 + 1) as f64);
-            let x0 = turned(std::array::from_fn(at));
-            let v0 = turned(std::array::from_fn(|axis| 20.0 * at(axis + 2)));
+            let position = |axis: usize| 0.03 * sin((3 * i + axis * 7 + 1) as f64);
+            let x0 = turned(std::array::from_fn(position));
+            let v0 = turned(std::array::from_fn(|axis| 20.0 * position(axis + 2)));
             let v0 = std::array::from_fn(|axis| v0[axis] + drift[axis]);
             point(&mut network, &format!("m{i}"), masses[i], x0, v0)
         })
@@ -192,15 +192,15 @@ fn a_free_tangle_moves_alike_from_everywhere() {
     let riding = motion(free(|x| x, drift).0);
     let started = free(|x| x, [0.0; 3]).0.mats().x0.clone();
     for i in 0..4 {
-        let own = |all: &[f64]| -> [f64; 3] { std::array::from_fn(|axis| all[3 * i + axis]) };
-        let from_there = turned(own(&plain));
+        let single = |all: &[f64]| -> [f64; 3] { std::array::from_fn(|axis| all[3 * i + axis]) };
+        let from_there = turned(single(&plain));
         for axis in 0..3 {
-            assert!((own(&aslant)[axis] - from_there[axis]).abs() < 1e-12);
-            let along = own(&riding)[axis] - t * drift[axis];
-            assert!((along - own(&plain)[axis]).abs() < 1e-12);
+            assert!((single(&aslant)[axis] - from_there[axis]).abs() < 1e-12);
+            let along = single(&riding)[axis] - t * drift[axis];
+            assert!((along - single(&plain)[axis]).abs() < 1e-12);
         }
         let moved: Vec<f64> = (0..3)
-            .map(|axis| own(&plain)[axis] - own(&started)[axis])
+            .map(|axis| single(&plain)[axis] - single(&started)[axis])
             .collect();
         assert!(norm(&moved) > 1e-3, "{moved:?}");
     }

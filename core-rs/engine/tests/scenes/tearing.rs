@@ -43,8 +43,8 @@ fn a_wire_yields_and_breaks() {
     assert!((force[44_099] - 20.0).abs() < 1e-2);
     let (yields, breaks) = (5.0, endless);
     let (simulation, force) = pulled(SpaceLaw::Yielding { yields, breaks }, 0.02);
-    let most = force.iter().copied().fold(0.0, f64::max);
-    assert!((most - 5.0).abs() < 1e-9 && (force[44_099] - 5.0).abs() < 1e-9);
+    let limit = force.iter().copied().fold(0.0, f64::max);
+    assert!((limit - 5.0).abs() < 1e-9 && (force[44_099] - 5.0).abs() < 1e-9);
     let energy = simulation.energy().unwrap();
     // 5 N along 15 mm.
     assert!((energy.lost - 0.075).abs() < 1e-4, "{energy:?}");
@@ -70,11 +70,11 @@ fn torn_row(is_more: bool) -> Network {
     network.part("net", None);
     let n = 8;
     let x0: Vec<f64> = (0..3 * n)
-        .map(|at| {
-            if at < n {
-                0.02 * at as f64
+        .map(|position| {
+            if position < n {
+                0.02 * position as f64
             } else {
-                1e-3 * sin(at as f64)
+                1e-3 * sin(position as f64)
             }
         })
         .collect();

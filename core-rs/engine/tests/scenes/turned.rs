@@ -31,8 +31,8 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
     network
         .mesh("p", &topology, 0.2, 220.0, Some(1.0), 0.0)
         .unwrap();
-    let at = |row: usize, column: usize| row * SIDE + column;
-    for (name, first) in [("left", at(2, 3)), ("right", at(8, 4))] {
+    let position = |row: usize, column: usize| row * SIDE + column;
+    for (name, first) in [("left", position(2, 3)), ("right", position(8, 4))] {
         let (len, weight) = (1, 1.0);
         network
             .listen(name, vec![Term::Position { first, len, weight }])
@@ -44,7 +44,11 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
     }
     match by {
         By::Strikes => {
-            for (mat, instant) in [(at(1, 4), 1e-3), (at(7, 3), 0.1), (at(1, 4), 0.2)] {
+            for (mat, instant) in [
+                (position(1, 4), 1e-3),
+                (position(7, 3), 0.1),
+                (position(1, 4), 0.2),
+            ] {
                 timeline.strike(&network, mat, instant, 0.01, 0).unwrap();
             }
         }
@@ -52,7 +56,7 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
             network.part("hammer", None);
             let hammer = network.mas("m", 5e-3, -1e-3, 1.5).unwrap();
             let but = But::plain(4e4, 0.0, 0.0);
-            network.but("b", hammer, at(1, 4), but).unwrap();
+            network.but("b", hammer, position(1, 4), but).unwrap();
         }
     }
     Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-100.0), None).unwrap())
@@ -101,10 +105,13 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
     // (i, j) and (j, i) have the same frequency: the 121 modes have 66 frequencies.
     let pairs = SIDE * (SIDE + 1) / 2;
-    for (by, most) in [(By::Strikes, SIDE * SIDE), (By::Hammer, pairs)] {
+    for (by, limit) in [(By::Strikes, SIDE * SIDE), (By::Hammer, pairs)] {
         let (closed, open) = (plan(by, false), plan(by, true));
         assert_eq!(kept(&open), SIDE * SIDE);
-        assert!(kept(&closed) <= most && kept(&closed) > pairs / 2, "{by:?}");
+        assert!(
+            kept(&closed) <= limit && kept(&closed) > pairs / 2,
+            "{by:?}"
+        );
         let sound = |plan: &Arc<Plan>| {
             let mut simulation = Simulation::planned(plan.clone(), alone()).unwrap();
             heard(&mut simulation, N)
@@ -123,19 +130,19 @@ fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
 fn another_version_goes_on_from_turned_modes() {
     for by in [By::Strikes, By::Hammer] {
         let (closed, open) = (plan(by, false), plan(by, true));
-        let mut whole = Simulation::planned(open.clone(), alone()).unwrap();
-        heard(&mut whole, N / 2);
-        let wanted = heard(&mut whole, N / 2);
+        let mut complete = Simulation::planned(open.clone(), alone()).unwrap();
+        heard(&mut complete, N / 2);
+        let wanted = heard(&mut complete, N / 2);
         let mut old = Simulation::planned(closed, alone()).unwrap();
         heard(&mut old, N / 2);
         let mut new = Simulation::planned_from(open, alone(), (N / 2) as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
-        let found = heard(&mut new, N / 2);
+        let result = heard(&mut new, N / 2);
         assert!(
-            apart(&found, &wanted) < by.apart(),
+            apart(&result, &wanted) < by.apart(),
             "{by:?}: {}",
-            apart(&found, &wanted)
+            apart(&result, &wanted)
         );
     }
 }

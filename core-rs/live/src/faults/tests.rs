@@ -5,9 +5,9 @@ use crate::emulate::Hand;
 
 #[test]
 fn no_fault_exceeds_its_bound() {
-    let found = measure().unwrap();
-    assert_eq!(found.len(), Fault::ALL.len() * Emulator::ALL.len());
-    let broken: Vec<_> = found.iter().filter(|one| one.exceeds()).collect();
+    let result = measure().unwrap();
+    assert_eq!(result.len(), Fault::ALL.len() * Emulator::ALL.len());
+    let broken: Vec<_> = result.iter().filter(|one| one.exceeds()).collect();
     assert!(broken.is_empty(), "{broken:#?}");
 }
 
@@ -42,8 +42,8 @@ fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
     };
     host.ask = Ask::Wall(stiffness);
     host.run(Duration::from_secs(seconds)).unwrap();
-    let [_, most] = shared.world().work;
-    most
+    let [_, limit] = shared.world().work;
+    limit
 }
 
 /// Hands that move 5 mm to and fro twice a second: firm, soft, and very weak [N/m, N·s/m].
@@ -55,8 +55,8 @@ const SPRINGS: [f64; 6] = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0];
 #[test]
 fn work_through_jitter_and_loss_stays_near_the_allowance() {
     for hand in HANDS {
-        let most = work(2000.0, hand, 4);
-        assert!(most <= 1.25 * (1.0 + 0.5 * 4.0), "{hand:?}: {most} J");
+        let limit = work(2000.0, hand, 4);
+        assert!(limit <= 1.25 * (1.0 + 0.5 * 4.0), "{hand:?}: {limit} J");
     }
 }
 
@@ -65,7 +65,7 @@ fn work_through_jitter_and_loss_stays_near_the_allowance() {
 #[allow(clippy::print_stdout)]
 fn work_of_a_spring_through_jitter_and_loss() {
     for hand in HANDS {
-        let most = SPRINGS.map(|stiffness| 1e3 * work(stiffness, hand, 10));
-        println!("{hand:?}: {most:.1?} mJ for {SPRINGS:?} N/m");
+        let limit = SPRINGS.map(|stiffness| 1e3 * work(stiffness, hand, 10));
+        println!("{hand:?}: {limit:.1?} mJ for {SPRINGS:?} N/m");
     }
 }

@@ -116,12 +116,12 @@ fn pushed(forces: &[f64]) -> Excitation<'_> {
 }
 
 fn jumps() -> Vec<f64> {
-    let at = |n: usize| match n {
+    let position = |n: usize| match n {
         0..100 => 0.0,
         _ if (n / 200).is_multiple_of(2) => 0.3,
         _ => -0.3,
     };
-    (0..3000).map(at).collect()
+    (0..3000).map(position).collect()
 }
 
 #[test]
@@ -146,19 +146,19 @@ fn every_fault_ends_the_force_and_keeps_what_was_recorded() {
         };
         let (mut sink, handle) = Recorder::start(&path, &header).unwrap();
         let stop = AtomicBool::new(false);
-        let found = excite(device, &pushed(&forces), Some(&mut sink), &stop);
+        let result = excite(device, &pushed(&forces), Some(&mut sink), &stop);
         drop(sink);
         handle.stop().unwrap();
         let take = read(&path, None).unwrap();
         std::fs::remove_file(&path).unwrap();
-        assert_eq!(found.end, end, "{fault:?}");
+        assert_eq!(result.end, end, "{fault:?}");
         assert!(
-            found.rows.len().abs_diff(n) <= 2,
+            result.rows.len().abs_diff(n) <= 2,
             "{fault:?} {}",
-            found.rows.len()
+            result.rows.len()
         );
-        assert_eq!(take.ticks.len(), found.rows.len());
-        for (row, sample) in found.rows.iter().zip(&take.samples) {
+        assert_eq!(take.ticks.len(), result.rows.len());
+        for (row, sample) in result.rows.iter().zip(&take.samples) {
             assert_eq!(row.position.to_bits(), sample.position.to_bits());
             assert_eq!(row.sent as f32, sample.sent);
             assert_eq!(row.fresh, sample.flags & flag::FRESH != 0);
@@ -170,8 +170,8 @@ fn every_fault_ends_the_force_and_keeps_what_was_recorded() {
 #[test]
 fn a_hand_that_asks_for_the_end_gets_it_at_once() {
     let (device, last) = key(Fault::None, 0);
-    let found = excite(device, &pushed(&jumps()), None, &AtomicBool::new(true));
-    assert_eq!((found.end, found.rows.len()), (End::Stopped, 0));
+    let result = excite(device, &pushed(&jumps()), None, &AtomicBool::new(true));
+    assert_eq!((result.end, result.rows.len()), (End::Stopped, 0));
     assert_eq!(last.load(Ordering::Relaxed), 0);
 }
 
@@ -181,10 +181,10 @@ fn the_brake_keeps_the_key_from_its_ends() {
     let mut forces = vec![1.5; 4000];
     forces[..100].fill(0.0);
     let (device, _) = key(Fault::None, 0);
-    let found = excite(device, &pushed(&forces), None, &AtomicBool::new(false));
-    assert_eq!(found.end, End::Done);
-    let farthest = found.rows.iter().map(|row| row.position.abs());
+    let result = excite(device, &pushed(&forces), None, &AtomicBool::new(false));
+    assert_eq!(result.end, End::Done);
+    let farthest = result.rows.iter().map(|row| row.position.abs());
     let farthest = farthest.fold(0.0, f64::max);
     assert!((0.5 * HALF..0.8 * HALF).contains(&farthest), "{farthest}");
-    assert!(found.rows.iter().any(|row| row.braked));
+    assert!(result.rows.iter().any(|row| row.braked));
 }

@@ -82,12 +82,12 @@ fn network() -> Network {
     let m = network.cel("m", 0.01, swinging, 4e-3, 0.0, 0.0).unwrap();
     network.spring("am", a, m, 40.0, 0.01, 0.0).unwrap();
     network.spring("bm", b, m, 40.0, 0.01, 0.0).unwrap();
-    let heard = Term::Position {
+    let listened = Term::Position {
         first: m,
         len: 1,
         weight: 1.0,
     };
-    network.listen("out", vec![heard]).unwrap();
+    network.listen("out", vec![listened]).unwrap();
     network
 }
 
@@ -97,9 +97,9 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
     for mat in [0, 1] {
-        let way = HandWay::Line;
+        let method = HandWay::Line;
         timeline
-            .hand(&network, mat, EVERY as u32, way, &[])
+            .hand(&network, mat, EVERY as u32, method, &[])
             .unwrap();
     }
     for &at in struck {

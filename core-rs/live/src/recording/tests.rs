@@ -93,13 +93,13 @@ fn what_a_hand_did_is_read_back_to_the_bit() {
     let status = handle.stop().unwrap();
     assert_eq!(status.rows, ticks.len() as u64);
     assert_eq!(status.trouble, None);
-    let found = read(&path, None).unwrap();
+    let result = read(&path, None).unwrap();
     let mut wanted = made(&ticks, 3);
     let gain = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
     wanted.events = [5_000, 10_000, 15_000, 20_000].map(gain).to_vec();
     wanted.dropped = status.dropped;
-    assert!(found == wanted);
-    assert!(found.whole());
+    assert!(result == wanted);
+    assert!(result.whole());
 }
 
 #[test]
@@ -122,9 +122,9 @@ fn a_sink_that_is_dropped_ends_the_recording() {
     assert!(sink.row(5, &samples(5, 1)));
     drop(sink);
     drop(handle);
-    let found = read(&path, None).unwrap();
-    assert!(found.finished);
-    assert_eq!(found.ticks, [5]);
+    let result = read(&path, None).unwrap();
+    assert!(result.finished);
+    assert_eq!(result.ticks, [5]);
 }
 
 #[test]
@@ -168,16 +168,16 @@ fn rows_that_go_back_are_lost() {
     let mut bytes = written(&made(&[5, 6], 1));
     bytes.truncate(bytes.len() - chunk::FRAME - 8);
     let mut row = vec![0; row::size(1)];
-    for (tick, kept) in [(5, false), (7, true), (4, false)] {
+    for (tick, saved) in [(5, false), (7, true), (4, false)] {
         row::encode(&mut row, tick, &samples(tick, 1));
         chunk::append(&mut bytes, chunk::ROWS, &row);
-        let found = reread(&bytes).unwrap();
-        assert_eq!(found.ticks.last() == Some(&tick), kept);
+        let result = reread(&bytes).unwrap();
+        assert_eq!(result.ticks.last() == Some(&tick), saved);
     }
-    let found = reread(&bytes).unwrap();
-    assert_eq!(found.ticks, [5, 6, 7]);
-    assert_eq!(found.lost_bytes, 2 * (chunk::FRAME + row.len()) as u64);
-    assert!(!found.finished);
+    let result = reread(&bytes).unwrap();
+    assert_eq!(result.ticks, [5, 6, 7]);
+    assert_eq!(result.lost_bytes, 2 * (chunk::FRAME + row.len()) as u64);
+    assert!(!result.finished);
 }
 
 #[test]

@@ -208,11 +208,11 @@ fn it_starts_over_two_seconds() {
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let sent = play(&mut guarded, still(1.0, 2500));
-    for at in [0, 499, 999, 1500] {
+    for position in [0, 499, 999, 1500] {
         assert!(
-            (sent[at] - (at + 1) as f64 / 2000.0).abs() < 1e-9,
-            "{at}: {}",
-            sent[at]
+            (sent[position] - (position + 1) as f64 / 2000.0).abs() < 1e-9,
+            "{position}: {}",
+            sent[position]
         );
     }
     assert_eq!(sent[2001..], [1.0; 499]);

@@ -50,15 +50,15 @@ fn recorded() -> Vec<u8> {
 }
 
 fn read_recording(bytes: &[u8]) {
-    if let Ok(found) = decode(&mut &bytes[..], bytes.len() as u64, None) {
+    if let Ok(result) = decode(&mut &bytes[..], bytes.len() as u64, None) {
         assert_eq!(
-            found.samples.len(),
-            found.ticks.len() * found.header.axes.len()
+            result.samples.len(),
+            result.ticks.len() * result.header.axes.len()
         );
-        assert!(found.ticks.is_sorted_by(|a, b| a < b));
-        drop(found.positions_filled());
-        drop(found.damage());
-        found.duration();
+        assert!(result.ticks.is_sorted_by(|a, b| a < b));
+        drop(result.positions_filled());
+        drop(result.damage());
+        result.duration();
     }
 }
 
@@ -67,21 +67,21 @@ fn recording_bytes(dice: &mut Dice) {
     let mut bytes = WHOLE.with(|whole| damaged(dice, whole));
     if dice.below(2) == 0 {
         // Correct the checksums, so that the bytes after them are read too.
-        let mut at = 12;
-        while let Some(head) = bytes.get(at..at + 9) {
+        let mut position = 12;
+        while let Some(head) = bytes.get(position..position + 9) {
             let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
-            let Some(end) = (at + 9)
+            let Some(end) = (position + 9)
                 .checked_add(length)
                 .filter(|&end| end <= bytes.len())
             else {
                 break;
             };
             let mut sum = crc32fast::Hasher::new();
-            sum.update(&bytes[at..at + 5]);
-            sum.update(&bytes[at + 9..end]);
+            sum.update(&bytes[position..position + 5]);
+            sum.update(&bytes[position + 9..end]);
             let sum = sum.finalize().to_le_bytes();
-            bytes[at + 5..at + 9].copy_from_slice(&sum);
-            at = end;
+            bytes[position + 5..position + 9].copy_from_slice(&sum);
+            position = end;
         }
     }
     read_recording(&bytes);
@@ -112,7 +112,7 @@ fn device_url(dice: &mut Dice) {
         "-1",
         "\u{e9}",
     ];
-    let said = text(
+    let message = text(
         dice,
         &[
             "frame:/dev/ttyACM0?lockstep&wide#3",
@@ -121,7 +121,7 @@ fn device_url(dice: &mut Dice) {
         ],
         &WORDS,
     );
-    if let Err(error) = Url::parse(&said) {
+    if let Err(error) = Url::parse(&message) {
         assert!(!error.to_string().is_empty());
     }
 }
@@ -147,7 +147,7 @@ fn audio_spec(dice: &mut Dice) {
         "a.wav",
         " ",
     ];
-    let said = text(
+    let message = text(
         dice,
         &[
             "jack:system:playback_[12],block=64,channels=2",
@@ -156,7 +156,7 @@ fn audio_spec(dice: &mut Dice) {
         ],
         &WORDS,
     );
-    if let Err(error) = said.parse::<Spec>() {
+    if let Err(error) = message.parse::<Spec>() {
         assert!(!error.to_string().is_empty());
     }
 }
@@ -326,12 +326,12 @@ fn no_million_of_cases_breaks_a_reader() {
 
 #[test]
 fn every_cut_and_every_bit_of_a_recording() {
-    let whole = recorded();
-    for end in 0..whole.len() {
-        read_recording(&whole[..end]);
+    let complete = recorded();
+    for end in 0..complete.len() {
+        read_recording(&complete[..end]);
     }
-    for bit in 0..whole.len() * 8 {
-        let mut bytes = whole.clone();
+    for bit in 0..complete.len() * 8 {
+        let mut bytes = complete.clone();
         bytes[bit / 8] ^= 1 << (bit % 8);
         read_recording(&bytes);
     }

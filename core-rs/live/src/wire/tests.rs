@@ -103,10 +103,10 @@ fn frame_positions_are_tens_of_nanometres() {
     reply.position[0] = -0.001;
     let len = reply.write(&mut bytes);
     assert_eq!(bytes[9..13], (-100_000_i32).to_le_bytes());
-    let Parsed::Packet(back, whole) = frame::Reply::parse(&bytes[..len]) else {
+    let Parsed::Packet(back, complete) = frame::Reply::parse(&bytes[..len]) else {
         panic!("{bytes:?}");
     };
-    assert_eq!(whole, len);
+    assert_eq!(complete, len);
     assert!((back.position[0] + 0.001).abs() < 1e-18);
 }
 
@@ -131,10 +131,10 @@ fn haply_messages_are_the_services() {
     );
     assert!(!state.lockstep, "no real service has the host's time");
     for lockstep in [false, true] {
-        let told = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
-        let heard = haply::parse_state(&told, Some("A14")).unwrap();
-        assert_eq!(heard.position, [0.1, 0.2, 0.3]);
-        assert_eq!(heard.lockstep, lockstep);
+        let output = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
+        let listened = haply::parse_state(&output, Some("A14")).unwrap();
+        assert_eq!(listened.position, [0.1, 0.2, 0.3]);
+        assert_eq!(listened.lockstep, lockstep);
     }
 }
 

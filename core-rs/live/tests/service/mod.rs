@@ -62,7 +62,7 @@ impl Service {
         listener.set_nonblocking(true).unwrap();
         let url = format!("haply:ws://{}", listener.local_addr().unwrap());
         let (reply, over) = (Arc::new(AtomicU8::new(0)), Arc::new(AtomicBool::new(false)));
-        let (tell, told) = channel();
+        let (tell, output) = channel();
         let thread = std::thread::spawn({
             let (reply, over) = (reply.clone(), over.clone());
             move || {
@@ -76,7 +76,7 @@ impl Service {
         });
         Self {
             url,
-            told,
+            told: output,
             reply,
             over,
             thread: Some(thread),

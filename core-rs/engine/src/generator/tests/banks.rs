@@ -15,8 +15,11 @@ fn form(count: usize, spread: Spread, place: Place) -> BankForm {
 fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
     let never = |_| unreachable!("nothing is drawn");
     let bank = bank(&form(3, Spread::Even, Place::Line), never, |_| 0.0).expect("bank");
-    let of = |member: &BankCell| (member.f, member.t60);
-    assert_eq!((of(&bank[0]), of(&bank[2])), ((20.0, 8.0), (10_000.0, 0.5)));
+    let source = |member: &BankCell| (member.f, member.t60);
+    assert_eq!(
+        (source(&bank[0]), source(&bank[2])),
+        ((20.0, 8.0), (10_000.0, 0.5))
+    );
     assert!(close(bank[1].f, (20.0f64 * 10_000.0).sqrt(), 1e-14) && close(bank[1].t60, 2.0, 1e-14));
     assert_eq!(bank[1].position, [0.0, 0.0]);
 }
@@ -76,17 +79,17 @@ fn a_galaxy_of_listed_pitches_is_that_of_a_range() {
     };
     let ranged = bank(&form(9, Spread::Even, place), |_| (0.0, 0.0), |_| 0.0).expect("bank");
     let tunings: Vec<_> = ranged.iter().map(|cell| (cell.f, cell.t60)).collect();
-    for (own, other) in ranged
+    for (item, other) in ranged
         .iter()
         .zip(cells_at(&tunings, place, |_| 0.0).expect("cells"))
     {
-        assert!(close(own.position[0], other.position[0], 1e-12));
-        assert!(close(own.position[1], other.position[1], 1e-12));
+        assert!(close(item.position[0], other.position[0], 1e-12));
+        assert!(close(item.position[1], other.position[1], 1e-12));
     }
     let unison = cells_at(&[(440.0, 1.0); 3], place, |_| 0.0).expect("cells");
     let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-    let at_rim = |cell: &BankCell| close(radius(cell.position), 0.5, 1e-14);
-    assert!(unison.iter().all(at_rim));
+    let on_rim = |cell: &BankCell| close(radius(cell.position), 0.5, 1e-14);
+    assert!(unison.iter().all(on_rim));
 }
 
 #[test]
@@ -98,9 +101,9 @@ fn random_angles_of_a_galaxy_keep_its_radii() {
         bank(&form(400, Spread::Even, place), |_| (0.0, 0.0), draw).expect("bank")
     };
     let (even, random) = (placed(Angles::Even), placed(Angles::Random));
-    for (i, (own, other)) in even.iter().zip(&random).enumerate() {
+    for (i, (item, other)) in even.iter().zip(&random).enumerate() {
         let radius = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-        assert!(close(radius(own.position), radius(other.position), 1e-14));
+        assert!(close(radius(item.position), radius(other.position), 1e-14));
         let turn = ((i * 7919) % 1000) as f64 / 1000.0;
         let [x, y] = other.position;
         let angle = y.atan2(x).rem_euclid(std::f64::consts::TAU) / std::f64::consts::TAU;

@@ -22,28 +22,28 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
         "modes are shared"
     );
     let eigen = stiff.symmetric_eigen();
-    let mut found: Vec<(f64, f64)> = (0..n)
+    let mut result: Vec<(f64, f64)> = (0..n)
         .map(|mode| {
             let shape = eigen.eigenvectors.column(mode);
             let sigma = 0.5 * shape.dot(&(&viscous * shape));
-            let whole = eigen.eigenvalues[mode];
+            let complete = eigen.eigenvalues[mode];
             // An overdamped mode is listed at its undamped frequency.
-            let squared = if whole > sigma * sigma {
-                whole - sigma * sigma
+            let squared = if complete > sigma * sigma {
+                complete - sigma * sigma
             } else {
-                whole
+                complete
             };
             (squared.max(0.0).sqrt() / TAU, 3.0 * LN_10 / sigma)
         })
         .collect();
-    found.sort_by(|one, two| one.0.total_cmp(&two.0));
-    found
+    result.sort_by(|one, two| one.0.total_cmp(&two.0));
+    result
 }
 
 /// The decay of a mode at `f`, or between the two modes around it, straight in logarithms.
 fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
-    if let Some(own) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
-        return own.1;
+    if let Some(single) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
+        return single.1;
     }
     let above = modes
         .partition_point(|mode| mode.0 < f)
@@ -73,11 +73,14 @@ fn decays_at_named_pitches() {
             let lowest = modes[usize::from(body.is_rigid())];
             assert!(close(lowest.0, 110.0, 1e-6), "{lowest:?}");
             for &(f, t60) in points {
-                let own = decay_at(&modes, f);
+                let single = decay_at(&modes, f);
                 // Where no mode lies, the chord between two modes deviates from the curve.
                 let is_mode = modes.iter().any(|mode| (mode.0 / f - 1.0).abs() < 1e-3);
                 let within = if is_mode { 0.01 } else { 0.03 };
-                assert!((own / t60 - 1.0).abs() < within, "{points:?}: {own} at {f}");
+                assert!(
+                    (single / t60 - 1.0).abs() < within,
+                    "{points:?}: {single} at {f}"
+                );
             }
             assert!(modes.iter().all(|mode| mode.1 > 0.0));
         }
@@ -94,8 +97,11 @@ fn decays_at_named_pitches() {
             let losses = tune_points(&body, 1e-3, 100.0, &points, None).expect("losses");
             let modes = decays(&body, &losses, 1e-3);
             for &(f, t60) in &points {
-                let own = decay_at(&modes, f);
-                assert!((own / t60 - 1.0).abs() < 0.03, "{points:?}: {own} at {f}");
+                let single = decay_at(&modes, f);
+                assert!(
+                    (single / t60 - 1.0).abs() < 0.03,
+                    "{points:?}: {single} at {f}"
+                );
             }
         }
     }

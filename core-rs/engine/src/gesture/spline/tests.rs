@@ -6,13 +6,13 @@ use super::*;
 const T: [f64; 6] = [0.0, 0.125, 0.3, 1.0, 1.001, 4.0];
 const X: [f64; 6] = [0.0, 6e-3, -4e-3, 1e-3, 1.5e-3, 0.0];
 
-fn close(found: &[f64], wanted: &[f64], tolerance: f64) {
-    assert_eq!(found.len(), wanted.len());
+fn close(result: &[f64], wanted: &[f64], tolerance: f64) {
+    assert_eq!(result.len(), wanted.len());
     let size = wanted.iter().fold(0.0f64, |m, w| m.max(w.abs()));
-    for (f, w) in found.iter().zip(wanted) {
+    for (f, w) in result.iter().zip(wanted) {
         assert!(
             (f - w).abs() <= tolerance * size,
-            "{found:?} is not {wanted:?}"
+            "{result:?} is not {wanted:?}"
         );
     }
 }
@@ -210,13 +210,13 @@ fn a_quintic_is_its_own_spline() {
                 a: -1.0 / unit / unit,
             },
         );
-        let at: Vec<_> = knots.iter().map(|&t| piece.at(t)).collect();
-        let x: Vec<f64> = at.iter().map(|k| k.0).collect();
-        let first = (at[0].1, at[0].2);
-        let last = (at[7].1, at[7].2);
+        let position: Vec<_> = knots.iter().map(|&t| piece.at(t)).collect();
+        let x: Vec<f64> = position.iter().map(|k| k.0).collect();
+        let first = (position[0].1, position[0].2);
+        let last = (position[7].1, position[7].2);
         let (v, a) = slopes(&knots, &x, Ends::Clamped { first, last });
-        close(&v, &at.iter().map(|k| k.1).collect::<Vec<_>>(), 1e-12);
-        close(&a, &at.iter().map(|k| k.2).collect::<Vec<_>>(), 1e-9);
+        close(&v, &position.iter().map(|k| k.1).collect::<Vec<_>>(), 1e-12);
+        close(&a, &position.iter().map(|k| k.2).collect::<Vec<_>>(), 1e-9);
     }
 }
 

@@ -18,7 +18,7 @@ fn plain(t: &[f64], x: &[f64]) -> Take {
 #[test]
 fn trim_cuts_the_path_not_the_samples() {
     let (t, x) = hand();
-    let whole = plain(&t, &x);
+    let complete = plain(&t, &x);
     let trim = Some((0.0101, 0.0777));
     let part = Take::new(
         &t,
@@ -32,9 +32,12 @@ fn trim_cuts_the_path_not_the_samples() {
     assert!((part.duration() - 0.0676).abs() < 1e-16);
     for i in 0..=50 {
         let t = 0.0676 * f64::from(i) / 50.0;
-        let (part, whole) = (part.profile().at(t), whole.profile().at(t + 0.0101));
-        assert!((part.0 - whole.0).abs() < 1e-12, "{t}: {part:?} {whole:?}");
-        assert!((part.1 - whole.1).abs() < 1e-9 && (part.2 - whole.2).abs() < 1e-5);
+        let (part, complete) = (part.profile().at(t), complete.profile().at(t + 0.0101));
+        assert!(
+            (part.0 - complete.0).abs() < 1e-12,
+            "{t}: {part:?} {complete:?}"
+        );
+        assert!((part.1 - complete.1).abs() < 1e-9 && (part.2 - complete.2).abs() < 1e-5);
     }
 }
 
@@ -65,8 +68,8 @@ fn smooth_as_scipy() {
     )
     .unwrap();
     for (i, wanted) in [(0, SCIPY[0]), (7, SCIPY[1]), (23, SCIPY[2])] {
-        let found = take.profile().knot(i).x;
-        assert!((found - wanted).abs() < 1e-13, "{i}: {found} {wanted}");
+        let result = take.profile().knot(i).x;
+        assert!((result - wanted).abs() < 1e-13, "{i}: {result} {wanted}");
     }
 }
 

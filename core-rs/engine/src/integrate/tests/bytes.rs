@@ -64,9 +64,9 @@ fn ca_is_the_island_s_scheme() {
 
 #[test]
 fn a_clone_is_a_snapshot() {
-    for way in MeshMethod::ALL {
+    for method in MeshMethod::ALL {
         let network = hex(2e12, Some(0.5));
-        let mut it = by(&network, way, 2);
+        let mut it = by(&network, method, 2);
         it.step(&[(165, 0.02)], &mut ThreadTeam::alone());
         for _ in 0..20 {
             it.step(&[], &mut ThreadTeam::alone());
@@ -94,7 +94,7 @@ fn a_crew_steps_the_same_bits() {
             .expect("a cell");
         network
     };
-    for (network, way) in [
+    for (network, method) in [
         (hung(Some(0.5)), MeshMethod::Ca),
         (hung(Some(0.5)), MeshMethod::Ca2p),
         (hung(Some(0.5)), MeshMethod::Bm4),
@@ -103,7 +103,7 @@ fn a_crew_steps_the_same_bits() {
         (hex_of(32, 60.0, 1e12, None), MeshMethod::Bm4),
     ] {
         let last = |threads: usize| {
-            let mut it = by(&network, way, 1);
+            let mut it = by(&network, method, 1);
             it.share(threads);
             assert_eq!(it.is_shared(), threads > 1);
             crate::kernel::thread_team::flushed(|| {
@@ -116,7 +116,7 @@ fn a_crew_steps_the_same_bits() {
             (bits.collect::<Vec<_>>(), it.energy().to_bits())
         };
         let alone = last(1);
-        assert_eq!(alone, last(2), "{way:?}");
-        assert_eq!(alone, last(3), "{way:?}");
+        assert_eq!(alone, last(2), "{method:?}");
+        assert_eq!(alone, last(3), "{method:?}");
     }
 }

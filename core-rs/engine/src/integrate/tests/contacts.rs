@@ -37,28 +37,31 @@ fn errors(network: &Network) -> [f64; 4] {
 /// -45, -74, -90, -46 | -32, -32, -51, -29 | -9, -24, -31, -20 | fail, fail, -7, -21 | fail, fail, fail, -21 dB.
 #[test]
 fn stiffness_sweep() {
-    let at = |kappa: f64| {
+    let position = |kappa: f64| {
         let k = kappa * HERTZ * HERTZ / (1.0 / HAMMER + 1e3);
         errors(&struck(k, 1.0, 0.0))
     };
-    let [ca, ca2p, bm4, ieq] = at(0.06);
+    let [ca, ca2p, bm4, ieq] = position(0.06);
     assert!(ca < -44.0 && ca2p < -73.0 && bm4 < -89.0 && ieq < -45.0);
     for kappa in [0.94, 3.7] {
-        let [ca, ca2p, bm4, ieq] = at(kappa);
+        let [ca, ca2p, bm4, ieq] = position(kappa);
         assert!(bm4 < ca2p - 6.0 && ca2p < ca + 1.0 && ieq < -19.0);
     }
-    let [ca, ca2p, bm4, ieq] = at(62.0);
+    let [ca, ca2p, bm4, ieq] = position(62.0);
     assert!(ca > 0.0 && ca2p > 0.0 && bm4 < -6.0 && ieq < -19.0);
-    let [ca, ca2p, bm4, ieq] = at(6e3);
+    let [ca, ca2p, bm4, ieq] = position(6e3);
     assert!(ca > 0.0 && ca2p > 0.0 && bm4 > 0.0 && ieq < -19.0);
 }
 
 #[test]
 fn power_laws_keep_or_lose_energy() {
-    for (z, most) in [(0.0, [-63.0, -80.0, -160.0, -63.0]), (5.0, [-50.0; 4])] {
+    for (z, limit) in [(0.0, [-63.0, -80.0, -160.0, -63.0]), (5.0, [-50.0; 4])] {
         let network = struck(3e8, 2.5, z);
         let errors = errors(&network);
-        let good = errors.iter().zip(most).all(|(error, most)| *error < most);
+        let good = errors
+            .iter()
+            .zip(limit)
+            .all(|(error, limit)| *error < limit);
         assert!(good, "{errors:?}");
         let mut it = by(&network, MeshMethod::Ieq, 1);
         it.step(&[], &mut ThreadTeam::alone());

@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 use super::*;
 
 /// Time per frame [s], the best of five runs.
-fn cost(network: &Network, way: MeshMethod, frames: u32) -> f64 {
+fn cost(network: &Network, method: MeshMethod, frames: u32) -> f64 {
     let mut best = f64::INFINITY;
     let centre = network.centre(0);
     for _ in 0..5 {
-        let mut it = by(network, way, 1);
+        let mut it = by(network, method, 1);
         it.step(
             &[(centre, 2.0 * network.mats().m[centre])],
             &mut ThreadTeam::alone(),
@@ -27,12 +27,12 @@ fn cost(network: &Network, way: MeshMethod, frames: u32) -> f64 {
 
 fn table(network: &Network, frames: u32, ways: &[MeshMethod]) {
     let mut reference = f64::NAN;
-    for &way in ways {
-        let cost = cost(network, way, frames);
-        if way == MeshMethod::Ca {
+    for &method in ways {
+        let cost = cost(network, method, frames);
+        if method == MeshMethod::Ca {
             reference = cost;
         }
-        let (name, ratio) = (way.facts().name, cost / reference);
+        let (name, ratio) = (method.facts().name, cost / reference);
         eprintln!(
             "  {name:10} {:8.0} ns a frame, {ratio:.2} of ca",
             1e9 * cost
@@ -41,9 +41,9 @@ fn table(network: &Network, frames: u32, ways: &[MeshMethod]) {
 }
 
 /// Time per frame with a thread team [s]: the best of many short runs, since other programs may use the processor too.
-fn shared(network: &Network, way: MeshMethod, threads: usize) -> f64 {
+fn shared(network: &Network, method: MeshMethod, threads: usize) -> f64 {
     let (mut best, frames) = (f64::INFINITY, 50);
-    let mut it = by(network, way, 1);
+    let mut it = by(network, method, 1);
     it.share(threads);
     it.step(&[(network.centre(0), 1e-3)], &mut ThreadTeam::alone());
     let end = Instant::now() + Duration::from_millis(2_000);
@@ -62,10 +62,10 @@ fn shared(network: &Network, way: MeshMethod, threads: usize) -> f64 {
 fn of_a_crew() {
     for radius in [58, 26, 18, 12, 8] {
         let network = hex_of(radius, 60.0, 1e13, Some(2.0));
-        for way in [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4] {
-            let one = shared(&network, way, 1);
-            let times = one / shared(&network, way, 2);
-            let (name, n_mat, us) = (way.facts().name, network.n_mat(), 1e6 * one);
+        for method in [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4] {
+            let first = shared(&network, method, 1);
+            let times = first / shared(&network, method, 2);
+            let (name, n_mat, us) = (method.facts().name, network.n_mat(), 1e6 * first);
             eprintln!("{name:5} {n_mat:6} masses {us:7.2} us; by 2 threads {times:.2} times");
         }
     }

@@ -6,25 +6,29 @@ use super::*;
 fn drift(mut it: Integrator, frames: usize) -> f64 {
     it.step(&[], &mut ThreadTeam::alone());
     let start = it.energy();
-    let mut most = 0.0_f64;
+    let mut limit = 0.0_f64;
     for _ in 0..frames {
         it.step(&[], &mut ThreadTeam::alone());
         if !it.sound() {
             return f64::INFINITY;
         }
-        most = most.max((it.energy() / start - 1.0).abs());
+        limit = limit.max((it.energy() / start - 1.0).abs());
     }
-    most
+    limit
 }
 
 #[test]
 fn linear_bodies_keep_their_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
-    for way in MeshMethod::ALL {
+    for method in MeshMethod::ALL {
         // BM4 conserves an energy close to this one, which therefore oscillates but does not drift.
-        let most = if way == MeshMethod::Bm4 { 1e-6 } else { 2e-12 };
-        let drift = drift(by(&network, way, 1), 4000);
-        assert!(drift < most, "{way:?} {drift:e}");
+        let limit = if method == MeshMethod::Bm4 {
+            1e-6
+        } else {
+            2e-12
+        };
+        let drift = drift(by(&network, method, 1), 4000);
+        assert!(drift < limit, "{method:?} {drift:e}");
     }
 }
 
@@ -37,12 +41,12 @@ fn a_hard_cubic_chain() {
         MeshMethod::Bm4,
         MeshMethod::Ieq,
     ];
-    let at = |q: f64| ways.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
-    let [ca, ca2p, bm4, ieq] = at(1e12);
+    let position = |q: f64| ways.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
+    let [ca, ca2p, bm4, ieq] = position(1e12);
     assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
-    let [ca, ca2p, bm4, ieq] = at(1e14);
+    let [ca, ca2p, bm4, ieq] = position(1e14);
     assert!(ca < 0.8 && ca2p < 0.8 && bm4 < 0.2 && ieq < 1e-12);
-    let [.., bm4, ieq] = at(1e16);
+    let [.., bm4, ieq] = position(1e16);
     assert!(bm4.is_infinite() && ieq < 1e-9, "{ieq:e}");
 }
 
@@ -100,8 +104,8 @@ fn ledgers_close() {
 /// Neither a step nor a reading allocates memory.
 #[test]
 fn nothing_is_allocated() {
-    for way in MeshMethod::ALL {
-        let mut it = by(&hex(1e13, Some(1.0)), way, 2);
+    for method in MeshMethod::ALL {
+        let mut it = by(&hex(1e13, Some(1.0)), method, 2);
         let mut v = [0.0; 2];
         reset_violation_count();
         assert_no_alloc(|| {
@@ -111,6 +115,6 @@ fn nothing_is_allocated() {
                 assert!(it.energy() > 0.0);
             }
         });
-        assert!(it.sound() && violation_count() == 0, "{way:?}");
+        assert!(it.sound() && violation_count() == 0, "{method:?}");
     }
 }

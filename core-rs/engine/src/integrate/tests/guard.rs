@@ -29,19 +29,19 @@ fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
 #[test]
 fn an_undamped_gong_keeps_its_energy() {
     let network = hex(1e13, None);
-    for way in [MeshMethod::Ca, MeshMethod::Ca2p] {
+    for method in [MeshMethod::Ca, MeshMethod::Ca2p] {
         for v in [32.0, 64.0, 128.0, 256.0] {
             let put_in = 0.5 * EACH * v * v;
-            let mut it = by(&network, way, 1);
+            let mut it = by(&network, method, 1);
             it.step(&[(CENTRE, v * EACH)], &mut ThreadTeam::alone());
             let (mut before, mut sum) = (it.positions().to_vec(), 0.0);
             for n in 0..4 * FRAMES {
                 it.step(&[], &mut ThreadTeam::alone());
-                assert!(it.sound(), "{way:?} {v}");
+                assert!(it.sound(), "{method:?} {v}");
                 let both = energies(&network, it.positions(), &before);
                 assert!(
                     both.iter().all(|one| *one < 1.2 * put_in),
-                    "{way:?} {v} {n} {both:?}"
+                    "{method:?} {v} {n} {both:?}"
                 );
                 if n >= 3 * FRAMES {
                     sum += (both[0] + both[1]) / FRAMES as f64;
@@ -51,11 +51,11 @@ fn an_undamped_gong_keeps_its_energy() {
             assert!(
                 it.finer_frames()
                     .is_some_and(|finer_frames| finer_frames.most >= 2),
-                "{way:?} {v}"
+                "{method:?} {v}"
             );
             assert!(
                 (0.8..1.1).contains(&(sum / put_in)),
-                "{way:?} {v} {}",
+                "{method:?} {v} {}",
                 sum / put_in
             );
         }
@@ -76,12 +76,12 @@ fn eight_steps_are_eight_times_the_rate() {
 #[test]
 fn nothing_is_allocated_in_it() {
     let network = hex(1e13, Some(2.0));
-    for way in [MeshMethod::Ca, MeshMethod::Ca2p] {
-        let mut it = by(&network, way, 1);
+    for method in [MeshMethod::Ca, MeshMethod::Ca2p] {
+        let mut it = by(&network, method, 1);
         it.step(&[(CENTRE, 64.0 * EACH)], &mut ThreadTeam::alone());
         reset_violation_count();
         assert_no_alloc(|| (0..200).for_each(|_| it.step(&[], &mut ThreadTeam::alone())));
-        assert_eq!(violation_count(), 0, "{way:?}");
+        assert_eq!(violation_count(), 0, "{method:?}");
         assert!(
             it.finer_frames()
                 .is_some_and(|finer_frames| finer_frames.frames > 100)

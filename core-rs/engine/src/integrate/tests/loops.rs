@@ -66,16 +66,16 @@ fn passes_have_the_bits_of_their_formulas() {
         }
     };
     let damper = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
-    let mut found = vec![0.0; 70];
-    passes::elastic(&runs(), &x, &mut scratch, &mut found);
-    assert_eq!(found, plainly(spring));
-    found.fill(0.0);
-    passes::viscous(&runs(), &v, &mut scratch, &mut found);
-    assert_eq!(found, plainly(damper));
-    found.fill(0.0);
-    springs::total(&runs(), &x, &v, &mut scratch, &mut found);
+    let mut result = vec![0.0; 70];
+    passes::elastic(&runs(), &x, &mut scratch, &mut result);
+    assert_eq!(result, plainly(spring));
+    result.fill(0.0);
+    passes::viscous(&runs(), &v, &mut scratch, &mut result);
+    assert_eq!(result, plainly(damper));
+    result.fill(0.0);
+    springs::total(&runs(), &x, &v, &mut scratch, &mut result);
     assert_eq!(
-        found,
+        result,
         plainly(|run, a, b| black_box(spring(run, a, b)) + damper(run, a, b))
     );
 }
@@ -113,13 +113,13 @@ fn conjugate_gradients_solve() {
         };
         let (x, mut y) = (numbers(n, 5), vec![0.0; n]);
         apply(&x, &mut y);
-        let off = |found: &[f64]| {
-            let off = found.iter().zip(&x).map(|(found, x)| (found - x).abs());
+        let off = |result: &[f64]| {
+            let off = result.iter().zip(&x).map(|(result, x)| (result - x).abs());
             off.fold(0.0, f64::max)
         };
         let inverse: Vec<f64> = (0..n).map(|j| 1.0 / columns[j * (band + 1)]).collect();
-        let mut found = numbers(n, 6);
-        Conjugate::new(n).solve(&mut apply, &inverse, &y, &mut found);
-        assert!(off(&found) < 1e-14);
+        let mut result = numbers(n, 6);
+        Conjugate::new(n).solve(&mut apply, &inverse, &y, &mut result);
+        assert!(off(&result) < 1e-14);
     }
 }

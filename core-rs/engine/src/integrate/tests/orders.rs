@@ -8,9 +8,14 @@ const STRIKES: [(usize, usize, f64); 2] = [(0, 2, 4e-4), (7, 5, -3e-4)];
 const FRAMES: usize = 120;
 
 /// Errors at 1, 2, 4 and 8 steps a frame [dB].
-fn errors(network: &Network, way: MeshMethod, exact: &[Vec<f64>]) -> Vec<f64> {
+fn errors(network: &Network, method: MeshMethod, exact: &[Vec<f64>]) -> Vec<f64> {
     [1, 2, 4, 8]
-        .map(|substeps| decibels(&play(by(network, way, substeps), FRAMES, &STRIKES), exact))
+        .map(|substeps| {
+            decibels(
+                &play(by(network, method, substeps), FRAMES, &STRIKES),
+                exact,
+            )
+        })
         .to_vec()
 }
 
@@ -31,12 +36,12 @@ fn an_undamped_row_converges_by_each_order() {
         .expect("a spring");
     let exact = exactly_hung(&network, FRAMES, &STRIKES);
     // Errors at one step a frame: -10.7, -51.0, -90.3, -10.7 and -5.5 dB.
-    let most = [-10.0, -50.0, -89.0, -10.0, -5.0];
-    for (way, most) in MeshMethod::ALL.into_iter().zip(most) {
-        let errors = errors(&network, way, &exact);
-        assert!(errors[0] < most, "{way:?} {errors:?}");
-        let (slopes, order) = (slopes(&errors), f64::from(way.facts().order));
-        assert!(close(&slopes, order, 0.15), "{way:?} {slopes:?}");
+    let limit = [-10.0, -50.0, -89.0, -10.0, -5.0];
+    for (method, limit) in MeshMethod::ALL.into_iter().zip(limit) {
+        let errors = errors(&network, method, &exact);
+        assert!(errors[0] < limit, "{method:?} {errors:?}");
+        let (slopes, order) = (slopes(&errors), f64::from(method.facts().order));
+        assert!(close(&slopes, order, 0.15), "{method:?} {slopes:?}");
     }
 }
 
@@ -48,10 +53,10 @@ fn damped_links_take_orders_away() {
     let network = row(8, 1.7e5, 0.0, 0.05);
     let exact = exactly(&network, FRAMES, &STRIKES);
     let all = |network: &Network, exact: &[Vec<f64>]| {
-        MeshMethod::ALL.map(|way| {
+        MeshMethod::ALL.map(|method| {
             (
-                errors(network, way, exact)[0],
-                slopes(&errors(network, way, exact)),
+                errors(network, method, exact)[0],
+                slopes(&errors(network, method, exact)),
             )
         })
     };
@@ -76,29 +81,32 @@ fn damped_links_take_orders_away() {
 fn cubic_links() {
     let network = row(6, 8e4, 2e12, 0.0);
     let exact = finely(&network, FRAMES, &STRIKES);
-    for way in [
+    for method in [
         MeshMethod::Ca,
         MeshMethod::Ca2p,
         MeshMethod::Bm4,
         MeshMethod::Ieq,
     ] {
-        let errors = errors(&network, way, &exact);
-        let order = f64::from(way.facts().order_nonlinear);
+        let errors = errors(&network, method, &exact);
+        let order = f64::from(method.facts().order_nonlinear);
         let slopes = slopes(&errors);
-        assert!(close(&slopes, order, 0.1), "{way:?} {errors:?} {slopes:?}");
+        assert!(
+            close(&slopes, order, 0.1),
+            "{method:?} {errors:?} {slopes:?}"
+        );
     }
     let network = row(6, 8e4, 2e12, 0.02);
     let exact = finely(&network, FRAMES, &STRIKES);
-    for (way, least) in [
+    for (method, least) in [
         (MeshMethod::Ca, 1.7),
         (MeshMethod::Ca2p, 1.9),
         (MeshMethod::Bm4, 1.8),
         (MeshMethod::Ieq, 1.9),
     ] {
-        let slopes = slopes(&errors(&network, way, &exact));
+        let slopes = slopes(&errors(&network, method, &exact));
         assert!(
             slopes.iter().all(|slope| *slope > least),
-            "{way:?} {slopes:?}"
+            "{method:?} {slopes:?}"
         );
     }
 }
@@ -107,7 +115,7 @@ fn cubic_links() {
 #[test]
 fn pitch_at_5_khz() {
     let expected = [38.440, -0.669, -0.0074, 38.440, -69.477];
-    for (way, expected) in MeshMethod::ALL.into_iter().zip(expected) {
+    for (method, expected) in MeshMethod::ALL.into_iter().zip(expected) {
         let mut network = Network::new();
         let m = network.mas("m", 1e-3, 0.0, 0.0).expect("a mass");
         let ground = network.sol("s", 0.0).expect("a point");
@@ -115,7 +123,7 @@ fn pitch_at_5_khz() {
         network
             .spring("l", ground, m, 1e-3 * omega * omega, 0.0, 0.0)
             .expect("a spring");
-        let path = play(by(&network, way, 1), 2000, &[(0, m, 1e-4)]);
+        let path = play(by(&network, method, 1), 2000, &[(0, m, 1e-4)]);
         // For a single sinusoid x[n+1] + x[n-1] is 2cosθ·x[n].
         let x: Vec<f64> = path.iter().map(|frame| frame[m]).collect();
         let (mut over, mut under) = (0.0, 0.0);
@@ -125,7 +133,7 @@ fn pitch_at_5_khz() {
         }
         let theta = libm::acos(0.5 * over / under);
         let cents = 1200.0 * libm::log2(theta * HERTZ / omega);
-        assert!((cents - expected).abs() < 1e-3, "{way:?} {cents}");
+        assert!((cents - expected).abs() < 1e-3, "{method:?} {cents}");
     }
 }
 
@@ -133,7 +141,7 @@ fn pitch_at_5_khz() {
 /// own poles, and BM4 its decay to rounding.
 #[test]
 fn the_poles_of_a_cell() {
-    for (way, most) in [
+    for (method, limit) in [
         (MeshMethod::Ca, [1e-8, 1e-10]),
         (MeshMethod::Ca2p, [0.02, 1e-5]),
         (MeshMethod::Bm4, [2e-5, 1e-10]),
@@ -143,7 +151,7 @@ fn the_poles_of_a_cell() {
         let (f, t60) = (1000.0, 0.05);
         let tie = Tie::Tuned { f, t60: Some(t60) };
         let m = network.cel("m", 1e-3, tie, 0.0, 0.0, 0.0).expect("a cell");
-        let path = play(by(&network, way, 1), 200, &[(0, m, 1e-4)]);
+        let path = play(by(&network, method, 1), 200, &[(0, m, 1e-4)]);
         let x: Vec<f64> = path.iter().map(|frame| frame[m]).collect();
         // x[n+1] = a·x[n] − b·x[n−1], by least squares.
         let (mut aa, mut ab, mut bb, mut ya, mut yb) = (0.0, 0.0, 0.0, 0.0, 0.0);
@@ -157,8 +165,8 @@ fn the_poles_of_a_cell() {
         let theta = libm::acos(0.5 * a / libm::sqrt(b));
         let cents = 1200.0 * libm::log2(theta * HERTZ / (std::f64::consts::TAU * f));
         let decay = -0.5 * libm::log(b) * HERTZ * t60 / (3.0 * std::f64::consts::LN_10);
-        assert!(cents.abs() < most[0], "{way:?} {cents:e} cents");
-        assert!((decay - 1.0).abs() < most[1], "{way:?} {decay}");
+        assert!(cents.abs() < limit[0], "{method:?} {cents:e} cents");
+        assert!((decay - 1.0).abs() < limit[1], "{method:?} {decay}");
     }
 }
 
@@ -167,8 +175,8 @@ fn the_poles_of_a_cell() {
 fn velocities() {
     let network = row(8, 1.7e5, 0.0, 0.0);
     let mats: Vec<usize> = (0..8).collect();
-    let found = |way: MeshMethod, substeps: u32| {
-        let mut it = by(&network, way, substeps);
+    let result = |method: MeshMethod, substeps: u32| {
+        let mut it = by(&network, method, substeps);
         for frame in 0..40 {
             let strikes = STRIKES.iter().filter(|strike| strike.0 == frame);
             let now: Vec<_> = strikes.map(|strike| (strike.1, strike.2)).collect();
@@ -178,10 +186,13 @@ fn velocities() {
         it.velocities(&mats, &mut v);
         vec![v]
     };
-    let truth = found(MeshMethod::Bm4, 64);
-    for (way, order) in MeshMethod::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
-        let errors = [1, 2, 4, 8].map(|substeps| decibels(&found(way, substeps), &truth));
+    let truth = result(MeshMethod::Bm4, 64);
+    for (method, order) in MeshMethod::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
+        let errors = [1, 2, 4, 8].map(|substeps| decibels(&result(method, substeps), &truth));
         let slopes = slopes(&errors);
-        assert!(close(&slopes, order, 0.25), "{way:?} {errors:?} {slopes:?}");
+        assert!(
+            close(&slopes, order, 0.25),
+            "{method:?} {errors:?} {slopes:?}"
+        );
     }
 }

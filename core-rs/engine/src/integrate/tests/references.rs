@@ -88,8 +88,8 @@ pub(super) fn finely(
             let mut k = vec![0.0; 2 * n];
             let mut sum = vec![0.0; 2 * n];
             for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
-                let at: Vec<f64> = y.iter().zip(&k).map(|(y, k)| y + ahead * h * k).collect();
-                k = slope(&at);
+                let position: Vec<f64> = y.iter().zip(&k).map(|(y, k)| y + ahead * h * k).collect();
+                k = slope(&position);
                 sum.iter_mut()
                     .zip(&k)
                     .for_each(|(sum, k)| *sum += weight * k);

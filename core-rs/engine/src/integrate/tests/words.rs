@@ -22,35 +22,41 @@ fn word(network: &Network, way: MeshMethod) -> Option<StabilityGuarantee> {
 
 /// Whether the motion stays below a hundred times its initial displacement: near its stability limit CA2P swings slowly
 /// and far.
-fn stays(network: &Network, way: MeshMethod) -> bool {
-    let path = play(by(network, way, 1), 20_000, &[]);
+fn stays(network: &Network, method: MeshMethod) -> bool {
+    let path = play(by(network, method, 1), 20_000, &[]);
     path.len() == 20_000 && path.iter().all(|x| x[0].abs() < 0.1)
 }
 
 #[test]
 fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
-    let most = super::super::method::BM4_LIMIT * super::super::method::BM4_LIMIT;
-    for (way, border, sure) in [
+    let maximum = super::super::method::BM4_LIMIT * super::super::method::BM4_LIMIT;
+    for (method, border, sure) in [
         (MeshMethod::Ca, 4.0, StabilityGuarantee::Proved),
         (MeshMethod::Ca2p, 12.0, StabilityGuarantee::Proved),
-        (MeshMethod::Bm4, most, StabilityGuarantee::Tried),
+        (MeshMethod::Bm4, maximum, StabilityGuarantee::Tried),
     ] {
         assert_eq!(
-            way.facts().limit.map(|limit| (limit * limit * 1e9).round()),
+            method
+                .facts()
+                .limit
+                .map(|limit| (limit * limit * 1e9).round()),
             Some((border * 1e9_f64).round())
         );
         let (below, above) = (one(border * low, 0.0), one(border * high, 0.0));
-        assert_eq!(word(&below, way), Some(sure), "{way:?}");
-        assert!(stays(&below, way), "{way:?}");
-        assert_eq!(word(&above, way), None, "{way:?}");
-        assert!(!stays(&above, way), "{way:?}");
+        assert_eq!(word(&below, method), Some(sure), "{method:?}");
+        assert!(stays(&below, method), "{method:?}");
+        assert_eq!(word(&above, method), None, "{method:?}");
+        assert!(!stays(&above, method), "{method:?}");
         // Twice the rate allows four times the stiffness.
-        assert!(certify(&above, rate(), way, 2).is_ok());
+        assert!(certify(&above, rate(), method, 2).is_ok());
     }
-    let way = MeshMethod::Ieq;
-    assert_eq!(word(&one(1e5, 1.0), way), Some(StabilityGuarantee::Proved));
-    assert!(stays(&one(1e5, 0.0), way));
+    let method = MeshMethod::Ieq;
+    assert_eq!(
+        word(&one(1e5, 1.0), method),
+        Some(StabilityGuarantee::Proved)
+    );
+    assert!(stays(&one(1e5, 0.0), method));
 }
 
 #[test]
@@ -105,13 +111,13 @@ fn law(text: &str) -> Network {
 #[test]
 fn what_a_way_cannot_step_is_refused() {
     let refused = |network: &Network, ways: &[MeshMethod]| {
-        for way in MeshMethod::ALL {
-            let it = Integrator::new(network, rate(), way, 1);
-            assert_eq!(it.is_err(), ways.contains(&way), "{way:?}");
+        for method in MeshMethod::ALL {
+            let it = Integrator::new(network, rate(), method, 1);
+            assert_eq!(it.is_err(), ways.contains(&method), "{method:?}");
             assert_eq!(
-                certify(network, rate(), way, 1).is_err(),
+                certify(network, rate(), method, 1).is_err(),
                 it.is_err(),
-                "{way:?}"
+                "{method:?}"
             );
         }
     };
@@ -158,7 +164,7 @@ fn general_laws_are_stepped_like_springs() {
         damping: Some("0.05*v"),
         ..LawText::default()
     });
-    for (way, most) in [
+    for (method, limit) in [
         (MeshMethod::Ca, -250.0),
         (MeshMethod::Ca2p, -250.0),
         (MeshMethod::Bm4, -250.0),
@@ -166,12 +172,12 @@ fn general_laws_are_stepped_like_springs() {
         // order.
         (MeshMethod::Ieq, -25.0),
     ] {
-        let exact = play(by(&known, way, 1), 400, &[(0, 0, 1e-3)]);
-        let error = decibels(&play(by(&spring, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
-        let by_points = decibels(&play(by(&pointed, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
-        assert!(error < most, "{way:?} {error}");
+        let exact = play(by(&known, method, 1), 400, &[(0, 0, 1e-3)]);
+        let error = decibels(&play(by(&spring, method, 1), 400, &[(0, 0, 1e-3)]), &exact);
+        let by_points = decibels(&play(by(&pointed, method, 1), 400, &[(0, 0, 1e-3)]), &exact);
+        assert!(error < limit, "{method:?} {error}");
         // The line segments between the points are 1 µm long.
-        assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
+        assert!(by_points < f64::max(limit, -95.0), "{method:?} {by_points}");
     }
     let mut undamped = by(&law("2e4*d + 1e11*d**3"), MeshMethod::Ieq, 1);
     undamped.step(&[], &mut ThreadTeam::alone());

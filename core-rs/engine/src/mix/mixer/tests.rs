@@ -43,21 +43,24 @@ fn sums_routes() {
 fn blocks_change_nothing() {
     let n = 5000;
     let frames = frames(n);
-    let mut whole = vec![0.0; 2 * n];
-    mixer().process(&frames, &mut whole);
+    let mut complete = vec![0.0; 2 * n];
+    mixer().process(&frames, &mut complete);
     let mut pieces = vec![0.0; 2 * n];
-    let (mut mixer, mut at) = (mixer(), 0);
+    let (mut mixer, mut position) = (mixer(), 0);
     for size in [1, 64, 7, 0, 4096, 333].into_iter().cycle() {
-        let stop = (at + size).min(n);
-        mixer.process(&frames[3 * at..3 * stop], &mut pieces[2 * at..2 * stop]);
-        at = stop;
-        if at == n {
+        let stop = (position + size).min(n);
+        mixer.process(
+            &frames[3 * position..3 * stop],
+            &mut pieces[2 * position..2 * stop],
+        );
+        position = stop;
+        if position == n {
             break;
         }
     }
-    assert_eq!(whole, pieces);
+    assert_eq!(complete, pieces);
     assert!(
-        whole.iter().all(|x| x.is_finite()),
+        complete.iter().all(|x| x.is_finite()),
         "one bad sample does not stay"
     );
 }
@@ -75,21 +78,24 @@ fn a_group_glides_and_blocks_change_nothing() {
         assert_eq!(mixer.n_groups(), 3);
         mixer.seek(500);
         let mut mixed = vec![0.0; 2 * n];
-        let mut at = 0;
-        while at < n {
-            if at == 500 {
+        let mut position = 0;
+        while position < n {
+            if position == 500 {
                 mixer.set_gain(2, 0.5);
                 mixer.set_gain(7, 9.0);
             }
-            let stop = (at + block).min(if at < 500 { 500 } else { n });
-            mixer.process(&frames[3 * at..3 * stop], &mut mixed[2 * at..2 * stop]);
-            at = stop;
+            let stop = (position + block).min(if position < 500 { 500 } else { n });
+            mixer.process(
+                &frames[3 * position..3 * stop],
+                &mut mixed[2 * position..2 * stop],
+            );
+            position = stop;
         }
         mixed
     };
-    let whole = mixed(n);
+    let complete = mixed(n);
     for block in [1, 44, 64, 333] {
-        assert_eq!(mixed(block), whole);
+        assert_eq!(mixed(block), complete);
     }
     let mut plain = vec![0.0; 2 * n];
     let mut mixer = Mixer::new(44_100.0, 3, 2);
@@ -97,7 +103,7 @@ fn a_group_glides_and_blocks_change_nothing() {
     mixer.route(0, 1, 0.5, None).unwrap();
     mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
     mixer.process(&frames, &mut plain);
-    for (i, (now, was)) in whole.chunks(2).zip(plain.chunks(2)).enumerate() {
+    for (i, (now, was)) in complete.chunks(2).zip(plain.chunks(2)).enumerate() {
         assert_eq!(now[0], was[0]);
         // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 frames are 20 ms, rounded up.
         let u = (i as f64 + 500.0 - 1024.0) / 896.0;
@@ -191,10 +197,10 @@ fn hall() -> Mixer {
 fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
     let n = 5000;
     let frames = frames(n);
-    let mut whole = vec![0.0; 2 * n];
-    hall().process(&frames, &mut whole);
-    assert!(whole[2 * 4900..].iter().all(|x| *x == 0.0));
-    assert!(whole[2 * 2000] != 0.0);
+    let mut complete = vec![0.0; 2 * n];
+    hall().process(&frames, &mut complete);
+    assert!(complete[2 * 4900..].iter().all(|x| *x == 0.0));
+    assert!(complete[2 * 2000] != 0.0);
     for block in [1, 44, 333] {
         let mut mixer = hall();
         let mut pieces = vec![0.0; 2 * n];
@@ -211,7 +217,7 @@ fn rooms_delays_and_curves_are_the_same_in_blocks_and_in_another_mixer() {
             }
             mixer.process(x, y);
         }
-        assert_eq!(pieces, whole);
+        assert_eq!(pieces, complete);
     }
 }
 
@@ -275,8 +281,12 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
 }
 
 fn level(frame: i64, value: f64) -> Point {
-    let way = Way::Line;
-    Point { frame, value, way }
+    let method = Way::Line;
+    Point {
+        frame,
+        value,
+        way: method,
+    }
 }
 
 /// The output for an input of 1 over 3000 frames. At frame 1000 a mixer with another curve takes over: a curve of the
@@ -357,7 +367,7 @@ fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
     let source = Arc::new(FrozenOutputs::new(samples, 1));
     let played = |block: usize| {
         let mut mixer = ramp(&source, Some(0));
-        let mut heard = Vec::new();
+        let mut listened = Vec::new();
         // Unchanged at 1000, moved at 2000, taken over during the fade at 2100, removed at 4000.
         let changes = [
             (1000, Some(0)),
@@ -365,9 +375,9 @@ fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
             (2100, Some(500)),
             (4000, None),
         ];
-        while heard.len() < 6_000 {
-            let at = heard.len();
-            if let Some((_, begins)) = changes.iter().find(|change| change.0 == at) {
+        while listened.len() < 6_000 {
+            let position = listened.len();
+            if let Some((_, begins)) = changes.iter().find(|change| change.0 == position) {
                 let mut next = ramp(&source, *begins).clone();
                 next.take_over(&mut mixer, None);
                 mixer = next;
@@ -375,22 +385,22 @@ fn frozen_outputs_stand_where_they_are_placed_and_move_without_a_step() {
             let next = changes
                 .iter()
                 .map(|change| change.0)
-                .find(|&next| next > at);
-            let n = block.min(next.unwrap_or(6_000) - at);
+                .find(|&next| next > position);
+            let n = block.min(next.unwrap_or(6_000) - position);
             let mut mixed = vec![0.0; n];
             mixer.process(&vec![0.0; n], &mut mixed);
-            heard.extend(mixed);
+            listened.extend(mixed);
         }
-        heard
+        listened
     };
-    let heard = played(4096);
+    let listened = played(4096);
     let sample = |n: usize| 1.0 + n as f64 * 1e-4;
-    assert!((0..2000).all(|n| heard[n] == sample(n)));
-    assert!((2048 + 896..4000).all(|n| heard[n] == sample(n - 500)));
-    assert!(heard[4032 + 896..].iter().all(|&x| x == 0.0));
-    let steps = heard.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    assert!((0..2000).all(|n| listened[n] == sample(n)));
+    assert!((2048 + 896..4000).all(|n| listened[n] == sample(n - 500)));
+    assert!(listened[4032 + 896..].iter().all(|&x| x == 0.0));
+    let steps = listened.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     assert!(steps.fold(0.0, f64::max) < 1.5 * 1.4 / 896.0 + 1e-4);
-    assert_eq!(heard, played(7));
+    assert_eq!(listened, played(7));
 }
 
 #[test]
@@ -450,15 +460,15 @@ fn routes_with_a_delay_or_a_curve_fade_out_like_others() {
             assert_eq!(last.fading_out.iter().flatten().count(), 1, "that of `new`");
             channels
         };
-        let heard = played(4000);
-        assert!(heard[0] > 0.5, "it is heard on: {}", heard[0]);
+        let listened = played(4000);
+        assert!(listened[0] > 0.5, "it is heard on: {}", listened[0]);
         for channel in 0..2 {
-            let own: Vec<f64> = heard.iter().skip(channel).step_by(2).copied().collect();
-            let steps = own.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            let single: Vec<f64> = listened.iter().skip(channel).step_by(2).copied().collect();
+            let steps = single.windows(2).map(|pair| (pair[1] - pair[0]).abs());
             assert!(steps.fold(0.0, f64::max) < 1.5 / 896.0 + 1e-3, "{channel}");
-            assert_eq!(own[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
+            assert_eq!(single[24 + 896..].iter().all(|&x| x == 0.0), channel == 0);
         }
-        assert_eq!(heard, played(7));
+        assert_eq!(listened, played(7));
     }
 }
 
@@ -471,14 +481,14 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
             .unwrap();
         mixer
     };
-    let heard: Vec<f64> = (0..6000)
+    let listened: Vec<f64> = (0..6000)
         .map(|n| crate::maths::sin(f64::from(n) * 0.0142))
         .collect();
     let (mut old, mut new) = (mixer(before), mixer(after));
     let mut mixed = vec![0.0; 6000];
-    old.process(&heard[..3000], &mut mixed[..3000]);
+    old.process(&listened[..3000], &mut mixed[..3000]);
     new.take_over(&mut old, None);
-    for (x, y) in heard[3000..]
+    for (x, y) in listened[3000..]
         .chunks(block)
         .zip(mixed[3000..].chunks_mut(block))
     {
@@ -513,9 +523,9 @@ fn another_filter_or_delay_takes_over_without_a_step() {
         (lowpass(80.0), lowpass(9_000.0)),
         (lowpass(80.0), Treatment::default()),
     ] {
-        let heard = retreated(&before, &after, 3000);
-        assert_eq!(retreated(&before, &after, 7), heard);
-        let steps = heard[2990..]
+        let listened = retreated(&before, &after, 3000);
+        assert_eq!(retreated(&before, &after, 7), listened);
+        let steps = listened[2990..]
             .windows(2)
             .map(|pair| (pair[1] - pair[0]).abs());
         let steepest = steps.fold(0.0, f64::max);

@@ -2,8 +2,8 @@ use super::{General, general, inverse};
 use crate::chance::Chance;
 
 /// Largest element of A·v − λ·v over all eigenpairs, relative to ‖v‖·‖A‖.
-fn residual(matrix: &[f64], found: &General) -> f64 {
-    let n = found.values.len();
+fn residual(matrix: &[f64], result: &General) -> f64 {
+    let n = result.values.len();
     let apply = |x: &[f64]| -> Vec<f64> {
         let rows = matrix.chunks_exact(n);
         rows.map(|row| row.iter().zip(x).map(|(a, b)| a * b).sum())
@@ -13,13 +13,13 @@ fn residual(matrix: &[f64], found: &General) -> f64 {
     let mut worst = 0.0_f64;
     let mut k = 0;
     while k < n {
-        let (re, im) = found.values[k];
+        let (re, im) = result.values[k];
         let width = if im == 0.0 { 1 } else { 2 };
-        let x = &found.vectors[k * n..(k + 1) * n];
+        let x = &result.vectors[k * n..(k + 1) * n];
         let zero = vec![0.0; n];
         let y = if width == 2 {
-            assert_eq!(found.values[k + 1], (re, -im));
-            &found.vectors[(k + 1) * n..(k + 2) * n]
+            assert_eq!(result.values[k + 1], (re, -im));
+            &result.vectors[(k + 1) * n..(k + 2) * n]
         } else {
             &zero
         };
@@ -44,9 +44,9 @@ fn eigenvectors_of_any_matrix_are_turned_by_their_eigenvalues_alone() {
     for n in 1..40 {
         for seed in 0..8 {
             let matrix = drawn(n, seed * 100 + n as u64);
-            let found = general(matrix.clone()).unwrap();
-            assert!(residual(&matrix, &found) < 1e-13 * n as f64, "{n} {seed}");
-            let sum: f64 = found.values.iter().map(|value| value.0).sum();
+            let result = general(matrix.clone()).unwrap();
+            assert!(residual(&matrix, &result) < 1e-13 * n as f64, "{n} {seed}");
+            let sum: f64 = result.values.iter().map(|value| value.0).sum();
             let trace: f64 = (0..n).map(|i| matrix[i * n + i]).sum();
             assert!((sum - trace).abs() < 1e-12 * n as f64, "{n} {seed}");
         }
@@ -73,8 +73,8 @@ fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
     for (i, c) in polynomial[..5].iter().enumerate() {
         matrix[i * 5 + 4] = -c;
     }
-    let mut found = general(matrix).unwrap().values;
-    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let mut result = general(matrix).unwrap().values;
+    result.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let wanted = [
         (-3.0, 0.0),
         (-1.0, -2.0),
@@ -82,10 +82,10 @@ fn roots_of_a_polynomial_are_the_eigenvalues_of_its_companion() {
         (1.0, 0.0),
         (2.0, 0.0),
     ];
-    for (own, wanted) in found.iter().zip(wanted) {
+    for (item, wanted) in result.iter().zip(wanted) {
         assert!(
-            (own.0 - wanted.0).abs() + (own.1 - wanted.1).abs() < 1e-12,
-            "{found:?}"
+            (item.0 - wanted.0).abs() + (item.1 - wanted.1).abs() < 1e-12,
+            "{result:?}"
         );
     }
 }
@@ -97,19 +97,19 @@ fn equal_eigenvalues_have_eigenvectors_of_their_own() {
     for (i, j, x) in [(0, 2, 3.0), (2, 0, -3.0), (1, 3, 3.0), (3, 1, -3.0)] {
         matrix[i * 4 + j] = x;
     }
-    let found = general(matrix.clone()).unwrap();
-    assert!(residual(&matrix, &found) < 1e-14);
-    assert!(inverse(found.vectors.clone()).is_some());
+    let result = general(matrix.clone()).unwrap();
+    assert!(residual(&matrix, &result) < 1e-14);
+    assert!(inverse(result.vectors.clone()).is_some());
 }
 
 #[test]
 fn a_matrix_times_its_inverse_is_one() {
     for n in [1, 2, 7, 30] {
         let matrix = drawn(n, n as u64);
-        let found = inverse(matrix.clone()).unwrap();
+        let result = inverse(matrix.clone()).unwrap();
         for i in 0..n {
             for j in 0..n {
-                let sum: f64 = (0..n).map(|k| matrix[i * n + k] * found[k * n + j]).sum();
+                let sum: f64 = (0..n).map(|k| matrix[i * n + k] * result[k * n + j]).sum();
                 assert!((sum - f64::from(u8::from(i == j))).abs() < 1e-10, "{n}");
             }
         }

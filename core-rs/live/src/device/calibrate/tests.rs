@@ -30,11 +30,11 @@ fn a_pulse_tells_the_direction() {
     let mut wired = odd(device(Hand::Resting));
     assert_eq!(direction(&mut wired, 0, pulse, PERIOD, &GO), Ok(-1.0));
     // The calibration that was found corrects the device.
-    let found = Axis {
+    let result = Axis {
         sign: -1.0,
         ..Axis::plain(wired.spec())
     };
-    let mut right = Calibrated::new(wired, vec![found]);
+    let mut right = Calibrated::new(wired, vec![result]);
     assert_eq!(direction(&mut right, 0, pulse, PERIOD, &GO), Ok(1.0));
 }
 

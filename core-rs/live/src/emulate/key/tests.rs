@@ -45,15 +45,15 @@ fn a_key_is_a_cel_to_the_last_bit() {
         unchecked: false,
     };
     let timeline = Timeline::new(Rate::new(rate).unwrap());
-    let mut whole = Simulation::new(Arc::new(network), &timeline, options).unwrap();
+    let mut complete = Simulation::new(Arc::new(network), &timeline, options).unwrap();
     let mut key = keys(key, rate, vec![]);
     let mut moved: f64 = 0.0;
     for frame in 0..4000 {
-        let x = whole.positions();
+        let x = complete.positions();
         assert_eq!(x[cel].to_bits(), key.positions()[0].to_bits(), "{frame}");
         moved = moved.max(x[cel].abs());
         key.step(&push(k * (x[other] - x[cel])));
-        whole.skip(1).unwrap();
+        complete.skip(1).unwrap();
     }
     assert!(moved > 1e-3, "{moved}");
 }

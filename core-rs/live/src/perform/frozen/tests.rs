@@ -57,22 +57,22 @@ fn two_files_beside_a_simulation() {
     let (_b, b) = stem("b", n, n, &[2]);
     for start in [0, 1, 70_001] {
         let (mut frozen, _reader) = open(vec![a.clone(), b.clone()], start).unwrap();
-        let mut at = start;
+        let mut position = start;
         for size in [1, 44, 64, 4_096, 333].into_iter().cycle() {
-            let size = size.min((n - at) as usize);
+            let size = size.min((n - position) as usize);
             if size == 0 {
                 break;
             }
-            until_ready(&frozen, at, size);
+            until_ready(&frozen, position, size);
             let mut frames = vec![-1.0; size * 4];
             let before = violation_count();
-            let missed = assert_no_alloc(|| frozen.join(&mut frames, 4, at));
+            let missed = assert_no_alloc(|| frozen.join(&mut frames, 4, position));
             assert_eq!((missed, violation_count()), (0, before));
             for (i, frame) in frames.chunks(4).enumerate() {
-                let own = |o| sample(o, at + i as u64);
-                assert_eq!(frame, [own(0), -1.0, own(2), own(3)]);
+                let single = |o| sample(o, position + i as u64);
+                assert_eq!(frame, [single(0), -1.0, single(2), single(3)]);
             }
-            at += size as u64;
+            position += size as u64;
         }
     }
 }

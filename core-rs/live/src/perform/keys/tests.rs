@@ -17,7 +17,7 @@ fn a_device_that_comes_back_is_still_hot() {
     };
     let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::from_device(brief, config, vec![(0, 0)]);
-    let (commands, mut found) = RingBuffer::new(4);
+    let (commands, mut result) = RingBuffer::new(4);
     let (mut slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
     assert!(slot.receive(slot.deadline()), "where it is, first");
     while slot.is_there() {
@@ -29,7 +29,7 @@ fn a_device_that_comes_back_is_still_hot() {
     let patience = Instant::now() + Duration::from_secs(60);
     let back = loop {
         assert!(Instant::now() < patience, "it is found again");
-        match found.pop() {
+        match result.pop() {
             Ok(Command::Keys(_, guarded)) => break guarded,
             _ => std::thread::sleep(Duration::from_millis(5)),
         }

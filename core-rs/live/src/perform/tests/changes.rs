@@ -36,7 +36,10 @@ fn changes_are_done_at_their_frames() {
     let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     let versions = frames.map(|from| {
         simulation(
-            struck[frames.iter().position(|at| *at == from).unwrap()],
+            struck[frames
+                .iter()
+                .position(|position| *position == from)
+                .unwrap()],
             from,
         )
     });
@@ -46,8 +49,11 @@ fn changes_are_done_at_their_frames() {
         assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
     };
     tick_by_hand(50);
-    let change = |at: usize, old: &Simulation, gain: f64| Change {
-        simulation: Some((versions[at].fork(), Takeover::new(old, &versions[at]))),
+    let change = |position: usize, old: &Simulation, gain: f64| Change {
+        simulation: Some((
+            versions[position].fork(),
+            Takeover::new(old, &versions[position]),
+        )),
         mixer: Some(mixer(gain)),
         gain: Some(0.7),
         bars: Some(vec![0, 1_000]),
@@ -61,7 +67,7 @@ fn changes_are_done_at_their_frames() {
     let second = this
         .change(frames[1], change(1, &versions[0], 0.4))
         .unwrap();
-    let of_another = this
+    let from_another = this
         .change(frames[3], change(3, &simulation(&[], 0), 0.2))
         .unwrap();
     assert!(this.change(frames[1] + 1, Change::default()).is_err());
@@ -78,7 +84,7 @@ fn changes_are_done_at_their_frames() {
             (frames[0], EventKind::Changed(first)),
             (120 * every, EventKind::Late(late)),
             (frames[1], EventKind::Changed(second)),
-            (frames[3], EventKind::Late(of_another)),
+            (frames[3], EventKind::Late(from_another)),
         ]
     );
     player.connections.feed.close();
@@ -89,9 +95,9 @@ fn changes_are_done_at_their_frames() {
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
     let (mut mix, mut gain) = (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
     for tick in 0..n_ticks {
-        for (at, part) in [(0, 0.9), (1, 0.4)] {
-            if tick * every == frames[at] {
-                let mut next = versions[at].fork();
+        for (position, part) in [(0, 0.9), (1, 0.4)] {
+            if tick * every == frames[position] {
+                let mut next = versions[position].fork();
                 let mut takeover = Takeover::new(&offline, &next);
                 assert!(next.take_over(&mut offline, &mut takeover));
                 offline = next;
@@ -104,9 +110,9 @@ fn changes_are_done_at_their_frames() {
         for hand in 0..2 {
             offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
         }
-        let (mut heard, mut mixed) = (vec![0.0; EVERY], vec![0.0; 2 * EVERY]);
-        offline.process(&mut heard).unwrap();
-        mix.process(&heard, &mut mixed);
+        let (mut listened, mut mixed) = (vec![0.0; EVERY], vec![0.0; 2 * EVERY]);
+        offline.process(&mut listened).unwrap();
+        mix.process(&listened, &mut mixed);
         gain.apply(tick * every, &mut mixed, 2);
         limiter.process(&mut mixed);
         sound.extend(mixed.iter().map(|x| (*x as f32).to_bits()));
@@ -140,14 +146,14 @@ fn changes_are_revoked_until_they_are_made() {
         assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
     };
     // Of the tickets at frames 10, 30, 20 and 40 the second and the third are withdrawn, in that order.
-    let kept = this.change(frames[0], change(0, &first)).unwrap();
+    let saved = this.change(frames[0], change(0, &first)).unwrap();
     let later = this.change(frames[1], change(1, &versions[2])).unwrap();
     let sooner = this.change(frames[2], change(2, &versions[0])).unwrap();
     let quieter = Change {
         gain: Some(0.5),
         ..Change::default()
     };
-    let of_gain = this.change(frames[1], quieter).unwrap();
+    let from_gain = this.change(frames[1], quieter).unwrap();
     this.revoke(frames[2]).unwrap();
     let anew = this.change(frames[3], change(3, &versions[0])).unwrap();
     tick_by_hand(5);
@@ -163,9 +169,9 @@ fn changes_are_revoked_until_they_are_made() {
             (0, EventKind::Late(later)),
             (0, EventKind::Late(sooner)),
             (5 * every, EventKind::Late(anew)),
-            (frames[0], EventKind::Changed(kept)),
+            (frames[0], EventKind::Changed(saved)),
             (11 * every, EventKind::Late(again)),
-            (frames[1], EventKind::Changed(of_gain)),
+            (frames[1], EventKind::Changed(from_gain)),
         ]
     );
     player.connections.feed.close();

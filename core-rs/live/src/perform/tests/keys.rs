@@ -46,12 +46,12 @@ fn a_measured_key_bears_what_it_was_measured_for() {
         }))
         .limit
     };
-    let told = limit(None).limit;
+    let output = limit(None).limit;
     // The device reports 1 N·s/m and no delay; a calibration does not make it safer.
-    assert_eq!(measured(0.05, 2.0, None), told);
-    assert_eq!(measured(10.0, 1.0, Some(0.0)), told);
-    assert!(measured(0.05, 0.5, None) < 0.6 * told);
-    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * told);
+    assert_eq!(measured(0.05, 2.0, None), output);
+    assert_eq!(measured(10.0, 1.0, Some(0.0)), output);
+    assert!(measured(0.05, 0.5, None) < 0.6 * output);
+    assert!(measured(0.05, 1.0, Some(1e-3)) < 0.5 * output);
     // A measured delay slightly above a tick counts as one tick.
     let ticks = |delay| measured(0.05, 1.0, Some(delay));
     assert_eq!(ticks(1.01e-3), ticks(0.99e-3));
@@ -75,23 +75,26 @@ fn a_key_is_led_and_let_go() {
     let (mut this, mut player) =
         Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
     player.begin();
-    let step = |at, share| GuidanceStep { at, share };
+    let step = |position, share| GuidanceStep {
+        at: position,
+        share,
+    };
     let all = GuidanceShare { k: 1.0, z: 1.0 };
     let change = |x: f64, steps: Vec<GuidanceStep>| Change {
         standins: Some(vec![vec![x], vec![0.0]]),
         guidance_steps: Some(vec![steps, Vec::new()]),
         ..Change::default()
     };
-    let at = |tick: u64| tick * EVERY as u64;
+    let position = |tick: u64| tick * EVERY as u64;
     let led = change(
         4e-3,
         vec![step(0, all), step(3_000, GuidanceShare::default())],
     );
-    this.change(at(500), led).unwrap();
-    this.change(at(2_000), change(-3e-3, vec![step(0, all)]))
+    this.change(position(500), led).unwrap();
+    this.change(position(2_000), change(-3e-3, vec![step(0, all)]))
         .unwrap();
     this.change(
-        at(4_000),
+        position(4_000),
         change(-3e-3, vec![step(0, GuidanceShare::default())]),
     )
     .unwrap();

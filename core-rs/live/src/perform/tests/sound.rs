@@ -35,14 +35,14 @@ fn a_fold_sounds_to_its_end() {
 
     let mut limiter = Limiter::new(RATE, 3, 1.0).unwrap();
     let n_heard = n_frames + fold.tail();
-    let (mut heard, mut mixed) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
-    for (tick, heard) in heard.chunks_mut(EVERY).enumerate() {
+    let (mut listened, mut mixed) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
+    for (tick, listened) in listened.chunks_mut(EVERY).enumerate() {
         for hand in 0..2 {
             offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
         }
-        offline.process(heard).unwrap();
+        offline.process(listened).unwrap();
     }
-    mix.process(&heard, &mut mixed);
+    mix.process(&listened, &mut mixed);
     mixed.resize(2 * (n_heard + limiter.latency()), 0.0);
     let mut folded = vec![0.0; mixed.len() / 2 * 3];
     fold.process(&mixed, &mut folded);
@@ -127,16 +127,16 @@ fn an_input_is_what_its_recording_says() {
         bits.map(f32::from_bits).collect()
     };
     let n_frames = n_ticks * EVERY;
-    let (heard, sound) = (
+    let (listened, sound) = (
         floats(&path("in"), n_frames),
         floats(&path("out"), 2 * n_frames),
     );
-    assert!(heard.iter().any(|x| *x != 0.0));
+    assert!(listened.iter().any(|x| *x != 0.0));
     let mut offline = pushed_by_sound();
     let mut mixer = stage_mixer();
     let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
     let (mut outputs, mut mixed) = (vec![0.0; n_frames], vec![0.0; 2 * n_frames]);
-    for (block, out) in heard.chunks(EVERY).zip(outputs.chunks_mut(EVERY)) {
+    for (block, out) in listened.chunks(EVERY).zip(outputs.chunks_mut(EVERY)) {
         offline.sound_in(block, 1);
         offline.process(out).unwrap();
     }

@@ -64,11 +64,11 @@ fn pages_are_told_strikes_that_nobody_knew() {
 #[test]
 fn strikes_before_the_first_picture_of_a_version_are_told() {
     let with_points = |struck: &[f64]| {
-        let mut own = scene(struck);
-        own.1.open();
-        own.1.strike_point(&own.0, 3, 7).unwrap();
-        own.1.strike_point(&own.0, 5, 9).unwrap();
-        own
+        let mut single = scene(struck);
+        single.1.open();
+        single.1.strike_point(&single.0, 3, 7).unwrap();
+        single.1.strike_point(&single.0, 5, 9).unwrap();
+        single
     };
     let every = EVERY as u64;
     let (taken, opened) = (600_u64, 640_u64);
@@ -148,15 +148,15 @@ fn pages_are_told_what_a_gesture_strikes() {
     assert!(shown.relay.skipped() > 3);
     truth.skip(ticks * EVERY as u64).unwrap();
     let struck = truth.take_ergons();
-    let told = ergons(&bytes, &look);
-    assert!(told.len() > 8 && struck.len() > 100 * told.len());
-    assert!(told.iter().all(|ergon| ergon.1 == 1));
+    let output = ergons(&bytes, &look);
+    assert!(output.len() > 8 && struck.len() > 100 * output.len());
+    assert!(output.iter().all(|ergon| ergon.1 == 1));
     for up in [true, false] {
-        let told = told.iter().map(|ergon| ergon.2);
-        let told: f64 = told.filter(|impulse| (*impulse > 0.0) == up).sum();
+        let output = output.iter().map(|ergon| ergon.2);
+        let output: f64 = output.filter(|impulse| (*impulse > 0.0) == up).sum();
         let struck = struck.iter().map(|ergon| ergon.impulse);
         let struck: f64 = struck.filter(|impulse| (*impulse > 0.0) == up).sum();
-        assert!((told / struck - 1.0).abs() < 1e-5, "{told} of {struck}");
+        assert!((output / struck - 1.0).abs() < 1e-5, "{output} of {struck}");
     }
     shown.end();
 }
@@ -181,8 +181,8 @@ fn pages_that_come_late_are_told_what_broke() {
             .into_iter()
             .filter(|one| one.0 == kind::BROKEN);
         all.flat_map(|(_, t, payload)| {
-            let each = payload.chunks(8).map(move |own| {
-                let (dt, link) = own.split_at(4);
+            let each = payload.chunks(8).map(move |single| {
+                let (dt, link) = single.split_at(4);
                 let dt = f32::from_le_bytes(dt.try_into().unwrap());
                 (
                     t,
@@ -200,13 +200,13 @@ fn pages_that_come_late_are_told_what_broke() {
     assert!((0.02..0.05).contains(&early[0].1), "{early:?}");
     ticks(&mut shown, 2 * second);
     let mut late = shown.server.hub().join();
-    let told = broken(&messages(&shown.server, &mut late).concat());
-    assert_eq!(told.len(), 1, "{told:?}");
+    let output = broken(&messages(&shown.server, &mut late).concat());
+    assert_eq!(output.len(), 1, "{output:?}");
     assert!(
-        told[0].0 > 2.0 && (told[0].1 - early[0].1).abs() < 1e-6,
-        "{told:?}"
+        output[0].0 > 2.0 && (output[0].1 - early[0].1).abs() < 1e-6,
+        "{output:?}"
     );
-    assert_eq!(told[0].2, early[0].2);
+    assert_eq!(output[0].2, early[0].2);
     // Another window on the playing simulation, as a session opens one.
     let (window, scene) = window_on(&simulation, &scene.1, "late");
     assert!(shown.this.open(window));
@@ -216,9 +216,9 @@ fn pages_that_come_late_are_told_what_broke() {
         .unwrap();
     ticks(&mut shown, second / 2);
     let mut last = shown.server.hub().join();
-    let told = broken(&messages(&shown.server, &mut last).concat());
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert_eq!((told[0].0, told[0].2), (told[0].1, early[0].2));
+    let output = broken(&messages(&shown.server, &mut last).concat());
+    assert_eq!(output.len(), 1, "{output:?}");
+    assert_eq!((output[0].0, output[0].2), (output[0].1, early[0].2));
     shown.end();
 }
 
@@ -236,9 +236,9 @@ fn pages_are_told_what_the_engine_has() {
         shown.tick(1);
         shown.relay.poll();
         let some = messages(&shown.server, &mut cursor);
-        let mut heard = vec![0.0; EVERY];
-        truth.process(&mut heard).unwrap();
-        squares.extend(heard.iter().map(|x| x * x));
+        let mut listened = vec![0.0; EVERY];
+        truth.process(&mut listened).unwrap();
+        squares.extend(listened.iter().map(|x| x * x));
         if some.is_empty() {
             continue;
         }
@@ -252,38 +252,48 @@ fn pages_are_told_what_the_engine_has() {
     let n = (2_000 * EVERY) as f64 / RATE * FPS;
     assert_eq!(numbers, (0..=n as u64).collect::<Vec<_>>());
 
-    let found = chunks(&bytes);
-    let of = |which: u16| {
-        found
+    let result = chunks(&bytes);
+    let source = |which: u16| {
+        result
             .iter()
             .filter(move |chunk| chunk.0 == which)
             .collect::<Vec<_>>()
     };
-    assert_eq!(of(kind::MANIFEST).len(), 1);
-    assert_eq!(of(kind::STATE).len(), 2, "one in a second");
-    assert!(of(kind::CLOCK).is_empty(), "no clock takes these frames");
-    assert!(!of(kind::CONTACTS).is_empty());
+    assert_eq!(source(kind::MANIFEST).len(), 1);
+    assert_eq!(source(kind::STATE).len(), 2, "one in a second");
+    assert!(
+        source(kind::CLOCK).is_empty(),
+        "no clock takes these frames"
+    );
+    assert!(!source(kind::CONTACTS).is_empty());
     // Every strike is reported once.
-    let mut told: Vec<f64> = of(kind::ERGONS)
+    let mut output: Vec<f64> = source(kind::ERGONS)
         .iter()
         .flat_map(|(_, t, payload)| {
             let records = payload.chunks(20);
-            records.map(move |own| t + f64::from(f32::from_le_bytes(own[..4].try_into().unwrap())))
+            records.map(move |single| {
+                t + f64::from(f32::from_le_bytes(single[..4].try_into().unwrap()))
+            })
         })
         .collect();
     let mut wanted = strikes();
-    told.sort_by(f64::total_cmp);
+    output.sort_by(f64::total_cmp);
     wanted.sort_by(f64::total_cmp);
-    assert_eq!(told.len(), wanted.len());
-    assert!(told.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-6));
+    assert_eq!(output.len(), wanted.len());
+    assert!(
+        output
+            .iter()
+            .zip(&wanted)
+            .all(|(a, b)| (a - b).abs() < 1e-6)
+    );
     // Levels: the first channel is the output itself. The window was opened in the first tick and has no level of it.
-    let levels = of(kind::LEVELS);
+    let levels = source(kind::LEVELS);
     assert_eq!(levels.len(), frames.len() - 1);
-    for (at, (_, t, payload)) in levels.iter().enumerate() {
+    for (index, (_, t, payload)) in levels.iter().enumerate() {
         let level = f64::from(f32::from_le_bytes(payload[..4].try_into().unwrap()));
-        let own = &squares[frames[at] as usize..frames[at + 1] as usize];
-        let wanted = (own.iter().sum::<f64>() / own.len() as f64).sqrt();
-        assert_eq!(*t, seconds[at + 1]);
+        let single = &squares[frames[index] as usize..frames[index + 1] as usize];
+        let wanted = (single.iter().sum::<f64>() / single.len() as f64).sqrt();
+        assert_eq!(*t, seconds[index + 1]);
         assert!(
             (level - wanted).abs() <= 1e-6 * wanted + 1e-12,
             "{t}: {level}, {wanted}"
@@ -306,11 +316,11 @@ fn pages_are_told_what_the_engine_has() {
         again.glance(&look, &mut glance);
         for run in runs(&look) {
             let (worst, swing) = off.entry(run.kind).or_default();
-            for at in run.points.clone() {
+            for index in run.points.clone() {
                 let wanted = match run.body.map(|body| &look.bodies[body]) {
-                    None => glance.tracks[at],
+                    None => glance.tracks[index],
                     Some(body) => {
-                        let row = &body.shapes[(at - run.points.start) * body.modes.len()..];
+                        let row = &body.shapes[(index - run.points.start) * body.modes.len()..];
                         let modes = &glance.tracks[n + body.first..];
                         row.iter()
                             .zip(&modes[..body.modes.len()])
@@ -318,7 +328,7 @@ fn pages_are_told_what_the_engine_has() {
                             .sum()
                     }
                 };
-                *worst = worst.max((row[at] - wanted).abs());
+                *worst = worst.max((row[index] - wanted).abs());
                 *swing = swing.max(wanted.abs());
             }
         }
@@ -369,14 +379,17 @@ fn a_window_changes_no_sample() {
     // One picture waits to be fetched, and all others are counted as skipped.
     let looks = (1_000 * EVERY) as f64 / RATE * FPS;
     assert_eq!(skipped, [0, looks as u64]);
-    let heard = paths.map(|path| {
+    let listened = paths.map(|path| {
         let bytes = std::fs::read(&path).unwrap();
         std::fs::remove_file(path).unwrap();
         bytes
     });
-    assert!(heard[0].iter().filter(|byte| **byte != 0).count() > 100_000);
-    assert!(heard[0] == heard[1], "with a window");
-    assert!(heard[0] == heard[2], "with one that nobody looks through");
+    assert!(listened[0].iter().filter(|byte| **byte != 0).count() > 100_000);
+    assert!(listened[0] == listened[1], "with a window");
+    assert!(
+        listened[0] == listened[2],
+        "with one that nobody looks through"
+    );
 }
 
 /// Contacts and levels of skipped pictures are in the next picture.
@@ -565,8 +578,8 @@ fn a_page_that_stalls_keeps_nobody() {
         assert_eq!(file(bytes).displacements(&instants).unwrap(), wanted);
     }
     let peak = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let found = last.displacements(&instants).unwrap();
-    let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs());
+    let result = last.displacements(&instants).unwrap();
+    let off = result.iter().zip(&wanted).map(|(a, b)| (a - b).abs());
     assert!(off.fold(0.0, f64::max) <= 1e-3 * peak && peak > 0.0);
     // Messages fill the socket of the stalled page, which is then dropped.
     let blob = vec![0; 1 << 20];

@@ -25,18 +25,18 @@ fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Fault
         assert!(play.trips.is_empty(), "{:?}", play.trips);
         play
     };
-    let (mut whole, mut free, mut faulty) = (play(), play(), play());
+    let (mut complete, mut free, mut faulty) = (play(), play(), play());
     fault(faulty.key());
     free.key().motor = 0.0;
     let (mut lasted, mut travel) = (0.0, 0.0_f64);
     while faulty.time() < at + 1.5 && (lasted == 0.0 || faulty.time() < at + lasted + 0.3) {
-        for play in [&mut whole, &mut free, &mut faulty] {
+        for play in [&mut complete, &mut free, &mut faulty] {
             play.tick();
         }
         if faulty.sent != 0.0 {
             lasted = faulty.time() - at;
         }
-        let (a, b, x) = (whole.key().x, free.key().x, faulty.key().x);
+        let (a, b, x) = (complete.key().x, free.key().x, faulty.key().x);
         travel = travel.max(x - a.max(b)).max(a.min(b) - x);
     }
     let why = faulty.trips.first().map(|trip| trip.1);
@@ -74,40 +74,40 @@ fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Fau
 
 #[test]
 fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
-    for (name, at, harm) in harms(REVERSED, Some(HAND)) {
-        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
+    for (name, position, harm) in harms(REVERSED, Some(HAND)) {
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
         assert!(
             harm.lasted < 450.0 && harm.travel < 8.0,
-            "{name} {at} {harm:?}"
+            "{name} {position} {harm:?}"
         );
     }
 }
 
 #[test]
 fn so_is_one_under_a_hand_that_goes_or_under_none() {
-    for (name, at, harm) in harms(REVERSED, Some(SINE)) {
+    for (name, position, harm) in harms(REVERSED, Some(SINE)) {
         // A spring weaker than the hand cannot drive the hand away.
         if name.starts_with("200") {
             continue;
         }
-        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
-        assert!(harm.lasted < 450.0, "{name} {at} {harm:?}");
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {position} {harm:?}");
+        assert!(harm.lasted < 450.0, "{name} {position} {harm:?}");
         // In this case the motor is reversed while a probe is under way, which first gets a right answer.
         assert!(
-            harm.travel < 12.0 || (name.starts_with("1500") && at == 3.25),
-            "{name} {at} {harm:?}"
+            harm.travel < 12.0 || (name.starts_with("1500") && position == 3.25),
+            "{name} {position} {harm:?}"
         );
     }
-    for (name, at, harm) in harms(REVERSED, None) {
+    for (name, position, harm) in harms(REVERSED, None) {
         // If the scene is at rest there is no force that could have the wrong sign.
         let moves = name.ends_with("8 mm");
         assert!(
             !moves || harm.why == Some(Trip::WrongWay),
-            "{name} {at} {harm:?}"
+            "{name} {position} {harm:?}"
         );
         assert!(
             harm.lasted < 300.0 && harm.travel < 13.0,
-            "{name} {at} {harm:?}"
+            "{name} {position} {harm:?}"
         );
     }
 }
@@ -115,21 +115,21 @@ fn so_is_one_under_a_hand_that_goes_or_under_none() {
 #[test]
 fn a_sensor_that_freezes_lets_go() {
     for grip in [Some(HAND), Some(SINE)] {
-        for (name, at, harm) in harms(FROZEN, grip) {
+        for (name, position, harm) in harms(FROZEN, grip) {
             if harm.why.is_none() {
                 // The sensor froze when nothing could show it: with hardly any force, or just after a right answer.
-                assert!(harm.travel < 1.0, "{name} {at} {harm:?}");
+                assert!(harm.travel < 1.0, "{name} {position} {harm:?}");
                 continue;
             }
-            assert_eq!(harm.why, Some(Trip::Frozen), "{name} {at} {harm:?}");
+            assert_eq!(harm.why, Some(Trip::Frozen), "{name} {position} {harm:?}");
             assert!(
                 harm.lasted < 400.0 && harm.travel < 7.0,
-                "{name} {at} {harm:?}"
+                "{name} {position} {harm:?}"
             );
         }
     }
-    for (name, at, harm) in harms(FROZEN, None) {
-        assert!(harm.lasted < 400.0, "{name} {at} {harm:?}");
+    for (name, position, harm) in harms(FROZEN, None) {
+        assert!(harm.lasted < 400.0, "{name} {position} {harm:?}");
     }
 }
 
@@ -144,8 +144,8 @@ fn one_wired_wrongly_from_the_start_is_off_at_its_first_movement() {
         let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
         (play.key().grip, play.key().motor) = (Some(grip), -1.0);
         play.until(4.0);
-        let found: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
-        assert_eq!(found, [Trip::WrongWay], "{:?}", play.trips);
+        let result: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
+        assert_eq!(result, [Trip::WrongWay], "{:?}", play.trips);
         assert_eq!(play.sent, 0.0, "it stays off");
         play.guarded.release();
         play.until(8.0);
@@ -193,17 +193,17 @@ fn after_three_trips_only_the_player_lets_it_push() {
         z: 30.0,
         at: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
-    let at_stop = |play: &Play| {
+    let on_stop = |play: &Play| {
         play.trips
             .iter()
             .filter(|trip| trip.1 == Trip::AtStop)
             .count()
     };
     play.until(47.9);
-    assert_eq!(at_stop(&play), 3, "{:?}", play.trips);
+    assert_eq!(on_stop(&play), 3, "{:?}", play.trips);
     play.guarded.release();
     play.until(55.0);
-    assert_eq!(at_stop(&play), 4, "{:?}", play.trips);
+    assert_eq!(on_stop(&play), 4, "{:?}", play.trips);
 }
 
 #[test]
@@ -218,7 +218,7 @@ fn figures() {
         ] {
             for (
                 scene,
-                at,
+                position,
                 FaultOutcome {
                     lasted,
                     travel,
@@ -227,7 +227,7 @@ fn figures() {
             ) in harms(fault, grip)
             {
                 println!(
-                    "{name:9} {hand:7} {scene:33} {at}: {lasted:7.1} ms {travel:6.2} mm {why:?}"
+                    "{name:9} {hand:7} {scene:33} {position}: {lasted:7.1} ms {travel:6.2} mm {why:?}"
                 );
             }
         }

@@ -138,9 +138,9 @@ impl Host {
     /// From packet `from` on the force begins at zero and returns in small steps.
     fn fades_in(&mut self, from: usize, force: f64) {
         (0..400).for_each(|_| self.tick(force));
-        let felt = &self.felt()[from..];
-        assert!(felt[0].abs() <= 0.05, "{:?}", &felt[..5]);
-        let steps = felt.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let forces = &self.felt()[from..];
+        assert!(forces[0].abs() <= 0.05, "{:?}", &forces[..5]);
+        let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let greatest = steps.fold(0.0, f64::max);
         assert!(greatest <= 0.1, "{greatest}");
         assert_eq!(self.last(), force, "it comes back");
@@ -211,14 +211,14 @@ fn a_position_grows_old_by_the_clock() {
     let mut host = Host::new(Board::new(), 4.0);
     host.guarded.device.answers = false;
     // With ticks of 10 ms, an age of two ticks is allowed, one of three is not.
-    let felt: Vec<f64> = (0..4)
+    let forces: Vec<f64> = (0..4)
         .map(|_| {
             host.wait(0.009);
             host.tick(4.0);
             host.last()
         })
         .collect();
-    assert_eq!(felt, [4.0, 4.0, 0.0, 0.0]);
+    assert_eq!(forces, [4.0, 4.0, 0.0, 0.0]);
     host.guarded.device.answers = true;
     host.tick(4.0);
     let from = host.felt().len() - 1;

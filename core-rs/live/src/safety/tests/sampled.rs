@@ -111,8 +111,8 @@ impl Device for Sampled {
         self.late.push_back(force.newtons()[0]);
         let motor = self.late.pop_front().unwrap_or(0.0);
         let [far, hertz] = self.setup.sine;
-        let at = f64::from(self.ticks) * self.setup.period;
-        let there = far * libm::sin(std::f64::consts::TAU * hertz * at);
+        let position = f64::from(self.ticks) * self.setup.period;
+        let there = far * libm::sin(std::f64::consts::TAU * hertz * position);
         let pull = self.setup.hand.map_or(0.0, |[k, _]| k * there);
         self.ticks += 1;
         let state = [self.x, self.v, motor + pull];

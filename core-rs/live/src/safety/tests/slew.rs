@@ -75,7 +75,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
     let mut guarded = Guarded::new(&mut board, limits, PERIOD);
     let mut sample = Sample::default();
     let (mut asked, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
-    let mut found = 0;
+    let mut result = 0;
     for _ in 0..ticks {
         if draw.once_in(50) {
             asked = match draw.next() % 8 {
@@ -108,7 +108,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         guarded.receive(&mut sample, Instant::now()).unwrap();
         let force = guarded.send(&[asked]).unwrap().newtons()[0];
         let is_fall = force * last >= 0.0 && force.abs() <= last.abs();
-        found += u64::from(!is_fall && (force - last).abs() > step);
+        result += u64::from(!is_fall && (force - last).abs() > step);
         last = force;
     }
     let counts = guarded.counts();
@@ -116,7 +116,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         let by_the_wall = name == "stalls of the host";
         assert!(count > 0 || by_the_wall, "{name}: never in {ticks} ticks");
     }
-    found
+    result
 }
 
 #[test]

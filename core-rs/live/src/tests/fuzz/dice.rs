@@ -29,7 +29,7 @@ impl Dice {
 }
 
 /// A copy with one to four kinds of damage: bits flipped, bytes set, cut, removed or doubled, numbers at their limits.
-pub(super) fn damaged(dice: &mut Dice, whole: &[u8]) -> Vec<u8> {
+pub(super) fn damaged(dice: &mut Dice, complete: &[u8]) -> Vec<u8> {
     const EDGES: [&[u8]; 6] = [
         &[0; 8],
         &[0xFF; 8],
@@ -38,30 +38,30 @@ pub(super) fn damaged(dice: &mut Dice, whole: &[u8]) -> Vec<u8> {
         &[0, 0, 0, 0, 0, 0, 0xF0, 0x7F],
         &[1, 0, 0, 0],
     ];
-    let mut bytes = whole.to_vec();
+    let mut bytes = complete.to_vec();
     for _ in 0..1 + dice.below(4) {
         if bytes.is_empty() {
             bytes.push(dice.byte());
         }
-        let at = dice.below(bytes.len());
-        let end = bytes.len().min(at + 1 + dice.below(24));
+        let position = dice.below(bytes.len());
+        let end = bytes.len().min(position + 1 + dice.below(24));
         match dice.below(8) {
-            0 | 1 => bytes[at] ^= 1 << dice.below(8),
-            2 => bytes[at] = dice.byte(),
-            3 => bytes.truncate(at),
-            4 => drop(bytes.drain(at..end)),
+            0 | 1 => bytes[position] ^= 1 << dice.below(8),
+            2 => bytes[position] = dice.byte(),
+            3 => bytes.truncate(position),
+            4 => drop(bytes.drain(position..end)),
             5 => {
-                let part = bytes[at..end].to_vec();
-                drop(bytes.splice(at..at, part));
+                let part = bytes[position..end].to_vec();
+                drop(bytes.splice(position..position, part));
             }
             6 => {
-                for (to, from) in bytes[at..].iter_mut().zip(dice.one_of(&EDGES)) {
+                for (to, from) in bytes[position..].iter_mut().zip(dice.one_of(&EDGES)) {
                     *to = *from;
                 }
             }
             _ => {
                 let part: Vec<u8> = (0..dice.below(9)).map(|_| dice.byte()).collect();
-                drop(bytes.splice(at..at, part));
+                drop(bytes.splice(position..position, part));
             }
         }
     }

@@ -14,28 +14,28 @@ fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut ea
     let mut inbox = Inbox::<512>::new();
     let counted = |bytes: &[u8]| {
         calls.set(calls.get() + 1);
-        let found = parse(bytes);
-        match found {
+        let result = parse(bytes);
+        match result {
             Parsed::Packet(_, len) | Parsed::Garbage(len) => {
                 assert!((1..=bytes.len()).contains(&len), "a length of {len}");
             }
             Parsed::Incomplete => {}
         }
-        found
+        result
     };
     for piece in bytes.chunks(piece) {
         inbox.feed(piece, counted, &mut each);
     }
     // At most one call for each byte that is skipped, and one more for each piece.
-    let most = bytes.len() + bytes.len().div_ceil(piece) + 512;
-    assert!(calls.get() <= most, "{} calls of {most}", calls.get());
+    let limit = bytes.len() + bytes.len().div_ceil(piece) + 512;
+    assert!(calls.get() <= limit, "{} calls of {limit}", calls.get());
 }
 
 /// A stream of valid packets with damage.
 fn stream(dice: &mut Dice, packet: impl Fn(&mut Dice) -> Vec<u8>) -> (Vec<u8>, usize) {
     let packets = 1 + dice.below(4);
-    let whole: Vec<u8> = (0..packets).flat_map(|_| packet(dice)).collect();
-    (damaged(dice, &whole), 1 + dice.below(80))
+    let complete: Vec<u8> = (0..packets).flat_map(|_| packet(dice)).collect();
+    (damaged(dice, &complete), 1 + dice.below(80))
 }
 
 pub(super) fn firefader_bytes(dice: &mut Dice) {
@@ -99,8 +99,8 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
     let mut packet = bytes[..len].to_vec();
     if dice.below(3) == 0 {
         // Damage that passes the checksum, so that the bytes after it are read too.
-        let at = 2 + dice.below(len - 4);
-        packet[at] = dice.byte();
+        let instant = 2 + dice.below(len - 4);
+        packet[instant] = dice.byte();
         let crc = frame::crc(&packet[2..len - 2]).to_le_bytes();
         packet[len - 2..].copy_from_slice(&crc);
     }
@@ -149,16 +149,16 @@ pub(super) fn haply_text(dice: &mut Dice) {
     ];
     let state = haply::state("A14", [0.1, -0.2, 0.0], [1.0, 2.0, 3.0], true);
     let command = haply::command("A14", [1.0, 2.0, 3.0]);
-    let mut said = text(dice, &[&state, &command], &WORDS);
+    let mut message = text(dice, &[&state, &command], &WORDS);
     if dice.below(500) == 0 {
-        said = "[".repeat(60_000);
+        message = "[".repeat(60_000);
     }
     for id in [None, Some("A14")] {
-        if let Some(state) = haply::parse_state(&said, id) {
+        if let Some(state) = haply::parse_state(&message, id) {
             assert!(state.position.iter().all(|x| x.is_finite()));
         }
     }
-    if let Some(force) = haply::parse_command(&said, "A14") {
+    if let Some(force) = haply::parse_command(&message, "A14") {
         assert!(force.iter().all(|x| x.is_finite()));
     }
 }

@@ -45,11 +45,11 @@ fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Ve
         options,
     )
     .unwrap();
-    let mut heard = vec![0.0; n_frames];
+    let mut listened = vec![0.0; n_frames];
     island
-        .process(&mut heard, n_frames, &mut ThreadTeam::alone())
+        .process(&mut listened, n_frames, &mut ThreadTeam::alone())
         .unwrap();
-    heard
+    listened
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_block_that_swings_out_is_at_every_frame_where_its_half_swings_take_it() {
         let ground = network.sol("w", 0.0).unwrap();
         network.dry("l", ground, block, plain(level)).unwrap();
         network.listen("o", vec![LISTEN]).unwrap();
-        let heard = played(&network, (RATE, 2), 400);
+        let listened = played(&network, (RATE, 2), 400);
         let shift = level / (m * omega * omega);
         let exact = |frame: usize| {
             let phase = omega * frame as f64 / RATE;
@@ -88,7 +88,7 @@ fn a_block_that_swings_out_is_at_every_frame_where_its_half_swings_take_it() {
             swing = swing.min(last);
             middle + from * cos(phase - swing as f64 * PI)
         };
-        for (frame, x) in heard.iter().enumerate() {
+        for (frame, x) in listened.iter().enumerate() {
             let error = (x - exact(frame)).abs();
             assert!(error < 1e-9 * x0, "{ratio} {frame}: {x} {}", exact(frame));
         }

@@ -48,9 +48,9 @@ fn a_silent_service_is_told_zero_without_a_reply_and_again_and_is_gone() {
     let (mut rules, start) = pushing();
     let (mut zeros, mut gone, mut first) = (0, None, None);
     for now in 0..4000 {
-        let at = start + ms(now);
-        rules.order(order(now as u16, 1.0), at);
-        match rules.due(at) {
+        let position = start + ms(now);
+        rules.order(order(now as u16, 1.0), position);
+        match rules.due(position) {
             ZERO => {
                 zeros += 1;
                 first = first.or(Some(now));
@@ -60,7 +60,7 @@ fn a_silent_service_is_told_zero_without_a_reply_and_again_and_is_gone() {
                 gone = Some(now);
                 break;
             }
-            Action::Nothing => assert!(rules.next(at) > at),
+            Action::Nothing => assert!(rules.next(position) > position),
         }
     }
     assert_eq!((first, gone), (Some(30), Some(2000)));

@@ -29,18 +29,18 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
     let hammer = network.mas("h", 5e-3, -5e-3, 0.2).unwrap();
     let but = But::plain(4e4, 0.0, 0.0);
     network.but("hits", hammer, skin + 5, but).unwrap();
-    let heard = |first, len| Term::Position {
+    let listened = |first, len| Term::Position {
         first,
         len,
         weight: 10.0,
     };
-    let all = vec![heard(0, CELLS), heard(skin + 8, 1)];
+    let all = vec![listened(0, CELLS), listened(skin + 8, 1)];
     network.listen("out", all).unwrap();
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    for (i, &at) in struck.iter().enumerate() {
+    for (i, &index) in struck.iter().enumerate() {
         timeline
-            .strike(&network, i % CELLS, at, 2e-5, i as u32)
+            .strike(&network, i % CELLS, index, 2e-5, i as u32)
             .unwrap();
     }
     (network, timeline)
@@ -259,25 +259,28 @@ pub(super) fn chunks(mut bytes: &[u8]) -> Vec<(u16, f64, Vec<u8>)> {
 
 /// The ergons in chunks, by rising instant: [s], MAT, impulse [N·s].
 pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
-    let word = |own: &[u8], at: usize| <[u8; 4]>::try_from(&own[at..at + 4]).unwrap();
-    let mut told = Vec::new();
+    let word = |single: &[u8], at: usize| <[u8; 4]>::try_from(&single[at..at + 4]).unwrap();
+    let mut output = Vec::new();
     for (_, t, payload) in (chunks(bytes).iter()).filter(|one| one.0 == kind::ERGONS) {
-        for own in payload.chunks(20) {
-            let number = |at| f64::from(f32::from_le_bytes(word(own, at)));
-            let point = u32::from_le_bytes(word(own, 4)) as usize;
-            told.push((t + number(0), look.points[point].mat, number(8)));
+        for single in payload.chunks(20) {
+            let number = |at| f64::from(f32::from_le_bytes(word(single, at)));
+            let point = u32::from_le_bytes(word(single, 4)) as usize;
+            output.push((t + number(0), look.points[point].mat, number(8)));
         }
     }
-    told.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    told
+    output.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    output
 }
 
 /// Instants must agree with those of the strikes to a hundredth of a frame.
 pub(super) fn assert_ergons(told: &[(f64, usize, f64)], wanted: &[(f64, usize, f64)]) {
     assert_eq!(told.len(), wanted.len(), "{told:?}, {wanted:?}");
-    for (own, wanted) in told.iter().zip(wanted) {
-        assert!((own.0 - wanted.0).abs() < 1e-7, "{own:?}, {wanted:?}");
-        assert_eq!(own.1, wanted.1);
-        assert!((own.2 / wanted.2 - 1.0).abs() < 1e-6, "{own:?}, {wanted:?}");
+    for (item, wanted) in told.iter().zip(wanted) {
+        assert!((item.0 - wanted.0).abs() < 1e-7, "{item:?}, {wanted:?}");
+        assert_eq!(item.1, wanted.1);
+        assert!(
+            (item.2 / wanted.2 - 1.0).abs() < 1e-6,
+            "{item:?}, {wanted:?}"
+        );
     }
 }
