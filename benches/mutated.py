@@ -82,9 +82,9 @@ def mutated(text: str, chance: random.Random) -> str:
     return text
 
 
-def _is_value(text: str, at: int) -> bool:
+def _is_value(text: str, offset: int) -> bool:
     """Whether a number is neither the version nor in a comment."""
-    line = text[text.rfind("\n", 0, at) + 1 : at]
+    line = text[text.rfind("\n", 0, offset) + 1 : offset]
     return "#" not in line and not line.startswith("ergon:")
 
 

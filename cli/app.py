@@ -64,7 +64,7 @@ COMMANDS: Table = {
     "view": "Show in a browser what moves in a piece, with its sound.",
     "share": "Write a piece as one HTML file that plays in any browser, without a network.",
     "layout": "Check and exchange layouts of loudspeakers.",
-    "info": "Say what a render, a take, a MIDI file, a motion file, a pack or a score contains.",
+    "info": "Say what a render, a take, a MIDI file, a mesh, a layout, a pack or a score contains.",
     "schema": "Print the JSON Schema of scores, for editors.",
     "pack": "Write a score, and all files that it reads, as one file.",
     "unpack": "Write the files of a pack into a new folder.",

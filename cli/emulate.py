@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.argument("device", type=click.Choice(list(api.DEVICES)))
 @options.declared(api.EmulationOptions)
 @options.speaking
-def emulate(console: Console, device: api.DeviceName, **given: Any) -> None:
+def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
     """Emulate a force-feedback device, for trying scores and drivers.
 
     The command prints the URL of the device, then serves it until Ctrl-C. Each --gesture is played
@@ -49,7 +49,7 @@ def emulate(console: Console, device: api.DeviceName, **given: Any) -> None:
                 }[event]
             )
 
-    api.emulate(device, api.EmulationOptions(**given), tell)
+    api.emulate(device, api.EmulationOptions(**arguments), tell)
 
 
 def _over(console: Console, periods: int, packets: int, positions: str) -> None:

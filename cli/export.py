@@ -243,8 +243,8 @@ def _note_tracks(stage: Stage) -> list[NoteTrack]:
         )
     channels = cycle(_CHANNELS)
     return [
-        NoteTrack(name, _DRUMS if name in drums else next(channels), own)
-        for name, own in notes.items()
+        NoteTrack(name, _DRUMS if name in drums else next(channels), part_notes)
+        for name, part_notes in notes.items()
     ]
 
 

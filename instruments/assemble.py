@@ -101,8 +101,8 @@ class Assembly:
         for module in modules:
             if module.kind == "PROXY" and self._are_there(proxies.targets(module.fields)):
                 with self._collecting_refusals():
-                    own = module.name, module.fields
-                    self.mats[name, module.name] = proxies.add(self.network, *own, self.members)
+                    labels = module.name, module.fields
+                    self.mats[name, module.name] = proxies.add(self.network, *labels, self.members)
             if module.kind == "SURFACE" and self._are_there([module.fields["of"]]):
                 with self._collecting_refusals():
                     masses = self.members(module.fields["of"])

@@ -71,7 +71,9 @@ FIELDS = (
         Field(
             name,
             Text(
-                lru_cache(256)(word.parse), f"a link and a range, such as {word.example}", None, ()
+                lru_cache(256)(word.parse),
+                f"a link and a range, such as {word.example}",
+                types=("string",),
             ),
             word.doc,
             shown="nothing",

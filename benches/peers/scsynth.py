@@ -91,7 +91,7 @@ def _message(address: str, *values: int | str | bytes) -> bytes:
     return _padded(address.encode() + b"\0") + _padded(tags.encode() + b"\0") + body
 
 
-def _bundle(at: float, messages: Sequence[bytes]) -> bytes:
-    body = b"#bundle\0" + struct.pack(">Q", int(at * 2**32))
+def _bundle(instant: float, messages: Sequence[bytes]) -> bytes:
+    body = b"#bundle\0" + struct.pack(">Q", int(instant * 2**32))
     body += b"".join(struct.pack(">i", len(message)) + message for message in messages)
     return struct.pack(">i", len(body)) + body

@@ -55,8 +55,8 @@ Floats = NDArray[np.float64]
 
 def effects() -> dict[str, str]:
     """The scores of the page by their names."""
-    found = [block for block in blocks(PAGE) if block.language == "yaml"]
-    return {Path(block.note("file") or "").stem: block.text for block in found}
+    yaml_blocks = [block for block in blocks(PAGE) if block.language == "yaml"]
+    return {Path(block.note("file") or "").stem: block.text for block in yaml_blocks}
 
 
 def force(text: str, strokes: float) -> tuple[Floats, Floats]:
@@ -69,13 +69,13 @@ def force(text: str, strokes: float) -> tuple[Floats, Floats]:
     out = np.zeros((hand.tick_frames, staged.simulation.n_out))
     n_ticks = round((_SETTLED + 1) / strokes / tick)
     positions = REACH * np.sin(2.0 * np.pi * strokes * tick * np.arange(n_ticks))
-    felt = []
+    forces = []
     for x in positions:
         staged.simulation.hold(hand.index, x)
         staged.simulation.process(out)
-        felt.append(staged.simulation.felt(hand.index))
+        forces.append(staged.simulation.felt(hand.index))
     first = round(_SETTLED / strokes / tick)
-    return positions[first:], np.array(felt[first:])
+    return positions[first:], np.array(forces[first:])
 
 
 def picture(name: str, text: str) -> str:

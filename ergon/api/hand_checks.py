@@ -31,13 +31,13 @@ def measure_hands(addresses: Sequence[str], seconds: float, report: Report) -> l
 
     asked = {f"hand{number}": address for number, address in enumerate(addresses, 1)}
     try:
-        found = boards(asked, {})
-        for board in found:
+        known_boards = boards(asked, {})
+        for board in known_boards:
             if not is_led(board.url):
                 raise BoardError(
                     f"{board.url} has positions of its own: `ergon doctor --device {board.url}`"
                 )
-        hands = open_led_hands(found)
+        hands = open_led_hands(known_boards)
     except BoardError as error:
         raise OptionError("hands", str(error)) from None
     server = None

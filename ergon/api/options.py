@@ -198,8 +198,8 @@ class RenderOptions(AccuracyOptions):
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that are read in addition to the score's."""
-        given = (self.plan, self.hands, self.input)
-        return tuple(Path(one) for one in given if one is not None)
+        option_paths = (self.plan, self.hands, self.input)
+        return tuple(Path(one) for one in option_paths if one is not None)
 
 
 @documented

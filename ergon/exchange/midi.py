@@ -100,16 +100,16 @@ def _track(events: list[tuple[int, int, bytes]]) -> bytes:
     return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
 
 
-def _note_track(own: NoteTrack, ruler: _Ruler) -> bytes:
-    name = own.name.encode()
+def _note_track(track: NoteTrack, ruler: _Ruler) -> bytes:
+    name = track.name.encode()
     title = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
     events: list[tuple[int, int, bytes]] = [(0, 0, title)]
     last = 0
-    for note in own.notes:
+    for note in track.notes:
         begin = ruler.tick(note.begin)
         end = max(begin + 1, ruler.tick(note.end))  # a note of no length would be none
-        events.append((begin, 2, bytes((_NOTE_ON | own.channel, note.key, note.velocity))))
-        events.append((end, 1, bytes((_NOTE_OFF | own.channel, note.key, 0))))
+        events.append((begin, 2, bytes((_NOTE_ON | track.channel, note.key, note.velocity))))
+        events.append((end, 1, bytes((_NOTE_OFF | track.channel, note.key, 0))))
         last = max(last, end)
     return _track([*events, (last, 3, b"\xff" + bytes((_END, 0)))])
 

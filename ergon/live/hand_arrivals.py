@@ -42,21 +42,21 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     }
     name = board.display_name
     if taken < _ENOUGH:
-        said = f"{name}: {taken} positions came, and {_ENOUGH} are needed to measure"
-        return Finding("hands", said, "move it all the time while it is measured", numbers)
+        sentence = f"{name}: {taken} positions came, and {_ENOUGH} are needed to measure"
+        return Finding("hands", sentence, "move it all the time while it is measured", numbers)
     rate = 1.0 / tally["gap"] if tally["gap"] else 0.0
-    said = (
+    sentence = (
         f"{name}: {rate:.0f} positions a second while it moves, one each "
         f"{tally['gap'] * 1e3:.1f} ms ± {tally['deviation'] * 1e3:.1f} ms, p99 "
         f"{duration_text(gaps[1])}; "
     )
     if address.kind in _STAMPED:
-        said += f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
+        sentence += f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
     else:
-        said += "nothing says when they were taken; "
+        sentence += "nothing says when they were taken; "
     total = address.delay + TICK_SECONDS
-    said += f"{duration_text(total)} from a position to the force on the finger"
-    return Finding("hands", said, _advice(address, needed, int(tally["refused"])), numbers)
+    sentence += f"{duration_text(total)} from a position to the force on the finger"
+    return Finding("hands", sentence, _advice(address, needed, int(tally["refused"])), numbers)
 
 
 def _advice(address: LedAddress, needed: float, refused: int) -> str:

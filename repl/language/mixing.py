@@ -75,27 +75,28 @@ def _read_filter_kind(text: str, *_: Any) -> str:
     return text
 
 
-def _read_filter_fields(text: str, _: Scope, given: Mapping[str, Any]) -> dict[str, str]:
+def _read_filter_fields(text: str, _: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
     if text == "off":
         return {}
-    shapes = _FILTERS[given["kind"]]
+    shapes = _FILTERS[slots_read["kind"]]
     words = list(re.finditer(r"\S+", text))
     if len(words) > len(shapes):
-        kind = given["kind"]
+        kind = slots_read["kind"]
         message = f"{kind} takes no more than {len(shapes)}, such as {_EXAMPLES[kind]}"
         raise TextError(message, offset=words[len(shapes)].start(), length=len(words[-1].group()))
-    found: dict[str, str] = {}
+    fields: dict[str, str] = {}
     for word, (name, shape) in zip(words, shapes.items(), strict=False):
         check_value(shape, word.group(), word.start())
-        found[name] = word.group()
-    if "gain" in shapes and "gain" not in found:
-        message = f"a level is missing, such as {_EXAMPLES[given['kind']]}"
+        fields[name] = word.group()
+    if "gain" in shapes and "gain" not in fields:
+        message = f"a level is missing, such as {_EXAMPLES[slots_read['kind']]}"
         raise TextError(message, offset=len(text))
-    return found
+    return fields
 
 
 def _filter_completions(context: CompletionContext) -> Iterator[Completion]:
-    yield Completion("off", "without it")
+    if not context.before:
+        yield Completion("off", "without it")
 
 
 def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:

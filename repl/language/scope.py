@@ -71,8 +71,8 @@ def files_in(folder: Path | None, suffixes: Container[str]) -> list[Path]:
     if folder is None:
         return []
     try:
-        found = itertools.islice(folder.iterdir(), _FILES_MAX)
-        return sorted(path for path in found if path.suffix in suffixes)
+        entries = itertools.islice(folder.iterdir(), _FILES_MAX)
+        return sorted(path for path in entries if path.suffix in suffixes)
     except OSError:
         return []
 

@@ -220,7 +220,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("pan", "pan", "an instrument moves to here between its two channels",
               "pan bell 0.8 over 4bar", c.MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT),
               Slot("pan", "PLACE", mixing.PAN), Slot("over", "LENGTH", v.LENGTH, "over")),
-        _form("filter", "fil", "an instrument sounds through a filter or later, or without (off)",
+        _form("filter", "fil", "a filter or a delay on what is heard; off: without",
               "filter bell lowpass 2kHz", mixing.filtered,
               Slot("name", "INSTRUMENT", s.INSTRUMENT),
               Slot("kind", "lowpass|highpass|lowshelf|highshelf|delay", mixing.FILTER_KIND),

@@ -166,12 +166,12 @@ class SessionLog:
     def force_messages(self, running: RunningVersion) -> list[str]:
         """Messages about the share of force that real hands get, where it has changed."""
         changed = [
-            one
-            for one in running.force_bounds
-            if self._scales.get(one.player, 1.0) != one.last.scale
+            bound
+            for bound in running.force_bounds
+            if self._scales.get(bound.player, 1.0) != bound.last.scale
         ]
-        self._scales |= {one.player: one.last.scale for one in changed}
-        return [force_sentence(one) for one in changed]
+        self._scales |= {bound.player: bound.last.scale for bound in changed}
+        return [force_sentence(bound) for bound in changed]
 
     def note_thawed(self, running: RunningVersion) -> None:
         """Report which frozen parts are computed live from a version on."""

@@ -252,12 +252,12 @@ class WaitingLines:
         return max(waits, key=lambda line: line.frame, default=None)
 
     def _begins_after(self, new: WaitingLine, earlier: WaitingLine) -> bool:
-        """Whether a line starts the piece on a beat for which an earlier one must be there."""
+        """Whether a line starts the piece on the very beat that an earlier one is for."""
         return (
             new.sets_running is True
             and new.number > earlier.number
             and not self.clock.is_running
-            and earlier.beat <= new.beat + SAME
+            and abs(earlier.beat - new.beat) <= SAME
         )
 
     def _state_after(self, lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:

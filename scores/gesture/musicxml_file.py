@@ -83,7 +83,7 @@ def _read(path: Path, _: FileState) -> XmlScore:
     try:
         return _score(root)
     except TooLongError as error:
-        raise TakeError(str(error), path) from None
+        raise TakeError(error.message, path) from None
     except (ValueError, ZeroDivisionError) as error:
         raise TakeError(f"it cannot be understood: {error}", path) from None
 
@@ -91,8 +91,8 @@ def _read(path: Path, _: FileState) -> XmlScore:
 def _score(root: Element) -> XmlScore:
     ids = [part.get("id", "") for part in root.iterfind("part")]
     names = {
-        own.get("id", ""): " ".join((own.findtext("part-name") or "").split())[:80]
-        for own in root.iterfind("part-list/score-part")
+        score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
+        for score_part in root.iterfind("part-list/score-part")
     }
     columns: list[_Column] = []
     for part in root.iterfind("part"):
@@ -106,39 +106,39 @@ def _score(root: Element) -> XmlScore:
     meters: list[tuple[int, str]] = []  # index of the measure, text
     read = _measures(columns, readers, meters)
     tempos: list[tuple[Fraction, float]] = []
-    said: list[tuple[Fraction, str]] = []
-    at, first = Fraction(0), True
+    order_texts: list[tuple[Fraction, str]] = []
+    bar_start, first = Fraction(0), True
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
     order = played(marks)
     n_notes = 0
     for turn, index in enumerate(order, 1):
         column = columns[index]
         if first and column.is_upbeat:
-            at = _length(_current(meters, index)) - column.length
+            bar_start = _length(_current(meters, index)) - column.length
         is_whole = (first and column.is_upbeat) or turn == len(order)
         current = _fitted(_current(meters, index), Fraction(0) if is_whole else column.length)
-        if not said or said[-1][1] != current:
-            said.append((Fraction(0) if first else at, current))
+        if not order_texts or order_texts[-1][1] != current:
+            order_texts.append((Fraction(0) if first else bar_start, current))
         for name in ids:
             for event in read[index].get(name, ()):
-                voices[name].append((at, event))
+                voices[name].append((bar_start, event))
                 n_notes += event.pitch is not None
                 if event.tempo is not None:
-                    tempos.append((at + event.at, event.tempo))
+                    tempos.append((bar_start + event.at, event.tempo))
         if n_notes > MAX_NOTES:
             raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
-        at += column.length
+        bar_start += column.length
         first = False
     parts = tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids)
     title = root.findtext("work/work-title") or root.findtext("movement-title") or ""
     changes = dict(sorted(tempos, key=lambda pair: pair[0]))
     return XmlScore(
         " ".join(title.split())[:200],
-        float(at),
+        float(bar_start),
         len(order),
         parts,
         tuple((float(where), tempo) for where, tempo in changes.items()),
-        tuple((float(where), meter) for where, meter in said),
+        tuple((float(where), meter) for where, meter in order_texts),
         dict(passed),
     )
 
@@ -154,11 +154,13 @@ def _measures(
     for index, column in enumerate(columns):
         events: dict[str, list[Event]] = {}
         for name, measure in column.measures.items():
-            own = readers[name].measure(measure)
-            events[name] = own.events
-            column.length = max(column.length, own.length)
-            if (own.meter is not None and own.meter != meter) or (own.meter and not meters):
-                meter = own.meter or meter
+            part_content = readers[name].measure(measure)
+            events[name] = part_content.events
+            column.length = max(column.length, part_content.length)
+            if (part_content.meter is not None and part_content.meter != meter) or (
+                part_content.meter and not meters
+            ):
+                meter = part_content.meter or meter
                 meters.append((index, meter))
         nominal = _length(meter)
         is_implicit = any(

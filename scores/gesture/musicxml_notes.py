@@ -106,25 +106,27 @@ class XmlNotes:
         content = MeasureContent()
         cursor = onset = Fraction(0)
         graces: list[Event] = []
-        for own in measure:
-            if own.tag == "attributes":
-                self._attributes(own, content)
-            elif own.tag in ("backup", "forward"):
-                step = self._duration(own)
-                cursor = max(Fraction(0), cursor - step if own.tag == "backup" else cursor + step)
-            elif own.tag == "direction" or own.tag == "sound":
-                content.events += self._direction(own, cursor)
-            elif own.tag == "harmony":
+        for element in measure:
+            if element.tag == "attributes":
+                self._attributes(element, content)
+            elif element.tag in ("backup", "forward"):
+                step = self._duration(element)
+                cursor = max(
+                    Fraction(0), cursor - step if element.tag == "backup" else cursor + step
+                )
+            elif element.tag == "direction" or element.tag == "sound":
+                content.events += self._direction(element, cursor)
+            elif element.tag == "harmony":
                 self._passed["chord symbol"] += 1
-            elif own.tag == "note":
-                is_chord = own.find("chord") is not None
+            elif element.tag == "note":
+                is_chord = element.find("chord") is not None
                 begin = onset if is_chord else cursor
-                is_grace, lasting = own.find("grace") is not None, self._duration(own)
+                is_grace, lasting = element.find("grace") is not None, self._duration(element)
                 if not is_chord and not is_grace:
                     content.events += _before(graces, begin)
                     graces = []
                     onset, cursor = begin, cursor + lasting
-                note = self._note(own, begin, _GRACE if is_grace else lasting)
+                note = self._note(element, begin, _GRACE if is_grace else lasting)
                 if note is not None:
                     (graces if is_grace else content.events).append(note)
             content.length = max(content.length, cursor)
@@ -134,17 +136,17 @@ class XmlNotes:
     def _duration(self, own: Element) -> Fraction:
         return max(Fraction(0), number(own.findtext("duration")) or Fraction(0)) / self._divisions
 
-    def _attributes(self, own: Element, content: MeasureContent) -> None:
-        divisions = number(own.findtext("divisions"))
+    def _attributes(self, attributes: Element, content: MeasureContent) -> None:
+        divisions = number(attributes.findtext("divisions"))
         if divisions is not None and divisions > 0:
             self._divisions = divisions
-        time = own.find("time")
+        time = attributes.find("time")
         if time is not None and time.find("beats") is not None:
             pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
             content.meter = _meter([(a.text or "", b.text or "") for a, b in pairs])
             if content.meter is None:
                 self._passed["meter"] += 1
-        transpose = own.find("transpose")
+        transpose = attributes.find("transpose")
         if transpose is not None:
             octaves = int(number(transpose.findtext("octave-change")) or 0)
             diatonic = number(transpose.findtext("diatonic"))
@@ -153,41 +155,41 @@ class XmlNotes:
             chromatic = number(transpose.findtext("chromatic")) or Fraction(0)
             self._chromatic = chromatic + 12 * octaves
 
-    def _note(self, own: Element, at: Fraction, lasting: Fraction) -> Event | None:
-        if own.find("rest") is not None:
+    def _note(self, note: Element, cursor: Fraction, lasting: Fraction) -> Event | None:
+        if note.find("rest") is not None:
             return None
         for path, noun in _PASSED.items():
-            self._passed[noun] += own.find(path) is not None
-        if own.find("cue") is not None or lasting <= 0:
+            self._passed[noun] += note.find(path) is not None
+        if note.find("cue") is not None or lasting <= 0:
             self._passed["cue note"] += 1
             return None
-        pitch = self._pitch(own.find("pitch"))
+        pitch = self._pitch(note.find("pitch"))
         if pitch is None:
             self._passed["unpitched note"] += 1
             return None
-        ties = {tie.get("type") for tie in own.iterfind("tie")}
-        played = own.find("notations/articulations")
+        ties = {tie.get("type") for tie in note.iterfind("tie")}
+        played = note.find("notations/articulations")
         marks = set() if played is None else {mark.tag for mark in played}
         if {"staccato", "staccatissimo", "spiccato"} & marks and not ties:
             lasting /= 2
-        loud = number(own.get("dynamics"))
+        loud = number(note.get("dynamics"))
         return Event(
-            at,
+            cursor,
             pitch,
             lasting,
-            own.findtext("voice") or "",
+            note.findtext("voice") or "",
             is_tied_from="stop" in ties,
             is_tied_to="start" in ties,
             is_accented=bool({"accent", "strong-accent"} & marks),
             strength=None if loud is None else _share(loud),
         )
 
-    def _pitch(self, own: Element | None) -> Pitch | None:
-        step = "" if own is None else (own.findtext("step") or "").strip()
-        octave = None if own is None else number(own.findtext("octave"))
-        if own is None or step not in _STEPS or octave is None or not -1 <= octave <= 10:
+    def _pitch(self, pitch_element: Element | None) -> Pitch | None:
+        step = "" if pitch_element is None else (pitch_element.findtext("step") or "").strip()
+        octave = None if pitch_element is None else number(pitch_element.findtext("octave"))
+        if pitch_element is None or step not in _STEPS or octave is None or not -1 <= octave <= 10:
             return None
-        alter = number(own.findtext("alter")) or Fraction(0)
+        alter = number(pitch_element.findtext("alter")) or Fraction(0)
         place = _LETTERS.index(step) + 7 * int(octave)
         moved = place + self._diatonic
         alter += self._chromatic - (_height(moved) - _height(place))
@@ -195,45 +197,45 @@ class XmlNotes:
         nearest = math.floor(key + Fraction(1, 2))
         if not 0 <= nearest <= 127:
             return None
-        whole = int(alter)  # towards the natural note
-        if self._is_respelled or abs(whole) > 2:
+        semitones = int(alter)  # towards the natural note
+        if self._is_respelled or abs(semitones) > 2:
             name = f"{_SHARPS[nearest % 12]}{nearest // 12 - 1}"
             cents = 100 * (key - nearest)
         else:
-            name = f"{_LETTERS[moved % 7]}{_SIGNS[whole]}{moved // 7}"
-            cents = 100 * (alter - whole)
+            name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"
+            cents = 100 * (alter - semitones)
         return Pitch(f"{name}{float(cents):+g}cents" if cents else name, nearest)
 
-    def _direction(self, own: Element, cursor: Fraction) -> Iterator[Event]:
-        at = cursor
-        if (offset := number(own.findtext("offset"))) is not None:
-            at = max(Fraction(0), cursor + offset / self._divisions)
-        sound = own if own.tag == "sound" else own.find("sound")
+    def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
+        start = cursor
+        if (offset := number(direction.findtext("offset"))) is not None:
+            start = max(Fraction(0), cursor + offset / self._divisions)
+        sound = direction if direction.tag == "sound" else direction.find("sound")
         for path, noun in _PASSED.items():
-            self._passed[noun] += own.find(path) is not None
-        mark = _dynamics(own)
+            self._passed[noun] += direction.find(path) is not None
+        mark = _dynamics(direction)
         loud = None if sound is None else number(sound.get("dynamics"))
         if mark is not None:
-            yield replace(mark, at=at)
+            yield replace(mark, at=start)
         elif loud is not None:
-            yield Event(at, level=_share(loud))
-        for wedge in own.iterfind("direction-type/wedge"):
+            yield Event(start, level=_share(loud))
+        for wedge in direction.iterfind("direction-type/wedge"):
             kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
             if (swells := kinds.get(wedge.get("type", ""))) is not None:
-                yield Event(at, swells=swells)
+                yield Event(start, swells=swells)
         tempo = None if sound is None else number(sound.get("tempo"))
         if tempo is None:
             tempo = next(
-                filter(None, map(_metronome, own.iterfind("direction-type/metronome"))), None
+                filter(None, map(_metronome, direction.iterfind("direction-type/metronome"))), None
             )
         if tempo is not None and tempo > 0:
-            yield Event(at, tempo=float(tempo))
+            yield Event(start, tempo=float(tempo))
 
 
-def _before(graces: Sequence[Event], at: Fraction) -> Iterator[Event]:
+def _before(graces: Sequence[Event], main_beat: Fraction) -> Iterator[Event]:
     """Grace notes, one after the other before an instant."""
     for index, grace in enumerate(graces):
-        yield replace(grace, at=at - (len(graces) - index) * _GRACE)
+        yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE)
 
 
 def _height(place: int) -> int:
@@ -252,11 +254,11 @@ def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
         return None
     units = [int(text.partition("/")[2]) for text in texts]
     unit = max(units)
-    if min(units) < 1 or any(unit % own for own in units):
+    if min(units) < 1 or any(unit % part_unit for part_unit in units):
         return None
     groups = [
-        str(int(group) * unit // own)
-        for text, own in zip(texts, units, strict=True)
+        str(int(group) * unit // part_unit)
+        for text, part_unit in zip(texts, units, strict=True)
         for group in text.partition("/")[0].split("+")
     ]
     return f"{'+'.join(groups)}/{unit}" if sum(map(int, groups)) else None
@@ -279,12 +281,15 @@ def _dynamics(own: Element) -> Event | None:
     return None
 
 
-def _metronome(own: Element) -> Fraction | None:
+def _metronome(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
-    unit, value = _UNITS.get(own.findtext("beat-unit") or ""), number(own.findtext("per-minute"))
-    if unit is None or value is None or len(own.findall("beat-unit")) != 1:
+    unit, value = (
+        _UNITS.get(metronome.findtext("beat-unit") or ""),
+        number(metronome.findtext("per-minute")),
+    )
+    if unit is None or value is None or len(metronome.findall("beat-unit")) != 1:
         return None
-    dots = len(own.findall("beat-unit-dot"))
+    dots = len(metronome.findall("beat-unit-dot"))
     return value * Fraction(unit) * (2 - Fraction(1, 2**dots))
 
 
@@ -294,16 +299,16 @@ class Loudness:
     def __init__(self, marks: Sequence[tuple[Fraction, Event]]) -> None:
         """`marks` are instants with their events, in the order in which they are written."""
         marks = sorted(marks, key=lambda mark: mark[0])
-        self._strokes = {at for at, event in marks if event.pitch is None and event.is_accented}
-        self._levels = [(at, event) for at, event in marks if event.level is not None]
-        self._instants = [at for at, _ in self._levels]
+        self._strokes = {beat for beat, event in marks if event.pitch is None and event.is_accented}
+        self._levels = [(beat, event) for beat, event in marks if event.level is not None]
+        self._instants = [beat for beat, _ in self._levels]
         self._swells: list[tuple[Fraction, Fraction, float, float]] = []
         begun: tuple[Fraction, int] | None = None
-        for at, event in marks:
+        for beat, event in marks:
             if event.swells:
-                begun = at, event.swells
+                begun = beat, event.swells
             elif event.swells == 0 and begun is not None:
-                self._add(*begun, at)
+                self._add(*begun, beat)
                 begun = None
         self._begins = [begin for begin, *_ in self._swells]
 
@@ -318,25 +323,25 @@ class Loudness:
         if end > begin:
             self._swells.append((begin, end, low, high))
 
-    def _at(self, at: Fraction) -> float | None:
+    def _at(self, beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
-        place = bisect_right(self._instants, at)
+        place = bisect_right(self._instants, beat)
         mark = self._levels[place - 1] if place else None
-        last = next((own for own in reversed(self._swells) if own[1] <= at), None)
+        last = next((own for own in reversed(self._swells) if own[1] <= beat), None)
         if mark is None or (last is not None and last[1] > mark[0]):
             return None if last is None else last[3]
         instant, event = mark
-        return event.level if event.then is None or instant == at else event.then
+        return event.level if event.then is None or instant == beat else event.then
 
-    def strength(self, at: Fraction, event: Event) -> float | None:
+    def strength(self, beat: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""
-        place = bisect_right(self._begins, at)
+        place = bisect_right(self._begins, beat)
         value = event.strength
         if value is None:
-            value = self._at(at)
-            if place and at < self._swells[place - 1][1]:
+            value = self._at(beat)
+            if place and beat < self._swells[place - 1][1]:
                 begin, end, low, high = self._swells[place - 1]
-                value = low + (high - low) * float((at - begin) / (end - begin))
-        if event.is_accented or at in self._strokes:
+                value = low + (high - low) * float((beat - begin) / (end - begin))
+        if event.is_accented or beat in self._strokes:
             value = min(1.0, (_MEZZO_FORTE if value is None else value) + _STEP)
         return value

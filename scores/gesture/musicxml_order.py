@@ -9,11 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
+from ergon.notation.text.errors import TextError
+
 MAX_PLAYED = 20_000  # measures
 _PASSES_MAX = 100  # of one repeat
 
 
-class TooLongError(ValueError):
+class TooLongError(TextError):
     """A score that is longer than one that is read."""
 
 
@@ -37,15 +39,15 @@ def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
     """What measures say, each of them as all parts have it."""
     result = [Turns() for _ in columns]
     endings: frozenset[int] = frozenset()
-    for number, (own, measures) in enumerate(zip(result, columns, strict=True)):
-        opened, closed = _marks(measures, own)
+    for number, (part_turns, measures) in enumerate(zip(result, columns, strict=True)):
+        opened, closed = _marks(measures, part_turns)
         endings = opened or endings
-        own.endings = endings
+        part_turns.endings = endings
         if closed:
             endings = frozenset()
-        if own.passes == 1:  # a repeat without a number of times
-            last = max(own.endings, default=1)
-            own.passes = max(2, last + _follows(columns, number))
+        if part_turns.passes == 1:  # a repeat without a number of times
+            last = max(part_turns.endings, default=1)
+            part_turns.passes = max(2, last + _follows(columns, number))
     return result
 
 
@@ -55,7 +57,7 @@ def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
     return any(own.get("type") == "start" for m in after for own in m.iterfind("barline/ending"))
 
 
-def _marks(measures: Sequence[Element], own: Turns) -> tuple[frozenset[int], bool]:
+def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
     """Read the marks of a measure; the endings that begin in it, and whether endings end."""
     opened: frozenset[int] = frozenset()
     closed = False
@@ -68,24 +70,24 @@ def _marks(measures: Sequence[Element], own: Turns) -> tuple[frozenset[int], boo
                 closed = True
         for repeat in measure.iterfind("barline/repeat"):
             if repeat.get("direction") == "forward":
-                own.begins = True
+                part_turns.begins = True
                 continue
             times = repeat.get("times", "")
             known = int(times) if times.isdigit() and len(times) < 4 else 1
-            own.passes = max(own.passes, min(known, _PASSES_MAX))
+            part_turns.passes = max(part_turns.passes, min(known, _PASSES_MAX))
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
-            _sound(sound, own)
+            _sound(sound, part_turns)
     return opened, closed
 
 
-def _sound(sound: Element, own: Turns) -> None:
+def _sound(sound: Element, part_turns: Turns) -> None:
     if sound.get("dacapo") == "yes":
-        own.jumps_to = "capo"
-    own.jumps_to = sound.get("dalsegno") or own.jumps_to
-    own.to_coda = sound.get("tocoda") or own.to_coda
-    own.is_fine |= bool(sound.get("fine"))
-    own.segnos |= {name for name in (sound.get("segno"),) if name}
-    own.codas |= {name for name in (sound.get("coda"),) if name}
+        part_turns.jumps_to = "capo"
+    part_turns.jumps_to = sound.get("dalsegno") or part_turns.jumps_to
+    part_turns.to_coda = sound.get("tocoda") or part_turns.to_coda
+    part_turns.is_fine |= bool(sound.get("fine"))
+    part_turns.segnos |= {name for name in (sound.get("segno"),) if name}
+    part_turns.codas |= {name for name in (sound.get("coda"),) if name}
 
 
 def played(measures: Sequence[Turns]) -> list[int]:
@@ -102,35 +104,37 @@ def _walk(measures: Sequence[Turns]) -> Iterator[int]:
     number, start, turn = 0, 0, 1
     has_jumped = False
     while number < len(measures):
-        own = measures[number]
-        if own.begins and number != start:
+        part_turns = measures[number]
+        if part_turns.begins and number != start:
             start, turn = number, 1
-        if own.endings and not _is_in_turn(measures, number, turn, has_jumped):
+        if part_turns.endings and not _is_in_turn(measures, number, turn, has_jumped):
             number += 1
             if number < len(measures) and not measures[number].endings:
                 start, turn = number, 1
             continue
         yield number
-        if own.passes and not has_jumped and turn < own.passes:
+        if part_turns.passes and not has_jumped and turn < part_turns.passes:
             turn += 1
             number = start
             continue
-        if has_jumped and own.is_fine:
+        if has_jumped and part_turns.is_fine:
             return
-        if has_jumped and own.to_coda:
-            target = next((i for i, one in enumerate(measures) if own.to_coda in one.codas), None)
+        if has_jumped and part_turns.to_coda:
+            target = next(
+                (i for i, one in enumerate(measures) if part_turns.to_coda in one.codas), None
+            )
             if target is not None and target > number:
                 number = start = target
                 turn = 1
                 continue
-        if own.jumps_to and not has_jumped:
-            names = (i for i, one in enumerate(measures) if own.jumps_to in one.segnos)
-            number = start = 0 if own.jumps_to == "capo" else next(names, 0)
+        if part_turns.jumps_to and not has_jumped:
+            names = (i for i, one in enumerate(measures) if part_turns.jumps_to in one.segnos)
+            number = start = 0 if part_turns.jumps_to == "capo" else next(names, 0)
             has_jumped, turn = True, 1
             continue
         number += 1
-        is_over = number < len(measures) and own.endings and not measures[number].endings
-        if own.passes or is_over:
+        is_over = number < len(measures) and part_turns.endings and not measures[number].endings
+        if part_turns.passes or is_over:
             start, turn = number, 1
 
 

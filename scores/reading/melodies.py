@@ -147,10 +147,10 @@ def played(
             rows = tuple(replace(row, level=None) for row in rows)
         rows = with_levels(rows, values["impulse"])
     else:
-        own = phrase_rows(phrase, phrases, voices, values["impulse"])
-        if own is None:
+        rows_of_phrase = phrase_rows(phrase, phrases, voices, values["impulse"])
+        if rows_of_phrase is None:
             return None
-        rows, length = own
+        rows, length = rows_of_phrase
     try:
         if (interval := values["transpose"]) is not None:
             rows = tuple(
@@ -216,8 +216,8 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
         if impulse is not None:
             level = Level(*(between(note.velocity, impulse, curve),) * 2)
         elif note.word is not None and take["curve"] is None:
-            said = note.strength
-            level = None if said is None else Level(said, said, is_strength=True)
+            strength = note.strength
+            level = None if strength is None else Level(strength, strength, is_strength=True)
         what = (Name(note.word or tuning.current().key_word(note.number), place),)
         lasting = None if note.lasting is None else Length(beats=note.lasting)
         rows.append(Row(Length(beats=note.at), what, level, place, lasting=lasting))

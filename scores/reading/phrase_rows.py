@@ -46,11 +46,11 @@ def phrase_rows(
             message = f"{phrase.context.of('')}: the phrases form a circle: {' -> '.join(path)}"
             phrase.context.error("E302", message, row.place)
             return None
-        own_levels = None if written.level is None else Levels((written.level,))
-        found = phrase_rows(named, phrases, voices, own_levels, path[:-1])
-        if found is None:
+        entry_levels = None if written.level is None else Levels((written.level,))
+        named_rows = phrase_rows(named, phrases, voices, entry_levels, path[:-1])
+        if named_rows is None:
             return None
-        inner, length = found
+        inner, length = named_rows
         assert isinstance(row.at, Length)
         rows += (_moved(own, row.at, named, voices) for own in inner)
         inner_end = _later(inner_end, row.at, length)

@@ -97,9 +97,9 @@ def echo(values: Values) -> Echo | None:
     written = values["delay"]
     if written is None:
         return None
-    found = Echo(written) if isinstance(written, float) else written
-    if found.time > DELAY_MAX:
-        message = f"{values.context.of('delay')}: {found.time:g} s is above the maximum of "
+    echo_read = Echo(written) if isinstance(written, float) else written
+    if echo_read.time > DELAY_MAX:
+        message = f"{values.context.of('delay')}: {echo_read.time:g} s is above the maximum of "
         values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
         return None
-    return found
+    return echo_read

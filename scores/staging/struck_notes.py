@@ -81,17 +81,17 @@ def _of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[Stru
 
 def _strokes(stage: Stage, part: str, dampers: set[int]) -> list[tuple[float, float]]:
     """Instants [s] and impulses [N·s] of strokes; those of one instant are one."""
-    found: dict[int, tuple[float, float]] = {}
+    strokes_by_frame: dict[int, tuple[float, float]] = {}
     assembly = stage.built.assembly
     targets = (target for strikes in stage.piece.strikes for target in strikes.to)
-    own = {target for target in targets if target.part == part}
-    mats = {mat for target in own for mat in _members(assembly, target)} - dampers
+    part_targets = {target for target in targets if target.part == part}
+    mats = {mat for target in part_targets for mat in _members(assembly, target)} - dampers
     for mat in sorted(mats):
         for stroke in _strikes_on(stage, mat):
             key = round(stroke.at / _TOGETHER)
-            before = found.get(key, (stroke.at, 0.0))[1]
-            found[key] = stroke.at, max(before, abs(stroke.impulse))
-    return [stroke for _, stroke in sorted(found.items()) if stroke[1] > 0.0]
+            before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
+            strokes_by_frame[key] = stroke.at, max(before, abs(stroke.impulse))
+    return [stroke for _, stroke in sorted(strokes_by_frame.items()) if stroke[1] > 0.0]
 
 
 def _strikes_on(stage: Stage, mat: int) -> Sequence[Impulse]:

@@ -38,7 +38,7 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-@pytest.mark.parametrize(("where", "heard"), [("wire.s.3", "wire.s.17"), ("block.m", "block.n")])
+@pytest.mark.parametrize(("where", "listened"), [("wire.s.3", "wire.s.17"), ("block.m", "block.n")])
 def test_a_render_of_one_stroke_has_this_spectrum(where: str, listened: str):
     """Velocity over force, from the positions that follow 1 mN·s."""
     score = STRUCK.replace("WHERE", where).replace("PART", where.split(".")[0])
@@ -98,7 +98,7 @@ def test_points_of_two_parts_have_the_links_between_them():
 
 
 @pytest.mark.parametrize(
-    ("forced", "heard", "options", "message"),
+    ("forced", "listened", "options", "message"),
     [
         ("wirr.s.3", (), {}, "forced: nothing is called 'wirr.s.3'; did you mean 'wire'?"),
         ("wire.s.3", "wire.s.99", {}, "heard: wire.s has members 0 to 23"),

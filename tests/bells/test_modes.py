@@ -47,7 +47,7 @@ def test_what_is_said_to_be_uncertain_is_the_bound_of_cramer_and_rao():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("noise", "found", "spurious", "cents", "t60", "ratio"),
+    ("noise", "result_wanted", "spurious", "cents", "t60", "ratio"),
     [
         (-80, 1.0, 0.0, (1.2e-4, 0.0015), (1e-4, 0.0017), 1.7),
         (-60, 1.0, 0.0, (7e-4, 0.012), (6e-4, 0.014), 1.1),

@@ -70,7 +70,7 @@ def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "output"),
     [
         (["rendr", "x.yaml"], "Did you mean 'render'?"),
         (["chek"], "Did you mean 'check'?"),
@@ -99,7 +99,7 @@ def test_wrong_usage_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "said"),
+    ("error", "code", "text"),
     [
         (Findings("a mistake"), 1, "error: a mistake\n"),
         (Refused("no"), 2, "error: no\n"),

@@ -144,7 +144,7 @@ def in_the_way() -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("scores", "more", "code", "said"),
+    ("scores", "more", "code", "output"),
     [
         (same_name, [], 2, "a.yaml and more/a.yaml would both be written to a.wav"),
         (mistaken, [], 1, "b.yaml:2:"),

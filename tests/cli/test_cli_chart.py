@@ -102,7 +102,7 @@ def test_what_the_planner_takes_for_an_error_is_one_point_more(
 
 
 @pytest.mark.parametrize(
-    ("typed", "code", "said"),
+    ("typed", "code", "output"),
     [
         (["chart", "bell.yaml", "--methods", "ca,model"], 2, "did you mean 'modal'?"),
         (["chart", "bell.yaml", "--metric", "beauty"], 2, "waveform"),

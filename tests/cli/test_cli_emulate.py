@@ -196,7 +196,7 @@ def test_it_ends_by_itself():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "output"),
     [
         (["firefader", "--udp", "9999"], "a firefader is emulated by --pty"),
         (["frame", "--udp", "1", "--ws", "2"], "--pty, --udp and --ws exclude each other"),

@@ -136,7 +136,7 @@ def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("in.wav", "--to", "binaural"), "--from dome24"),
         (("in.wav", "--to", "dome2", "--from", "dome24"), "did you mean dome24?"),

@@ -27,7 +27,7 @@ def folder(work_folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["render", "--on", "local:0"], "--on: local:0: the number is from 1 to 1024"),
         (["render", "--on", "here"], "--on: 'here' is neither local:N nor an address"),

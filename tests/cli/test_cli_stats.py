@@ -80,7 +80,7 @@ def test_of_a_take(capsys: Capture):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["hand.take"], "hand.take: No such file"),
         (["bad.take"], "not a recording"),

@@ -138,7 +138,7 @@ def test_a_variant_that_fails_is_a_row(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "output"),
     [
         (["--vary", "hum.m.K=1kN..2kN:3"], 1, "unit 'kN' does not measure stiffness"),
         (["--vary", "hum.m.M=1g,0g"], 1, "bell.yaml:10:20: error[E202]"),

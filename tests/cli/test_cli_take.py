@@ -135,7 +135,7 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["hand.take", "1s", "1s", "-o", "x.take"], "nothing lies between 1s and 1s"),
         (["hand.take", "5s", "9s", "-o", "x.take"], "nothing is recorded from 5s to 9s"),
@@ -280,7 +280,7 @@ def test_motion_capture_becomes_a_recording(folder: Path, capsys: Capture) -> No
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["x.gms", "-o", "y.take"], "GMS files are not read"),
         (["x.csv", "-o", "y.take"], "write `channel` as one of a, b"),

@@ -51,7 +51,7 @@ def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tm
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "said"),
+    ("name", "text", "message"),
     [
         ("a.obj", "v 0 0\nf 1 2 3\n", "a vertex has three numbers"),
         ("a.scl", "x\ny\n", "the number of degrees"),

@@ -252,7 +252,7 @@ def _forms(text: str):
 
 
 @pytest.mark.parametrize(
-    ("line", "name", "found"),
+    ("line", "name", "result_wanted"),
     [
         ("knock: 0mm@0 smooth 6mm@1/8 -2mm@250ms", 0, ["0mm@0", "6mm@1/8", "-2mm@250ms"]),
         ("knock: 0mm@0 smooth 6mm@1/8 hold 0mm@1", 1, ["smooth", "hold"]),

@@ -131,7 +131,7 @@ BLOCK = (
 
 
 @pytest.mark.parametrize(
-    ("fields", "found"),
+    ("fields", "result_wanted"),
     [
         ("sigma0: 10kN/m, Fc: 0.2N", []),
         ("sigma0: 10kN/m", ["E103"]),

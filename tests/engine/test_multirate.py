@@ -172,7 +172,7 @@ def string_of(t60: float) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("every", "most"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
+    ("every", "limit"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
 )
 def test_it_is_within_that_of_the_continuous_motion(every: int, limit: float):
     masses, K, Z = matrices(5e3, *string_of(2.0))

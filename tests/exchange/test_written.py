@@ -17,7 +17,7 @@ WRITE = "import sys; from ergon.exchange.safe import write_text; write_text(*sys
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A new register, and a process that remembers nothing."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.setattr(written, "_of_this_process", set())
+    monkeypatch.setattr(written, "_written_here", set())
     return tmp_path / "state" / "ergon"
 
 

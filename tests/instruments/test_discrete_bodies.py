@@ -49,7 +49,7 @@ def test_a_plate_has_them_too():
 
 
 @pytest.mark.parametrize(
-    ("modules", "units", "said"),
+    ("modules", "units", "wanted"),
     [
         ("s: {STRING: {masses: 5, M: 1, K: 1, f: 220Hz}}", None, "K is written too"),
         ("s: {STRING: {masses: 5, M: 1, K: 1, inharmonicity: 1e-4}}", None, "K is written too"),

@@ -75,7 +75,7 @@ def _with(value: Any, *path: str | int) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("{", "not the JSON of a glTF file"),
         ("[" * 100_000, "not the JSON of a glTF file"),
@@ -128,7 +128,7 @@ def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("file", "code", "said"),
+    ("file", "code", "message"),
     [("rock.glb", "E106", "not a binary glTF file"), ("rock.gltf", "E106", "it is incomplete")],
 )
 def test_a_score_tells_what_is_wrong_with_its_file(tmp_path, file: str, code: str, message: str):

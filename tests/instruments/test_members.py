@@ -16,7 +16,7 @@ instruments:
 
 
 @pytest.mark.parametrize(
-    ("at", "heard", "sum_mm"),
+    ("at", "listened", "sum_mm"),
     [("3..8", "all", 6), ("3..last", "all", 17), ("last", "last", 1), ("centre", "0", 0)],
 )
 def test_members_start_and_are_heard(at, listened, sum_mm):

@@ -200,7 +200,7 @@ LINES = "v 0 0 0\nv 1 0 0\nl 1 2\n"
 
 
 @pytest.mark.parametrize(
-    ("wall", "text", "code", "said"),
+    ("wall", "text", "code", "wanted"),
     [
         ("mesh: {file: floor.obj}, side: inside", FLOOR, "E111", "`mesh` is written too"),
         ("mesh: {file: floor.obj}, box: [1m, 1m, 1m]", FLOOR, "E111", "`mesh` is written too"),

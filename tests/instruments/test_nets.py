@@ -275,7 +275,7 @@ def test_lines_without_vertices_and_edges_are_passed_over(tmp_path, line, encodi
 
 
 @pytest.mark.parametrize(
-    ("obj", "code", "line", "said"),
+    ("obj", "code", "line", "message"),
     [
         ("v 1 2\n", "E106", 1, "a vertex has three numbers"),
         ("v 1 2 nan\n", "E106", 1, "a vertex has three numbers"),

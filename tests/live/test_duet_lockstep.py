@@ -47,7 +47,7 @@ COUPLED = "duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0Ns/m}}]"
 
 
 @pytest.mark.parametrize(
-    ("kind", "way", "scheme"),
+    ("kind", "method", "scheme"),
     few(
         [
             ("frame", "--pty", "frame:"),

@@ -85,7 +85,7 @@ def test_a_session_is_heard_through_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "changed", "said"),
+    ("words", "changed", "output"),
     [
         (["--to", "binaural"], ("layout: six.yaml", "channels: 6"), "where its loudspeakers are"),
         (["--to", "quadro"], ("", ""), "quadro"),

@@ -271,8 +271,8 @@ def test_tempos_and_meters_of_midi_file_are_known(session, tmp_path: Path):
         [note] = await editor.diagnostics(bool)
         assert (note.code, note.severity) == ("N404", t.DiagnosticSeverity.Information)
         assert note.message.startswith("tune.mid: 1 note of channel 1 is passed over")
-        assert "a MIDI file whose tempos hold" in await editor.hovered("tempo: {fr")
-        assert "a MIDI file whose meters hold" in await editor.hovered("meter: {fr")
+        assert "a MIDI or MusicXML file whose tempos hold" in await editor.hovered("tempo: {fr")
+        assert "a MIDI or MusicXML file whose meters hold" in await editor.hovered("meter: {fr")
         assert "from" in await editor.completed("meter: {")
 
     session(text, act)

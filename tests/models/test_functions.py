@@ -73,7 +73,7 @@ def test_functions_in_a_model() -> None:
 
 
 @pytest.mark.parametrize(
-    ("expression", "said"),
+    ("expression", "message"),
     [
         ("pwo(a, 2)", "'pwo' is not a function"),
         ("pow(a)", "pow has 2 arguments, and here 1"),

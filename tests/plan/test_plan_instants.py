@@ -36,7 +36,7 @@ def test_a_throw_lands_at_the_frame_of_the_score(oversampling: int):
 @pytest.mark.parametrize("oversampling", [2, 4, 8])
 @pytest.mark.parametrize("rate", [8820.0, RATE])
 @pytest.mark.parametrize(
-    ("curves", "manner", "most"),
+    ("curves", "manner", "limit"),
     [
         (["throw"] * 5, {}, 1e-8),
         (["smooth", "smooth", "throw", "throw", "smooth"], {}, 1e-6),

@@ -233,7 +233,7 @@ def _a_way_out(job: Job, request: Request) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (_other_key, "this worker reads the same score in another way; install the same ergon"),
         (_no_island, "this worker finds other islands"),

@@ -194,7 +194,7 @@ def _n_calls(stepped, line):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("part", "of"),
+    ("part", "source"),
     crossed(
         ["  ada: []\n", "  ada:\n    - {at: A, play: knock}\n"],
         ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"],
@@ -252,7 +252,7 @@ def test_a_block_that_cannot_run_is_told_once(stepped):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("def fill:", "a line, or several below it is missing"),
         ("def fill ada plays knock", "a ':' is missing"),
@@ -276,7 +276,7 @@ def test_what_is_no_block_is_refused(stepped, line, message):
 
 
 @pytest.mark.parametrize(
-    ("line", "said", "try_"),
+    ("line", "message", "try_"),
     [
         ("when bar % 4 = 3 fill", "is not a condition", "when bar % 4 == 3 fill"),
         ("when bar % 4 == 4 fill", "is never true: a remainder of % 4 is from 0 to 3", None),
@@ -330,7 +330,7 @@ def test_words_are_offered(stepped):
     def offered(line):
         return [one.text for one in stepped.session.complete(line, len(line))]
 
-    assert offered("fi") == ["fill"]
+    assert offered("fi") == ["filter", "fill"]
     assert "every" in offered("fill ")
     assert offered("when ") == ["bar", "beat"]
     assert offered("when bar % 4 == 3 ") == ["and", "fill"]

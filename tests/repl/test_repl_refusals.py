@@ -12,7 +12,7 @@ from ergon.repl.language.parse import parse
 
 
 @pytest.mark.parametrize(
-    ("line", "at_fault", "better"),
+    ("line", "on_fault", "better"),
     [
         ("ada plyas leen", "plyas", "ada plays lean"),
         ("aad plyas leen", "aad", "ada plays lean"),

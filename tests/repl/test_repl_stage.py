@@ -119,7 +119,7 @@ def test_show_tells_what_sounds(stepped_session: Stepped) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "text"),
     [
         ("py piece.seed", "7"),
         ("py 1/0", "your Python raised ZeroDivisionError: division by zero"),

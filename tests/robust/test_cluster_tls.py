@@ -69,7 +69,7 @@ def test_by_the_documented_commands():
 
 
 @pytest.mark.parametrize(
-    ("names", "said"),
+    ("names", "output"),
     [
         ({}, "names no certificates; set DASK_DISTRIBUTED__COMM__TLS__CA_FILE"),
         ({"CA_FILE": "piece.yaml"}, "names no certificates"),

@@ -447,7 +447,7 @@ def test_names_and_arithmetic_stand_in_positions():
 
 
 @pytest.mark.parametrize(
-    ("at", "code", "said"),
+    ("at", "code", "message"),
     [
         ("step*2", "E204", "'step*2' is 4bar: a number of bars is not a position"),
         ("first*400g", "E203", "is 1.6kg"),

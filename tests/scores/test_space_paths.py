@@ -47,7 +47,7 @@ def test_other_notations_are_of_one_axis(text: str):
 
 
 @pytest.mark.parametrize(
-    ("written", "at_fault", "said"),
+    ("written", "on_fault", "message"),
     [
         ("(0, 0)@0 smooth (6, 0, 2)@1/4", "(6, 0, 2)", "3 positions, and the first has 2"),
         ("(0, 0)@0 6@1/4", "6@1/4", "write one for each axis: (0mm, 0mm)@"),
@@ -108,7 +108,7 @@ def test_a_part_plays_an_axis():
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "line", "said"),
+    ("old", "new", "line", "message"),
     [
         ("play: circle.x", "play: circle", 11, "play one of its axes: circle.x, circle.y"),
         ("play: circle.x", "play: circle.z", 11, "no gesture or take is called 'circle.z'"),

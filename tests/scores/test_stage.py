@@ -80,7 +80,7 @@ def test_a_stand_in_plays_for_a_live_hand():
 
 
 @pytest.mark.parametrize(
-    ("fields", "at_fault"),
+    ("fields", "on_fault"),
     [
         ("channel: nope", "nope"),
         ("trim: 0s..900s", "0s..900s"),

@@ -60,4 +60,5 @@ def test_all_that_is_missing_at_one_place_is_told_once_each(
     (tmp_path / "s.yaml").write_text(MELODY)
     assert app.run(["check", str(tmp_path / "s.yaml")]) == 1
     output = [line for line in capsys.readouterr().err.splitlines() if ": error[" in line]
-    assert [line.partition("has no note ")[2] for line in output] == ["'C#4'", "'C#5'"]
+    missing = [line.partition("has no note ")[2] for line in output]
+    assert missing == ["'C#4'; its notes are C4 to D4", "'C#5'; its notes are C4 to D4"]

@@ -26,7 +26,7 @@ def test_values(text: str, values: tuple[str, ...]):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("bell.m.K", "is not TARGET=VALUES"),
         ("=1", "is not TARGET=VALUES"),

@@ -99,5 +99,5 @@ def test_curve_of_another_take_is_refused(tmp_path):
     (tmp_path / "tune.csv").write_text("t,x\n0,0\n1,1\n")
     loaded = checked(tmp_path, "takes: {t: {file: tune.csv, curve: root}}\n")
     assert [d.message for d in loaded.diagnostics if "curve" in d.message] == [
-        "curve of take 't': a take that is no MIDI file has no curve; remove it"
+        "curve of take 't': a take that is not a MIDI or MusicXML file has no curve; remove it"
     ]
