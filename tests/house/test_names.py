@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 OLDER = {
     "benches": 14,
     "cli": 4,
-    "core-rs/bridge": 20,
+    "core-rs/bridge": 38,
     "core-rs/engine": 219,
     "core-rs/live": 41,
     "core-rs/view": 6,

@@ -28,8 +28,8 @@ pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(axis_tuple: AxisTuple) -> PyResult<(usize, Axis)> {
-    let (number, sign, offset, gain, (low, high), force_max) = axis_tuple;
+pub(crate) fn axis(found: AxisTuple) -> PyResult<(usize, Axis)> {
+    let (number, sign, offset, gain, (low, high), force_max) = found;
     let sound = sign.abs() == 1.0
         && [offset, gain, low, high, force_max]
             .iter()

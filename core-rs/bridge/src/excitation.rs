@@ -159,9 +159,9 @@ impl Excited {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        column_value: fn(&Row) -> T,
+        of: fn(&Row) -> T,
     ) -> Bound<'py, PyArray1<T>> {
-        PyArray1::from_iter(py, self.0.rows.iter().map(column_value))
+        PyArray1::from_iter(py, self.0.rows.iter().map(of))
     }
 }
 

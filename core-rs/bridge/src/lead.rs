@@ -22,6 +22,7 @@ pub(crate) struct Lead(pub(crate) Arc<Stream>);
 impl Lead {
     #[new]
     #[pyo3(signature = (name, *, finger, delay, range, spring=(0.0, 0.0), lockstep=false, present=true, traced_ticks=0))]
+    #[expect(clippy::too_many_arguments)]
     fn new(
         name: String,
         finger: (f64, f64, f64),

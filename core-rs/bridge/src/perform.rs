@@ -306,7 +306,7 @@ impl Performance {
         self.with(|own| own.part_gain(group, gain))
     }
 
-    /// Make a change at frame `frame`, the first of a tick; returns the ticket of the event "changed" or "late".
+    /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
@@ -314,7 +314,7 @@ impl Performance {
     fn change(
         &self,
         py: Python<'_>,
-        frame: u64,
+        at: u64,
         simulation: Option<&Simulation>,
         old: Option<&Simulation>,
         mixer: Option<&Mixer>,
@@ -355,7 +355,7 @@ impl Performance {
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
-            self.with(|own| own.change(frame, change).map_err(plain_error))?
+            self.with(|own| own.change(at, change).map_err(plain_error))?
         })
     }
 

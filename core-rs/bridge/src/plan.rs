@@ -170,13 +170,13 @@ impl Plan {
     }
 }
 
-fn choice((modules, times, steps, modes_kept, counted_cost): Pin) -> plan::Choice {
+fn choice((modules, times, steps, kept, counted_cost): Pin) -> plan::Choice {
     plan::Choice {
         modules,
         oversampling: times,
         contact_substeps: steps,
         counted_cost,
-        kept: modes_kept,
+        kept,
     }
 }
 

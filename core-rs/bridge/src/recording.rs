@@ -188,9 +188,9 @@ impl Recording {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        column_value: fn(&Sample) -> T,
+        of: fn(&Sample) -> T,
     ) -> Bound<'py, PyArray2<T>> {
-        self.shaped(py, self.0.samples.iter().map(column_value).collect())
+        self.shaped(py, self.0.samples.iter().map(of).collect())
     }
 
     fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {

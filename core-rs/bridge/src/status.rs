@@ -71,12 +71,12 @@ pub(crate) struct Status {
 }
 
 impl Status {
-    pub(crate) fn of(performance: &mut perform::Performance) -> Self {
-        let status = performance.status();
-        let sound = performance.output().shared();
-        let info = performance.output().info();
+    pub(crate) fn of(own: &mut perform::Performance) -> Self {
+        let status = own.status();
+        let sound = own.output().shared();
+        let info = own.output().info();
         let (_, latency) = sound.timing();
-        let input = performance
+        let input = own
             .input()
             .input
             .as_ref()
@@ -97,12 +97,12 @@ impl Status {
             xruns: sound.xruns(),
             played: sound.played(),
             alive: sound.alive(),
-            done: performance.is_done(),
+            done: own.is_done(),
             panicked: sound.panicked(),
             sounding: sound.sounding().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(info.rate.max(1)),
             paced: info.paced,
-            peaks: status.peaks[..performance.n_channels()].to_vec(),
+            peaks: status.peaks[..own.n_channels()].to_vec(),
             hands: status.hands.iter().map(HandStatus::of).collect(),
         }
     }

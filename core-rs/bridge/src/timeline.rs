@@ -99,14 +99,14 @@ impl Timeline {
             .collect()
     }
 
-    /// A gesture that plays a take from `start` to `until` [s]: x·scale at t·stretch; its index.
+    /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
     #[pyo3(signature = (key, take, at, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn take(
         &mut self,
         key: usize,
         take: &Take,
-        start: f64,
+        at: f64,
         scale: f64,
         stretch: f64,
         reverse: bool,
@@ -123,20 +123,20 @@ impl Timeline {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let path = take
             .0
-            .placed(start, scale, stretch, reverse)
+            .placed(at, scale, stretch, reverse)
             .map_err(|error| module_error("take", error))?;
         Gesture::from_take(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| from_gesture("take", &error))
     }
 
-    /// A strike on a MAT at `instant` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].
+    /// A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].
     #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn strike(
         &mut self,
         mat: usize,
-        instant: f64,
+        at: f64,
         impulse: Option<f64>,
         mass: Option<f64>,
         speed: Option<f64>,
@@ -146,12 +146,11 @@ impl Timeline {
         self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
-                self.inner
-                    .strike(&self.network, mat, instant, impulse, source)
+                self.inner.strike(&self.network, mat, at, impulse, source)
             }
             (None, Some(mass), Some(speed)) => {
                 self.inner
-                    .ergon(&self.network, mat, instant, mass, speed, source)
+                    .ergon(&self.network, mat, at, mass, speed, source)
             }
             _ => {
                 return Err(module_error(
@@ -303,7 +302,7 @@ impl Timeline {
         self.input(py, settings, samples)
     }
 
-    /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `start` [s], or an input.
+    /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `at` [s], or an input.
     #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
@@ -313,9 +312,9 @@ impl Timeline {
         constant: Option<f64>,
         take: Option<&Take>,
         sound: Option<usize>,
-        start: f64,
+        at: f64,
         scale: f64,
-        is_exclusive: bool,
+        own: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
@@ -326,7 +325,7 @@ impl Timeline {
             }
             (Some(constant), None, None) => Source::Constant(constant),
             (None, Some(take), None) => {
-                let path = take.0.placed(start, scale, 1.0, false);
+                let path = take.0.placed(at, scale, 1.0, false);
                 Source::Take(path.map_err(|error| module_error("drive", error))?)
             }
             _ => {
@@ -337,7 +336,7 @@ impl Timeline {
             }
         };
         self.inner
-            .drive(mat, kind, source, is_exclusive)
+            .drive(mat, kind, source, own)
             .map_err(|error| module_error("drive", error))
     }
 
@@ -370,18 +369,18 @@ impl Timeline {
         &mut self,
         mat: usize,
         tick_frames: u32,
-        mode_word: &str,
+        way: &str,
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
         self.check_mat("hand", mat)?;
-        let mode_word = word("way", mode_word, words::HAND_WAYS)?;
+        let way = word("way", way, words::HAND_WAYS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
             .hand(
                 &self.network,
                 mat,
                 tick_frames,
-                mode_word,
+                way,
                 positions.unwrap_or_default(),
             )
             .map_err(|error| module_error("hand", error))

@@ -47,20 +47,20 @@ impl ViewServer {
         py: Python<'_>,
         path: Option<PathBuf>,
         sound: Option<PathBuf>,
-        address: &str,
+        at: &str,
         key: &str,
         leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
         let no_place = || {
             plain_error(format!(
-                "{address} is not an address of this machine; write HOST:PORT"
+                "{at} is not an address of this machine; write HOST:PORT"
             ))
         };
-        let place = py.detach(|| address.to_socket_addrs());
-        let address = place.ok().and_then(|mut all| all.next());
+        let place = py.detach(|| at.to_socket_addrs());
+        let at = place.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
-            at: address.ok_or_else(no_place)?,
+            at: at.ok_or_else(no_place)?,
             key,
             file: path,
             sound,

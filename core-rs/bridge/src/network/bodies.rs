@@ -20,7 +20,7 @@ enum Decays {
 /// How the links of a body are given: by a pitch and a decay, or by K and Z of each link.
 enum Links {
     Tuned(f64, Option<Decays>),
-    Values([f64; 2]),
+    Given([f64; 2]),
 }
 
 impl Links {
@@ -33,7 +33,7 @@ impl Links {
     ) -> PyResult<Self> {
         match (f, t60, k, z) {
             (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
-            (None, None, Some(k), z) => Ok(Self::Values([k, z.unwrap_or(0.0)])),
+            (None, None, Some(k), z) => Ok(Self::Given([k, z.unwrap_or(0.0)])),
             _ => Err(module_error(
                 name,
                 "a body takes either f and t60 or K and Z of its links",
@@ -221,7 +221,7 @@ impl Network {
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
-            Links::Values(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {
                 let decay = match decays {
                     None => Decay::Lowest(None),

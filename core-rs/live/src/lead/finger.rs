@@ -270,6 +270,8 @@ fn left(since: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use ergon_engine::maths::{cos, exp, sin};
+
     use super::*;
 
     const KEY: HeldKey = HeldKey {
@@ -358,8 +360,8 @@ mod tests {
         let (x, v) = (slow[0].0 - key.rest, slow[0].1);
         for (tick, (place, _)) in slow.iter().enumerate() {
             let t = 1e-3 * tick as f64;
-            let swing = x * (omega * t).cos() + (v + sigma * x) / omega * (omega * t).sin();
-            let exact = key.rest + (-sigma * t).exp() * swing;
+            let swing = x * cos(omega * t) + (v + sigma * x) / omega * sin(omega * t);
+            let exact = key.rest + exp(-sigma * t) * swing;
             assert!((place - exact).abs() < 1e-7, "{tick}: {place} {exact}");
         }
         let fast = throw(-2.0);

@@ -151,6 +151,7 @@ mod tests {
     use std::sync::Arc;
 
     use crate::island::modal::{Modal, Mode, Port, RunningModal};
+    use crate::maths::{cos, sin};
     use crate::network::Network;
     use crate::units::Rate;
 
@@ -161,7 +162,7 @@ mod tests {
         let mode = |i: usize| {
             let (r, angle) = (1.0 - 1e-3 * (1 + i % 7) as f64, 0.01 + 0.06 * i as f64);
             Mode {
-                a: 2.0 * r * angle.cos(),
+                a: 2.0 * r * cos(angle),
                 b: r * r,
                 gain: 1.0 / (1 + i) as f64,
                 now: 0.0,
@@ -173,7 +174,7 @@ mod tests {
             mat,
             rest: 0.0,
             shape: (0..N_MODES)
-                .map(|i| ((mat + 1) as f64 * (0.3 + i as f64)).sin())
+                .map(|i| sin((mat + 1) as f64 * (0.3 + i as f64)))
                 .collect(),
         };
         Modal {
@@ -192,7 +193,7 @@ mod tests {
 
     /// Forces on both ports: rattling, single pushes, both at once, and silence for longer than a window.
     fn forces(n: usize) -> [f64; 2] {
-        let noise = ((n * n) as f64 * 0.37).sin();
+        let noise = sin((n * n) as f64 * 0.37);
         match n {
             0..40 | 300..700 => [noise, 0.0],
             100 | 163 | 164 | 291 => [0.0, 1.0],

@@ -161,10 +161,7 @@ impl Voice {
         if self.running.is_some() {
             return n;
         }
-        let voice_gestures = script
-            .gestures
-            .iter()
-            .map(|&voice_gestures| &gestures[voice_gestures]);
+        let voice_gestures = script.gestures.iter().map(|&index| &gestures[index]);
         let left = voice_gestures.filter(|gesture| gesture.last() >= n);
         let due = left.map(|gesture| gesture.join_from.min(gesture.first).max(n));
         due.min().unwrap_or(u64::MAX)

@@ -137,7 +137,7 @@ impl Division {
         Self {
             parts,
             motion: (0..parts * n)
-                .map(|bases| motion(bases / n, bases % n))
+                .map(|index| motion(index / n, index % n))
                 .collect(),
             value: values.concat(),
             moves: pairs.iter().map(|&ends| script.coupled(ends, h)).collect(),

@@ -27,24 +27,24 @@ impl VoiceTakeover {
 
 /// Pairs of equal gestures of two voices: there and here, rising.
 pub(crate) fn shared(
-    (gesture, gestures): (&VoiceScript, &[FramedGesture]),
-    (their, others): (&VoiceScript, &[FramedGesture]),
+    (script, gestures): (&VoiceScript, &[FramedGesture]),
+    (other_script, others): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
     let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
-    for &gesture in &gesture.gestures {
+    for &gesture in &script.gestures {
         let start = gestures[gesture].gesture.start.to_bits();
         by_start.entry(start).or_default().push(gesture);
     }
     let mut pairs = Vec::new();
-    for &their in &their.gestures {
-        let Some(same) = by_start.get_mut(&others[their].gesture.start.to_bits()) else {
+    for &other in &other_script.gestures {
+        let Some(same) = by_start.get_mut(&others[other].gesture.start.to_bits()) else {
             continue;
         };
         if let Some(index) = same
             .iter()
-            .position(|&gesture| gestures[gesture].gesture.is_same(&others[their].gesture))
+            .position(|&gesture| gestures[gesture].gesture.is_same(&others[other].gesture))
         {
-            pairs.push((their, same.remove(index)));
+            pairs.push((other, same.remove(index)));
         }
     }
     pairs.sort_unstable();
