@@ -1774,7 +1774,7 @@ class Lead:
         finger: tuple[float, float, float],
         delay: float,
         range: tuple[float, float],
-        spring: tuple[float, float] = (0.0, 0.0),
+        spring: tuple[float, float] = ...,
         lockstep: bool = False,
         present: bool = True,
         traced_ticks: int = 0,
