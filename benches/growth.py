@@ -44,8 +44,8 @@ def growth(_: Loops | None) -> list[Row]:
     return [_row(what, scenes[what], np.array(found)) for what, found in measured.items()]
 
 
-def _row(what: str, scene: str, result_wanted: NDArray[np.float64]) -> Row:
-    number, cost, set_up, memory = result_wanted.T
+def _row(what: str, scene: str, outcome: NDArray[np.float64]) -> Row:
+    number, cost, set_up, memory = outcome.T
     slope = float(np.polyfit(np.log(number), np.log(cost), 1)[0])
     last = math.log(cost[-1] / cost[-2]) / math.log(number[-1] / number[-2])
     each = 2**20 * (memory[-1] - memory[0]) / (number[-1] - number[0])
@@ -54,7 +54,7 @@ def _row(what: str, scene: str, result_wanted: NDArray[np.float64]) -> Row:
         f"{cost[-1]:.3g} s of a processor a second of sound, set up in {set_up[-1]:.2g} s, "
         f"{memory[-1]:.0f} MB ({each:.0f} bytes each)"
     )
-    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in result_wanted]
+    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in outcome]
     values: dict[str, float | int | str] = {"slope": slope, "slope_last": last}
     values |= {"bytes_each": each, "table": "\n".join(lines)}
     return Row(f"growth: {scene}", text, "in proportion: 1", slope, "exponent", values)

@@ -60,10 +60,10 @@ def tune(part: str, targets: object, *by: str, **options: object) -> ergon.Tuned
     return ergon.tune("bars.yaml", part, targets, ergon.TuneOptions(by=by, **options))  # type: ignore[arg-type]
 
 
-def pitches(result_wanted: ergon.Tuned, count: int = 12) -> np.ndarray:
+def pitches(outcome: ergon.Tuned, count: int = 12) -> np.ndarray:
     """The modes of the part as the edited text says it, by `ergon.modes`."""
-    assert result_wanted.edited is not None
-    options = ergon.ModesOptions(text=result_wanted.edited, parts=[result_wanted.part], count=count)
+    assert outcome.edited is not None
+    options = ergon.ModesOptions(text=outcome.edited, parts=[outcome.part], count=count)
     (part,) = ergon.modes("bars.yaml", options)
     return part.frequencies[part.frequencies > 1.0]
 

@@ -47,14 +47,14 @@ def test_what_is_said_to_be_uncertain_is_the_bound_of_cramer_and_rao():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("noise", "result_wanted", "spurious", "cents", "t60", "ratio"),
+    ("noise", "outcome", "spurious", "cents", "t60", "ratio"),
     [
         (-80, 1.0, 0.0, (1.2e-4, 0.0015), (1e-4, 0.0017), 1.7),
         (-60, 1.0, 0.0, (7e-4, 0.012), (6e-4, 0.014), 1.1),
         (-40, 0.91, 0.0, (0.004, 1.0), (0.005, 0.64), 1.2),
     ],
 )
-def test_the_church_bell_in_noise(noise, result_wanted, spurious, cents, t60, ratio):
+def test_the_church_bell_in_noise(noise, outcome, spurious, cents, t60, ratio):
     """Eight takes; each figure within 1.2 times what was measured when the method was chosen."""
     struck = church()
     seeds = 8
@@ -80,7 +80,7 @@ def test_the_church_bell_in_noise(noise, result_wanted, spurious, cents, t60, ra
         (np.nanmedian(off_f / bound[:, 0]), np.nanmedian(off_d / bound[:, 1])),
     )
     print(noise, text)
-    assert text[0] >= result_wanted / (1.0 if result_wanted == 1.0 else 1.2)
+    assert text[0] >= outcome / (1.0 if outcome == 1.0 else 1.2)
     assert text[1] <= spurious
     assert np.all(np.array(text[2]) <= 1.2 * np.array(cents))
     assert np.all(np.array(text[3]) <= 1.2 * np.array(t60))

@@ -252,7 +252,7 @@ def _forms(text: str):
 
 
 @pytest.mark.parametrize(
-    ("line", "name", "result_wanted"),
+    ("line", "name", "outcome"),
     [
         ("knock: 0mm@0 smooth 6mm@1/8 -2mm@250ms", 0, ["0mm@0", "6mm@1/8", "-2mm@250ms"]),
         ("knock: 0mm@0 smooth 6mm@1/8 hold 0mm@1", 1, ["smooth", "hold"]),
@@ -262,10 +262,10 @@ def _forms(text: str):
         ("smooth-bell: {like: line}", 1, []),
     ],
 )
-def test_the_notation_is_coloured(line: str, name: int, result_wanted: list[str]):
+def test_the_notation_is_coloured(line: str, name: int, outcome: list[str]):
     grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
     pattern = re.compile(grammar["patterns"][name]["match"])
-    assert [match.group() for match in pattern.finditer(line)] == result_wanted
+    assert [match.group() for match in pattern.finditer(line)] == outcome
 
 
 @pytest.mark.parametrize(

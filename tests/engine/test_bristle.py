@@ -131,7 +131,7 @@ BLOCK = (
 
 
 @pytest.mark.parametrize(
-    ("fields", "result_wanted"),
+    ("fields", "outcome"),
     [
         ("sigma0: 10kN/m, Fc: 0.2N", []),
         ("sigma0: 10kN/m", ["E103"]),
@@ -141,11 +141,11 @@ BLOCK = (
         ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, sigma1: 1Ns/m, sigma2: 0.5Ns/m", []),
     ],
 )
-def test_what_is_said_of_its_fields(fields: str, result_wanted: list[str]):
+def test_what_is_said_of_its_fields(fields: str, outcome: list[str]):
     text = BLOCK.format(fields)
     piece = check(text).piece
     output = [] if piece is None else [one.code for one in warn_implausible(piece)]
-    assert codes(text) + output == result_wanted
+    assert codes(text) + output == outcome
 
 
 def test_defaults_are_dahls_friction():

@@ -8,10 +8,10 @@ from ergon import _core
 CENTS = 1e-6
 
 
-def cents(result_wanted: np.ndarray, wanted: np.ndarray) -> float:
+def cents(outcome: np.ndarray, wanted: np.ndarray) -> float:
     """The largest difference of two lists of pitches [cents]."""
-    assert result_wanted.shape == wanted.shape
-    return float(np.abs(1200.0 * np.log2(result_wanted / wanted)).max())
+    assert outcome.shape == wanted.shape
+    return float(np.abs(1200.0 * np.log2(outcome / wanted)).max())
 
 
 class Body:

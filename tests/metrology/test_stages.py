@@ -26,9 +26,9 @@ def kept(found: Measured) -> list[str]:
     return [stage.name for stage in found.stages if stage.is_accepted]
 
 
-def deviations(result_wanted: Measured, row: Floats) -> dict[int, float]:
+def deviations(outcome: Measured, row: Floats) -> dict[int, float]:
     """Errors of the parameters, in their standard deviations."""
-    fit = result_wanted.fit
+    fit = outcome.fit
     return {i: (fit.row[i] - row[i]) / fit.deviation(i) for i in fit.columns}
 
 

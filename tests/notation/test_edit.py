@@ -133,8 +133,8 @@ def is_word(node):
 
 @quiet
 @given(placed(is_word), st.sampled_from(["x", "5|1", "900N/m", "'a, b'"]))
-def test_a_value_put_back_leaves_no_trace(result_wanted, text):
-    document, (_, path) = result_wanted.document, result_wanted.told
+def test_a_value_put_back_leaves_no_trace(outcome, text):
+    document, (_, path) = outcome.document, outcome.told
     node = dict(paths(document.root))[path]
     changed = put(document, path, text)
     assert comments(changed) == comments(document.text)
@@ -146,8 +146,8 @@ def test_a_value_put_back_leaves_no_trace(result_wanted, text):
 
 @quiet
 @given(placed(lambda node: isinstance(node, Sequence)), st.sampled_from(["x", "{a: 1, b: [c]}"]))
-def test_an_item_appended_and_removed_leaves_no_trace(result_wanted, text):
-    document, (_, path) = result_wanted.document, result_wanted.told
+def test_an_item_appended_and_removed_leaves_no_trace(outcome, text):
+    document, (_, path) = outcome.document, outcome.told
     node = dict(paths(document.root))[path]
     changed = append(document, path, text)
     assert comments(changed) == comments(document.text)
@@ -160,8 +160,8 @@ def test_an_item_appended_and_removed_leaves_no_trace(result_wanted, text):
     st.sampled_from([("new",), ("new", "deeper"), ("new", "deeper", "still")]),
     st.sampled_from([put, append]),
 )
-def test_a_name_made_and_removed_leaves_no_trace(result_wanted, names, edit):
-    document, (_, path) = result_wanted.document, result_wanted.told
+def test_a_name_made_and_removed_leaves_no_trace(outcome, names, edit):
+    document, (_, path) = outcome.document, outcome.told
     node = dict(paths(document.root))[path]
     changed = edit(document, (*path, *names), "{a: 1}")
     assert comments(changed) == comments(document.text)
@@ -174,8 +174,8 @@ def test_a_name_made_and_removed_leaves_no_trace(result_wanted, names, edit):
 
 @quiet
 @given(documents, st.sampled_from(ORDER), st.sampled_from([("x",), ("x", "y")]))
-def test_a_section_stands_in_the_usual_order(result_wanted, section, names):
-    document = result_wanted.document
+def test_a_section_stands_in_the_usual_order(outcome, section, names):
+    document = outcome.document
     assume(section not in document.root.entries)
     changed = put(document, (section, *names), "1", ORDER)
     known = [name for name in read(changed).root.entries if name in ORDER]
@@ -192,8 +192,8 @@ def is_table(node):
 
 @quiet
 @given(placed(is_table), st.data())
-def test_rows_come_and_go_without_a_trace(result_wanted, data):
-    document, (_, path) = result_wanted.document, result_wanted.told
+def test_rows_come_and_go_without_a_trace(outcome, data):
+    document, (_, path) = outcome.document, outcome.told
     node = dict(paths(document.root))[path]
     lines = rows(node.text)
     changed = add_row(document, path, "99|1   x")
@@ -211,8 +211,8 @@ def test_rows_come_and_go_without_a_trace(result_wanted, data):
 
 @quiet
 @given(documents, st.data())
-def test_what_is_removed_is_all_that_goes(result_wanted, data):
-    document = result_wanted.document
+def test_what_is_removed_is_all_that_goes(outcome, data):
+    document = outcome.document
     path = data.draw(st.sampled_from([path for path, _ in paths(document.root) if path]))
     try:
         changed = remove(document, path)
@@ -226,9 +226,9 @@ def test_what_is_removed_is_all_that_goes(result_wanted, data):
 @pytest.mark.slow
 @quiet
 @given(documents, st.data())
-def test_many_edits_in_a_row_keep_the_comments(result_wanted, data):
+def test_many_edits_in_a_row_keep_the_comments(outcome, data):
     """Only what is replaced or removed as a whole takes its comments with it: here nothing is."""
-    document = result_wanted.document
+    document = outcome.document
     first = comments(document.text)
     for _ in range(8):
         nodes = list(paths(document.root))
@@ -336,8 +336,8 @@ def children(node):
 
 @quiet
 @given(placed(is_list), st.data())
-def test_several_leave_as_they_would_one_by_one(result_wanted, data):
-    document, (_, path) = result_wanted.document, result_wanted.told
+def test_several_leave_as_they_would_one_by_one(outcome, data):
+    document, (_, path) = outcome.document, outcome.told
     node = dict(paths(document.root))[path]
     gone = data.draw(st.lists(st.sampled_from(children(node)), unique=True, min_size=1))
     try:

@@ -210,8 +210,8 @@ def test_the_metric_is_the_plans_own():
     assert audit.error_db(x + np.array([1e-3, 0.0]), x, 10_000.0) == pytest.approx(-57.0, abs=0.2)
 
 
-def honest(result_wanted: audit.Audit) -> None:
-    for plan in result_wanted.plans:
+def honest(outcome: audit.Audit) -> None:
+    for plan in outcome.plans:
         assert not plan.refused, plan.refused
         assert plan.is_judged or plan.real < -80.0, plan  # beyond what the reference can judge
         assert plan.excess <= HONEST_DB, plan

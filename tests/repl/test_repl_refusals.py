@@ -12,7 +12,7 @@ from ergon.repl.language.parse import parse
 
 
 @pytest.mark.parametrize(
-    ("line", "on_fault", "better"),
+    ("line", "faulty_text", "better"),
     [
         ("ada plyas leen", "plyas", "ada plays lean"),
         ("aad plyas leen", "aad", "ada plays lean"),
@@ -47,9 +47,9 @@ from ergon.repl.language.parse import parse
         ("ada plays \x1bknock\x00", "\x1bknock\x00", "ada plays knock"),
     ],
 )
-def test_a_refusal_has_a_place_and_a_better_line(line: str, on_fault: str, better: str | None):
+def test_a_refusal_has_a_place_and_a_better_line(line: str, faulty_text: str, better: str | None):
     refusal = refused(line)
-    assert line[refusal.offset : refusal.offset + refusal.length] == on_fault
+    assert line[refusal.offset : refusal.offset + refusal.length] == faulty_text
     assert refusal.try_ == better
     if better is not None:
         assert parse(better, SCOPE)

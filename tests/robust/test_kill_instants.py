@@ -37,9 +37,9 @@ def temporary(name: str) -> bool:
     return any(part.endswith(".part") for part in name.split("/"))
 
 
-def alike(result_wanted: dict[str, bytes], wanted: dict[str, bytes]) -> bool:
-    return result_wanted.keys() == wanted.keys() and all(
-        result_wanted[name] == wanted[name] for name in result_wanted if not name.endswith(_TIMED)
+def alike(outcome: dict[str, bytes], wanted: dict[str, bytes]) -> bool:
+    return outcome.keys() == wanted.keys() and all(
+        outcome[name] == wanted[name] for name in outcome if not name.endswith(_TIMED)
     )
 
 

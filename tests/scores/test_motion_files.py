@@ -23,13 +23,13 @@ def wrote(tmp_path, suffix, data):
 
 
 def is_of(
-    result_wanted: Samples, places, point: int, axis: int, rate: float = 100.0, metres: float = 1e-3
+    outcome: Samples, places, point: int, axis: int, rate: float = 100.0, metres: float = 1e-3
 ):
     """Whether a take is an axis of a point, from its first frame on."""
     x = places[:, point, axis]
     seen = np.isfinite(x)
-    assert np.allclose(result_wanted.t, np.flatnonzero(seen) / rate, rtol=0, atol=1e-12)
-    assert np.allclose(result_wanted.x, (x[seen] - x[seen][0]) * metres, rtol=1e-12, atol=1e-15)
+    assert np.allclose(outcome.t, np.flatnonzero(seen) / rate, rtol=0, atol=1e-12)
+    assert np.allclose(outcome.x, (x[seen] - x[seen][0]) * metres, rtol=1e-12, atol=1e-15)
     return True
 
 

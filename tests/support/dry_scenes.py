@@ -133,7 +133,7 @@ class _Motion:
                 t = self.stretch(t, end, frames, result)
         return result
 
-    def stretch(self, t: float, end: float, frames: np.ndarray, result_wanted: np.ndarray) -> float:
+    def stretch(self, t: float, end: float, frames: np.ndarray, outcome: np.ndarray) -> float:
         """Continue to the next turn, or to the end; returns that instant."""
         self.begin()
         solver = DOP853(
@@ -161,7 +161,7 @@ class _Motion:
             began = True
             here = (frames >= before - 1e-13) & (frames < stop - 1e-13)
             if here.any():
-                result_wanted[here] = dense(frames[here])[: self.n].T
+                outcome[here] = dense(frames[here])[: self.n].T
             if turned is not None:
                 self.state = dense(stop)
                 single = self.scene.dry[turned]

@@ -66,10 +66,10 @@ def begun(piece, player):
     return sorted(result)
 
 
-def same(result_wanted, wanted):
+def same(outcome, wanted):
     """The same plays in the same order, at the same beats."""
-    assert [rest for _, *rest in result_wanted] == [rest for _, *rest in wanted]
-    assert [beat for beat, *_ in result_wanted] == pytest.approx([beat for beat, *_ in wanted])
+    assert [rest for _, *rest in outcome] == [rest for _, *rest in wanted]
+    assert [beat for beat, *_ in outcome] == pytest.approx([beat for beat, *_ in wanted])
 
 
 def value(piece, target):

@@ -171,10 +171,10 @@ def network(seed: int) -> RandomNetwork:
     return result
 
 
-def _soften(result_wanted: RandomNetwork, springs: list[tuple[int, int, float, float]]) -> float:
+def _soften(outcome: RandomNetwork, springs: list[tuple[int, int, float, float]]) -> float:
     """The factor on all springs that keeps their modes below HIGHEST."""
     between = [(a, b, k) for a, b, k, _ in springs]
-    highest = _highest(result_wanted.mass, [tie[0] for tie in result_wanted.ground], between)
+    highest = _highest(outcome.mass, [tie[0] for tie in outcome.ground], between)
     return float(min(1.0, (2.0 * np.pi * HIGHEST) ** 2 / max(highest, 1e-300)))
 
 

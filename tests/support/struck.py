@@ -96,12 +96,12 @@ def others() -> dict[str, Struck]:
     }
 
 
-def matched(result_wanted: np.ndarray, f: np.ndarray, cents: float = 10.0) -> list[tuple[int, int]]:
+def matched(outcome: np.ndarray, f: np.ndarray, cents: float = 10.0) -> list[tuple[int, int]]:
     """Pairs of found and true modes: each is matched with the nearest within some cents, once."""
     used: set[int] = set()
     pairs = []
     for true, item in enumerate(f):
-        away = np.abs(1200.0 * np.log2(result_wanted / item))
+        away = np.abs(1200.0 * np.log2(outcome / item))
         away[list(used)] = np.inf
         near = int(np.argmin(away)) if away.size else -1
         if near >= 0 and away[near] < cents:

@@ -165,48 +165,46 @@ def read(text: str) -> Equations:
     return result
 
 
-def _part(result_wanted: Equations, part: str, modules: dict[str, Any]) -> None:
+def _part(outcome: Equations, part: str, modules: dict[str, Any]) -> None:
     for name, module in modules.items():
         ((kind, arguments),) = module.items()
-        _module(result_wanted, f"{part}.", name, kind, arguments or {})
+        _module(outcome, f"{part}.", name, kind, arguments or {})
 
 
-def _module(
-    result_wanted: Equations, part: str, name: str, kind: str, arguments: dict[str, Any]
-) -> None:
+def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict[str, Any]) -> None:
     def of(field: str, default: float = 0.0) -> float:
         return number(arguments[field]) if field in arguments else default
 
     label, single = f"{part}{name}", part.removesuffix(".")
     if kind == "SOL":
-        result_wanted.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
+        outcome.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
     elif kind in ("MAS", "CEL"):
         k, z = of("K"), of("Z")
         if "f" in arguments:
             sigma = 3.0 * np.log(10.0) / of("t60") if "t60" in arguments else 0.0
             f = number(str(arguments["f"]).removesuffix("Hz"))
             k, z = of("M") * ((2.0 * np.pi * f) ** 2 + sigma**2), 2.0 * of("M") * sigma
-        result_wanted.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
+        outcome.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
     elif kind in ("STRING", "PLATE"):
-        _body(result_wanted, label, kind, arguments)
+        _body(outcome, label, kind, arguments)
     elif kind == "ENF":
-        result_wanted.push[result_wanted.find(arguments["to"], single)] += number(arguments["from"])
+        outcome.push[outcome.find(arguments["to"], single)] += number(arguments["from"])
     else:
         if kind == "DRY" and "to" in arguments:
-            floor = result_wanted.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
-            pairs = [(floor, result_wanted.find(arguments["to"], single))]
+            floor = outcome.point(f"{label}.floor", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+            pairs = [(floor, outcome.find(arguments["to"], single))]
         else:
-            pairs = result_wanted.pairs(arguments["between"], single)
+            pairs = outcome.pairs(arguments["between"], single)
         a, b = pairs[0]
         assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
-            link = result_wanted.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
+            link = outcome.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
         elif kind == "BUT":
             sign = -1.0 if arguments.get("side") == "above" else 1.0
             clamp = float(arguments.get("clamp", False))
             for (a, b), gap in zip(pairs, gaps(arguments.get("gap", 0.0), len(pairs)), strict=True):
                 shape = of("K"), of("exponent", 1.0), gap, of("Z"), sign, clamp
-                link = result_wanted.link(a, b, ELASTIC["contact"], 0, *shape)
+                link = outcome.link(a, b, ELASTIC["contact"], 0, *shape)
         elif kind == "LNL":
             law, damping = arguments.get("law"), arguments.get("damping")
             row = [0.0] * N_NUMBERS
@@ -216,19 +214,19 @@ def _module(
             for i, constant in enumerate(_OF_DAMPING.get(damping, ())):
                 row[3 + i] = of(constant)
             laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
-            link = result_wanted.link(a, b, *laws, *row)
+            link = outcome.link(a, b, *laws, *row)
         elif kind == "BRISTLE" or "K" in arguments:
             level, stiffness = ("Fc", "sigma0") if kind == "BRISTLE" else ("F", "K")
             static = of("Fs" if kind == "BRISTLE" else "static", of(level))
             speed = of("vs" if kind == "BRISTLE" else "speed", 0.001)
             shape = of(stiffness), of("sigma1"), of("sigma2"), of(level), static, speed
-            link = result_wanted.link(a, b, ELASTIC["bristle"], 0, *shape)
+            link = outcome.link(a, b, ELASTIC["bristle"], 0, *shape)
         elif kind == "DRY":
             shape = of("F"), of("static", of("F")), 0.0, of("speed", 0.001)
-            link = result_wanted.link(a, b, ELASTIC["dry"], 0, *shape)
+            link = outcome.link(a, b, ELASTIC["dry"], 0, *shape)
         else:
             raise ValueError(f"{kind} is not known here")
-        result_wanted.links[label] = link
+        outcome.links[label] = link
 
 
 def gaps(arguments: Any, n: int) -> list[float]:
@@ -268,7 +266,7 @@ def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int
     return edges, len(inner)
 
 
-def _body(result_wanted: Equations, label: str, kind: str, arguments: dict[str, Any]) -> None:
+def _body(outcome: Equations, label: str, kind: str, arguments: dict[str, Any]) -> None:
     if kind == "STRING":
         n = arguments["masses"]
         edges = string_edges(n, arguments.get("ends", "fixed"), arguments.get("stiffness", 0.0))
@@ -282,11 +280,11 @@ def _body(result_wanted: Equations, label: str, kind: str, arguments: dict[str, 
     omega2 = (2.0 * np.pi * f) ** 2 + sigma**2
     k = m * omega2 / eigenvalues(edges, n)[0]
     z = 2.0 * sigma * k / omega2
-    first = len(result_wanted.mass)
+    first = len(outcome.mass)
     for i in range(n):
-        result_wanted.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
-    ground = result_wanted.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for field_, values in (("X0", result_wanted.x0), ("V0", result_wanted.v0)):
+        outcome.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
+    ground = outcome.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for field_, values in (("X0", outcome.x0), ("V0", outcome.v0)):
         if field_ in arguments:
             starts = arguments[field_]
             for start in starts if isinstance(starts, list) else [starts]:
@@ -296,20 +294,20 @@ def _body(result_wanted: Equations, label: str, kind: str, arguments: dict[str, 
     if "stretching" in arguments:
         # The links between neighbours come first; the others bend, and share no tension.
         n_links = len(string_edges(n, arguments.get("ends", "fixed"), 0.0))
-        line = len(result_wanted.ends)
-        result_wanted.stretched.append((line, line + n_links, number(arguments["stretching"])))
+        line = len(outcome.ends)
+        outcome.stretched.append((line, line + n_links, number(arguments["stretching"])))
     for i, j, factor in edges:
         a = first + i if i >= 0 else ground
-        result_wanted.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)
+        outcome.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)
 
 
-def _gestures(result_wanted: Equations, score: dict[str, Any]) -> None:
+def _gestures(outcome: Equations, score: dict[str, Any]) -> None:
     key_of = {player: told["key"] for player, told in score.get("players", {}).items()}
     images: dict[str, dict[int, int]] = {}
     for player, events in score.get("parts", {}).items():
         key = key_of[player]
         if key not in images:
-            images[key] = _free_copy(result_wanted, result_wanted.keys[key])
+            images[key] = _free_copy(outcome, outcome.keys[key])
         for event in events:
             gesture = score["gestures"][event["play"]]
             complete = gesture if isinstance(gesture, dict) else {"notation": gesture}
@@ -319,25 +317,21 @@ def _gestures(result_wanted: Equations, score: dict[str, Any]) -> None:
             t = np.array([number(point[1]) for point in points]) + number(event["at"])
             on_rest = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
             spline = PPoly.from_spline(make_interp_spline(t, x, k=5, bc_type=on_rest))
-            mass = result_wanted.names[key]
+            mass = outcome.names[key]
             tracked = complete.get("touch", "open") == "tracked"
-            result_wanted.paths.append(Path(mass, images[key][mass], tracked, spline))
+            outcome.paths.append(Path(mass, images[key][mass], tracked, spline))
 
 
-def _free_copy(result_wanted: Equations, members: list[int]) -> dict[int, int]:
+def _free_copy(outcome: Equations, members: list[int]) -> dict[int, int]:
     """Copy the masses of a key and the links between them; returns the index of each mass's
     image.
     """
     image = {}
     for i in members:
-        k, z = result_wanted.ground[i]
-        rest = result_wanted.push[i] / k if k else 0.0
-        image[i] = result_wanted.point(
-            f"free copy {i}", result_wanted.mass[i], k, z, rest, result_wanted.x0[i], 0.0
-        )
-    for (a, b), kind, row in list(
-        zip(result_wanted.ends, result_wanted.kinds, result_wanted.numbers, strict=True)
-    ):
+        k, z = outcome.ground[i]
+        rest = outcome.push[i] / k if k else 0.0
+        image[i] = outcome.point(f"free copy {i}", outcome.mass[i], k, z, rest, outcome.x0[i], 0.0)
+    for (a, b), kind, row in list(zip(outcome.ends, outcome.kinds, outcome.numbers, strict=True)):
         if a in image and b in image:
-            result_wanted.link(image[a], image[b], *kind, *row)
+            outcome.link(image[a], image[b], *kind, *row)
     return image
