@@ -85,7 +85,7 @@ def test_the_frame_of_the_fault_does_not_depend_on_the_block(block: int):
 
 def test_a_muted_part_leaves_all_others_as_they_were():
     healthy = play(simulation(doomed(0.0), RATE), 8000)
-    sim = simulation(doomed(TOO_HARD), RATE, faulty_text="mute")
+    sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
     out = play(sim, 8000)
     assert np.isfinite(out).all()
     assert out[:, :5].tobytes() == healthy[:, :5].tobytes()
@@ -95,7 +95,7 @@ def test_a_muted_part_leaves_all_others_as_they_were():
 
 
 def test_a_muted_part_is_silent_within_five_milliseconds():
-    sim = simulation(doomed(TOO_HARD), RATE, faulty_text="mute")
+    sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
     out = play(sim, 8000)[:, 5]
     ((_, frame),) = sim.muted()
     fade = math.ceil(0.005 * RATE)
@@ -108,12 +108,12 @@ def test_a_muted_part_is_silent_within_five_milliseconds():
 def test_muting_does_not_depend_on_the_block():
     bytes_of = []
     for block in (1, 64, 997, 8000):
-        sim = simulation(doomed(TOO_HARD), RATE, faulty_text="mute")
+        sim = simulation(doomed(TOO_HARD), RATE, on_fault="mute")
         bytes_of.append((play(sim, 8000, block).tobytes(), sim.muted()))
     assert all(found == bytes_of[0] for found in bytes_of)
 
 
 def test_a_healthy_scene_mutes_nothing():
-    sim = simulation(doomed(0.1), RATE, faulty_text="mute")
+    sim = simulation(doomed(0.1), RATE, on_fault="mute")
     play(sim, 4000)
     assert sim.muted() == []

@@ -37,7 +37,7 @@ def version(
     for position in struck:
         timeline.strike(0, position, impulse=1e-4)
     plan = _core.Plan(net, timeline, like=like)
-    return plan, _core.Simulation(net, timeline, plan=plan, faulty_text="mute", start=start)
+    return plan, _core.Simulation(net, timeline, plan=plan, on_fault="mute", start=start)
 
 
 def heard(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:

@@ -167,7 +167,7 @@ def test_what_a_trial_lost_is_muted_where_the_last_method_makes_energy(share: fl
     gong = scene(impulse=20.0 * HARD)
     plan = _core.Plan(gong.network, gong.timeline, share=share)
     assert any(row.cut_short for row in plan.rows())
-    playing = _core.Simulation(gong.network, gong.timeline, plan=plan, faulty_text="mute")
+    playing = _core.Simulation(gong.network, gong.timeline, plan=plan, on_fault="mute")
     playing.process(np.zeros((8000, gong.network.n_out)))
     ((part, frame),) = playing.muted()
     assert part == "gong"

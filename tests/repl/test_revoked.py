@@ -28,7 +28,7 @@ def fresh(folder: Path) -> Stage:
     (folder / "bell.yaml").write_text(SCORE)
     piece = load(folder / "bell.yaml").piece
     assert piece is not None
-    return stage(piece, planned=True, faulty_text="mute", going=StageTakeover(spans=()))
+    return stage(piece, planned=True, on_fault="mute", going=StageTakeover(spans=()))
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def begun(tmp_path: Path) -> Stage:
 def damped(like: Stage, frame: int) -> Change:
     """A change that damps what sounds."""
     going = StageTakeover(spans=(), like=like, start=frame)
-    new = stage(like.piece, planned=True, faulty_text="mute", going=going)
+    new = stage(like.piece, planned=True, on_fault="mute", going=going)
     return Change(frame, new, like, damp=0.1)
 
 

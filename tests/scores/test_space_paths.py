@@ -47,7 +47,7 @@ def test_other_notations_are_of_one_axis(text: str):
 
 
 @pytest.mark.parametrize(
-    ("written", "faulty_text", "message"),
+    ("written", "on_fault", "message"),
     [
         ("(0, 0)@0 smooth (6, 0, 2)@1/4", "(6, 0, 2)", "3 positions, and the first has 2"),
         ("(0, 0)@0 6@1/4", "6@1/4", "write one for each axis: (0mm, 0mm)@"),
@@ -64,12 +64,12 @@ def test_other_notations_are_of_one_axis(text: str):
         ("(0, 0)@0 ((6, 1)@1/4", "(", "this group is not closed"),
     ],
 )
-def test_mistakes_have_their_places(written: str, faulty_text: str, message: str):
+def test_mistakes_have_their_places(written: str, on_fault: str, message: str):
     with pytest.raises(TextError) as refused:
         space_path.parse(written)
     error = refused.value
     assert message in error.message
-    assert written[error.offset :].startswith(faulty_text), written[error.offset :]
+    assert written[error.offset :].startswith(on_fault), written[error.offset :]
 
 
 SCORE = """\

@@ -80,7 +80,7 @@ def test_a_stand_in_plays_for_a_live_hand():
 
 
 @pytest.mark.parametrize(
-    ("fields", "faulty_text"),
+    ("fields", "on_fault"),
     [
         ("channel: nope", "nope"),
         ("trim: 0s..900s", "0s..900s"),
@@ -88,7 +88,7 @@ def test_a_stand_in_plays_for_a_live_hand():
         ("rate: 50Hz", "50Hz"),
     ],
 )
-def test_a_take_is_refused_at_the_field_at_fault(fields: str, faulty_text: str):
+def test_a_take_is_refused_at_the_field_at_fault(fields: str, on_fault: str):
     text = PLAYED.replace("hand-point-1.csv", "hand-point-1.csv, " + fields)
     text = text.format(plays="{at: 6|1, play: t}", takes=TAKES)
     loaded = load("s.yaml", text=text)
@@ -98,7 +98,7 @@ def test_a_take_is_refused_at_the_field_at_fault(fields: str, faulty_text: str):
     (result,) = raised.value.diagnostics
     assert result.code == "E310"
     line = text.splitlines()[result.place.line - 1]
-    assert line[result.place.column - 1 :].startswith(faulty_text)
+    assert line[result.place.column - 1 :].startswith(on_fault)
 
 
 def test_a_gesture_alone_begins_the_piece():
