@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,7 +82,7 @@ def _canvas(
     labels = {_row(x_axis, tick, rows): x_axis.text(tick) for tick in x_axis.ticks}
     canvas = [[_BLANK] * columns for _ in range(rows)]
     for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
-        for column, (low, high) in _columns(curve, t_axis, x_axis, columns, rows).items():
+        for column, low, high in _columns(curve, t_axis, x_axis, columns, rows):
             if column % period < drawn:
                 for dot in range(low, high + 1):
                     canvas[dot // 4][column // 2] |= _DOTS[column % 2][dot % 4]
@@ -99,22 +99,21 @@ def _row(x_axis: Axis, value: float, rows: int) -> int:
 
 def _columns(
     curve: Curve, t_axis: Axis, x_axis: Axis, columns: int, rows: int
-) -> dict[int, tuple[int, int]]:
-    """The dots (lowest and highest row, from the top) that the curve covers in each dot column."""
+) -> Iterator[tuple[int, int, int]]:
+    """A dot column that a stroke of the curve covers, and its first and last row from the top."""
     across = _parts(t_axis, curve.t) * (2 * columns - 1)
     down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
     is_finite = np.isfinite(across) & np.isfinite(down)
     # A curve is drawn in one stroke until it has a gap or goes back in time.
     is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(across) < 0)
-    covered: dict[int, tuple[int, int]] = {}
     for stroke in np.split(np.arange(len(across)), np.flatnonzero(is_new) + 1):
         if not is_finite[stroke[:1]].any():
             continue
         first, top, bottom = _stroke(across[stroke], down[stroke])
-        for column, ends in enumerate(zip(top.tolist(), bottom.tolist(), strict=True), first):
-            low, high = covered.get(column, ends)
-            covered[column] = min(low, ends[0]), max(high, ends[1])
-    return covered
+        for column, (low, high) in enumerate(
+            zip(top.tolist(), bottom.tolist(), strict=True), first
+        ):
+            yield column, low, high
 
 
 def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:

@@ -81,6 +81,12 @@ def test_gaps_and_flat_curves() -> None:
         braille.plot([])
 
 
+def test_strokes_at_one_time_are_not_joined() -> None:
+    two_notes = Curve("notes", [0.0, 1.0, 1.0, 0.0, 1.0], [60.0, 60.0, math.nan, 72.0, 72.0])
+    rows = {row for _, row in dots(braille.plot([two_notes], width=66, height=23))}
+    assert len(rows) == 2
+
+
 @pytest.mark.parametrize(
     ("low", "high", "ticks"),
     [(0, 10, (0, 2, 4, 6, 8, 10)), (-0.006, 0.0, 7), (98, 103, (98, 99, 100, 101, 102, 103))],
