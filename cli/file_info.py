@@ -132,18 +132,10 @@ def _gltf(path: Path) -> Content:
 # --- tunings ------------------------------------------------------------------------------------
 
 
-def _latin(path: Path) -> str:
-    data = _data(path)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
 def _scala(path: Path) -> Content:
-    from ergon.notation.tables.scala import ScalaError, parse_key_map, parse_scale
+    from ergon.notation.tables.scala import ScalaError, decoded, parse_key_map, parse_scale
 
-    text = _latin(path)
+    text = decoded(_data(path))
     comments = sum(line.startswith("!") for line in text.splitlines())
     passed = [plural(comments, "comment")] if comments else []
     try:

@@ -12,13 +12,13 @@ from fractions import Fraction
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
+from ergon.notation.tables import notes
 from ergon.notation.tables.strengths import DYNAMICS
 
 _GRACE = Fraction(1, 12)  # of a quarter: how long a grace note lasts, before the beat
 _STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _LETTERS = "CDEFGAB"
 _SIGNS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
-_SHARPS = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _STEP = 1.0 / (len(DYNAMICS) - 1)  # of strength, from one word to the next
 _MEZZO_FORTE = DYNAMICS.index("mf") * _STEP
 _FORTE = 90.0 / 127.0  # what `dynamics="100"` of a sound is, as a share of the largest velocity
@@ -199,7 +199,7 @@ class XmlNotes:
             return None
         semitones = int(alter)  # towards the natural note
         if self._is_respelled or abs(semitones) > 2:
-            name = f"{_SHARPS[nearest % 12]}{nearest // 12 - 1}"
+            name = notes.name(nearest)
             cents = 100 * (key - nearest)
         else:
             name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"

@@ -7,7 +7,14 @@ from dataclasses import replace
 from typing import TypeVar
 
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.scala import KeyMap, ScalaError, Scale, parse_key_map, parse_scale
+from ergon.notation.tables.scala import (
+    KeyMap,
+    ScalaError,
+    Scale,
+    decoded,
+    parse_key_map,
+    parse_scale,
+)
 from ergon.notation.tables.shapes import Context
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.tuning_fields import TUNING
@@ -112,12 +119,9 @@ def _file(values: Values, name: str, parse: Callable[[str], _Read], files: Files
 
 
 def _decoded(data: bytes, file: str, collector: Collector) -> str | None:
-    """The text of a file of Scala: UTF-8, or Latin-1 as in its archive."""
+    """The text of a file of Scala; None for one that is too large, which is reported."""
     if len(data) > _MAX_FILE:
         message = f"the file has more than {_MAX_FILE // 2**20} MB; a scale has a few lines"
         collector.error("E105", message, Place(file, 1, 1))
         return None
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    return decoded(data)

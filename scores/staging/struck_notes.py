@@ -114,5 +114,4 @@ def _pitch(instrument: Instrument) -> float | None:
 def _strength(impulse: float, loudest: float, reach: Reach | None) -> float:
     if reach is None or not 0.0 < reach.soft < reach.hard:
         return MEZZO_FORTE.low * impulse / loudest
-    share = math.log(impulse / reach.soft) / math.log(reach.hard / reach.soft)
-    return min(1.0, max(0.0, share))
+    return reach.strength(impulse)

@@ -28,6 +28,14 @@ _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
 
+def decoded(data: bytes) -> str:
+    """The text of a file of Scala: UTF-8, or Latin-1 as in its archive."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 class ScalaError(TextError):
     """What is wrong with a line of a file; `line` counts from 1."""
 
