@@ -12,10 +12,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from ergon.notation.clock.meter import MAX_BEATS, Bars, Meter
+from ergon.notation.clock.meter import MAX_BEATS, Meter
 from ergon.notation.clock.tempo import FASTEST, SLOWEST
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import midi_bytes as m
+from ergon.scores.gesture.file_meters import on_bar_lines
 from ergon.scores.gesture.midi_bytes import MidiEvent
 from ergon.scores.gesture.midi_file import SUSTAIN, FileState, read_bytes, state_of
 from ergon.scores.gesture.midi_wheels import CONTROLLERS
@@ -206,22 +207,18 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
 
 @lru_cache(8)
 def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
-    file, bars, result = _survey(path, state), Bars(), []
+    file = _survey(path, state)
     _check_count(len(file.meters), "meters", path)
-    last_quarter, last_beat = 0.0, 0.0
-    for quarter, count, power in file.meters:
-        beat = bars.after_quarters(last_beat, quarter - last_quarter)
-        last_quarter, last_beat = quarter, beat
-        try:
-            if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
-                raise TextError(f"no score has a meter {count}/2^{power}")
-            meter = Meter(count, 2**power, (count,))
-            bars.change(beat, meter)
-        except TextError as error:
-            message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
-            raise TakeError(message, path) from None
-        result.append((quarter, meter))
-    return tuple(result)
+    written = ((quarter, (count, power)) for quarter, count, power in file.meters)
+    return on_bar_lines(path, written, _meter)
+
+
+def _meter(written: tuple[int, int]) -> Meter:
+    """A meter by its beats and the power of two of their note. Raises TextError."""
+    count, power = written
+    if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
+        raise TextError(f"no score has a meter {count}/2^{power}")
+    return Meter(count, 2**power, (count,))
 
 
 def _check_count(count: int, noun: str, path: Path) -> None:

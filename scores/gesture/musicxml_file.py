@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
-from ergon.notation.clock.meter import MAX_BEATS, Bars, Meter, parse_meter
+from ergon.notation.clock.meter import MAX_BEATS, Meter, parse_meter
 from ergon.notation.clock.tempo import FASTEST, SLOWEST
 from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.file_meters import on_bar_lines
 from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
 from ergon.scores.gesture.musicxml_bytes import read_root
 from ergon.scores.gesture.musicxml_notes import Event, Loudness, Pitch, XmlNotes
-from ergon.scores.gesture.musicxml_order import TooLongError, Turns, played, turns
+from ergon.scores.gesture.musicxml_order import TooLongError, played, turns
 from ergon.scores.gesture.take_file import TakeError
 
 
@@ -94,53 +95,67 @@ def _score(root: Element) -> XmlScore:
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
         for score_part in root.iterfind("part-list/score-part")
     }
+    columns = _columns(root)
+    passed: Counter[str] = Counter()
+    meters: list[tuple[int, str]] = []  # index of the measure, text
+    read = _measures(columns, {name: XmlNotes(passed) for name in ids}, meters)
+    order = played(turns([list(column.measures.values()) for column in columns]))
+    starts, end, texts = _bars(columns, order, meters)
+    voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
+    tempos: list[tuple[Fraction, float]] = []
+    n_notes = 0
+    for start, index in zip(starts, order, strict=True):
+        for name, events in read[index].items():
+            voices[name] += ((start, event) for event in events)
+            n_notes += sum(event.pitch is not None for event in events)
+            tempos += ((start + e.at, e.tempo) for e in events if e.tempo is not None)
+        if n_notes > MAX_NOTES:
+            raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
+    title = root.findtext("work/work-title") or root.findtext("movement-title") or ""
+    changes = dict(sorted(tempos, key=lambda pair: pair[0]))
+    return XmlScore(
+        " ".join(title.split())[:200],
+        float(end),
+        len(order),
+        tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
+        tuple((float(where), tempo) for where, tempo in changes.items()),
+        tuple((float(where), meter) for where, meter in texts),
+        dict(passed),
+    )
+
+
+def _columns(root: Element) -> list[_Column]:
+    """The measures of all parts, by their places."""
     columns: list[_Column] = []
     for part in root.iterfind("part"):
         for index, measure in enumerate(part.iterfind("measure")):
             if index == len(columns):
                 columns.append(_Column())
             columns[index].measures[part.get("id", "")] = measure
-    marks: list[Turns] = turns([list(column.measures.values()) for column in columns])
-    passed: Counter[str] = Counter()
-    readers = {name: XmlNotes(passed) for name in ids}
-    meters: list[tuple[int, str]] = []  # index of the measure, text
-    read = _measures(columns, readers, meters)
-    tempos: list[tuple[Fraction, float]] = []
-    order_texts: list[tuple[Fraction, str]] = []
-    bar_start, first = Fraction(0), True
-    voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
-    order = played(marks)
-    n_notes = 0
-    for turn, index in enumerate(order, 1):
-        column = columns[index]
-        if first and column.is_upbeat:
-            bar_start = _length(_current(meters, index)) - column.length
-        is_whole = (first and column.is_upbeat) or turn == len(order)
-        current = _fitted(_current(meters, index), Fraction(0) if is_whole else column.length)
-        if not order_texts or order_texts[-1][1] != current:
-            order_texts.append((Fraction(0) if first else bar_start, current))
-        for name in ids:
-            for event in read[index].get(name, ()):
-                voices[name].append((bar_start, event))
-                n_notes += event.pitch is not None
-                if event.tempo is not None:
-                    tempos.append((bar_start + event.at, event.tempo))
-        if n_notes > MAX_NOTES:
-            raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
-        bar_start += column.length
-        first = False
-    parts = tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids)
-    title = root.findtext("work/work-title") or root.findtext("movement-title") or ""
-    changes = dict(sorted(tempos, key=lambda pair: pair[0]))
-    return XmlScore(
-        " ".join(title.split())[:200],
-        float(bar_start),
-        len(order),
-        parts,
-        tuple((float(where), tempo) for where, tempo in changes.items()),
-        tuple((float(where), meter) for where, meter in order_texts),
-        dict(passed),
-    )
+    return columns
+
+
+def _bars(
+    columns: Sequence[_Column], order: Sequence[int], meters: Sequence[tuple[int, str]]
+) -> tuple[list[Fraction], Fraction, list[tuple[Fraction, str]]]:
+    """Where each measure that is played begins, where the last ends, and the meters from where
+    they hold, in quarters. An upbeat fills the end of a bar that is whole.
+    """
+    start = Fraction(0)
+    starts: list[Fraction] = []
+    texts: list[tuple[Fraction, str]] = []
+    for turn, index in enumerate(order):
+        column, meter = columns[index], _current(meters, index)
+        is_upbeat = turn == 0 and column.is_upbeat
+        if is_upbeat:
+            start = _length(meter) - column.length
+        is_whole = is_upbeat or turn + 1 == len(order)
+        text = _fitted(meter, Fraction(0) if is_whole else column.length)
+        if not texts or texts[-1][1] != text:
+            texts.append((start if turn else Fraction(0), text))
+        starts.append(start)
+        start += column.length
+    return starts, start, texts
 
 
 def _measures(
@@ -201,20 +216,22 @@ def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
     for start, event in events:
         if event.pitch is None:
             continue
-        at, key = start + event.at, (event.pitch.word, event.voice)
+        begins, key = start + event.at, (event.pitch.word, event.voice)
         if event.is_tied_from and key not in open_ties:  # a tie into another voice
             key = next((other for other in open_ties if other[0] == key[0]), key)
         index = open_ties.pop(key, None)  # many files say where ties begin, and not where they end
-        if index is not None and joined[index][0] + joined[index][1] == at:
+        if index is not None and joined[index][0] + joined[index][1] == begins:
             begin, lasting, pitch, strength = joined[index]
             joined[index] = begin, lasting + event.lasting, pitch, strength
         else:
             index = len(joined)
-            joined.append((at, event.lasting, event.pitch, loudness.strength(at, event)))
+            joined.append((begins, event.lasting, event.pitch, loudness.strength(begins, event)))
         if event.is_tied_to:
             open_ties[event.pitch.word, event.voice] = index
-    for at, lasting, pitch, strength in sorted(joined, key=lambda note: (note[0], note[2].key)):
-        yield XmlNote(float(max(at, Fraction(0))), pitch.word, pitch.key, strength, float(lasting))
+    for begins, lasting, pitch, strength in sorted(joined, key=lambda note: (note[0], note[2].key)):
+        yield XmlNote(
+            float(max(begins, Fraction(0))), pitch.word, pitch.key, strength, float(lasting)
+        )
 
 
 def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
@@ -223,13 +240,13 @@ def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
     Raises TakeError.
     """
     score = read_score(path)
-    chosen = [own for own in score.parts if part in (None, own.id, own.name)]
+    chosen = [each for each in score.parts if part in (None, each.id, each.name)]
     notes = sorted(
-        (note for own in chosen for note in own.notes), key=lambda note: (note.at, note.key)
+        (note for each in chosen for note in each.notes), key=lambda note: (note.at, note.key)
     )
     if notes:
         return tuple(notes), score.length
-    there = ", ".join(own.called for own in score.parts if own.notes)
+    there = ", ".join(each.called for each in score.parts if each.notes)
     if not there:
         raise TakeError("it has no notes", path)
     what = "has no notes" if chosen else "is not there"
@@ -255,18 +272,11 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
     """The meters of a file: quarter notes from the beginning, and a meter. Raises TakeError for a
     meter that no score has, and for one that does not begin on a bar line.
     """
-    bars, result = Bars(), []
-    last_quarter, last_beat = 0.0, 0.0
-    for quarter, text in read_score(path).meters:
-        beat = bars.after_quarters(last_beat, quarter - last_quarter)
-        last_quarter, last_beat = quarter, beat
-        try:
-            meter = parse_meter(text)
-            if sum(meter.groups) > MAX_BEATS:
-                raise TextError(f"no score has a meter {text}")
-            bars.change(beat, meter)
-        except TextError as error:
-            message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
-            raise TakeError(message, path) from None
-        result.append((quarter, meter))
-    return tuple(result)
+    return on_bar_lines(path, read_score(path).meters, _meter)
+
+
+def _meter(text: str) -> Meter:
+    meter = parse_meter(text)
+    if sum(meter.groups) > MAX_BEATS:
+        raise TextError(f"no score has a meter {text}")
+    return meter

@@ -1,0 +1,37 @@
+"""Meters of a file of notes, as a score has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from ergon.notation.clock.meter import Bars, Meter
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.take_file import TakeError
+
+_Written = TypeVar("_Written")
+
+
+def on_bar_lines(
+    path: Path,
+    meters: Iterable[tuple[float, _Written]],
+    read: Callable[[_Written], Meter],
+) -> tuple[tuple[float, Meter], ...]:
+    """Meters by quarter notes from the beginning, each read by `read`, which raises TextError.
+
+    Raises TakeError for a meter that no score has, and for one that does not begin on a bar line.
+    """
+    bars, result = Bars(), []
+    last_quarter, last_beat = 0.0, 0.0
+    for quarter, written in meters:
+        beat = bars.after_quarters(last_beat, quarter - last_quarter)
+        last_quarter, last_beat = quarter, beat
+        try:
+            meter = read(written)
+            bars.change(beat, meter)
+        except TextError as error:
+            message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
+            raise TakeError(message, path) from None
+        result.append((quarter, meter))
+    return tuple(result)
