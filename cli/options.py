@@ -202,9 +202,9 @@ _SHORT = {"--force": "-f"}
 
 def _type(accepts: kinds.Accepted) -> click.ParamType | None:  # type: ignore[type-arg] # older clicks' is not generic
     match accepts:
-        case kinds.Whole(low=None, high=None):
+        case kinds.Integer(low=None, high=None):
             return click.INT
-        case kinds.Whole(low=low, high=high):
+        case kinds.Integer(low=low, high=high):
             return click.IntRange(low, high)
         case kinds.Number():
             return Number(accepts.low, accepts.high, accepts.dimension, min_open=accepts.is_open)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ergon.common.errors import ErgonError
-from ergon.common.option import Number, Quantities, Switch, Whole, documented, option
+from ergon.common.option import Integer, Number, Quantities, Switch, documented, option
 from ergon.common.option import Path as PathTo
 
 if TYPE_CHECKING:
@@ -28,11 +28,13 @@ class EmulationError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class _Device:
-    """A device: its axes, the greatest force of its motors [N], and a URL scheme for each way."""
+    """A device: its axes, the greatest force of its motors [N], and a URL scheme for each
+    transport.
+    """
 
     axes: int
     force: float
-    ways: dict[Transport, str]
+    schemes: dict[Transport, str]
 
 
 DEVICES: dict[DeviceName, _Device] = {
@@ -57,16 +59,16 @@ class EmulationOptions:
     udp: int | None = option(
         None,
         "Serve by datagrams at this UDP port; 0 is any free port.",
-        Whole(0, 65535),
+        Integer(0, 65535),
         metavar="PORT",
     )
     ws: int | None = option(
         None,
         "Serve by a WebSocket at this TCP port; 0 is any free port.",
-        Whole(0, 65535),
+        Integer(0, 65535),
         metavar="PORT",
     )
-    axes: int | None = option(None, "Number of keys; for a frame alone.", Whole(1, 16))
+    axes: int | None = option(None, "Number of keys; for a frame alone.", Integer(1, 16))
     mass: float = _quantity(_CEL[0], "50g", "MASS", "Mass of each key.")
     stiffness: float = _quantity(_CEL[1], "0N/m", "STIFFNESS", "Spring of each key.")
     damping: float = _quantity(_CEL[2], "1Ns/m", "DAMPING", "Damping of each key.")
@@ -102,7 +104,7 @@ class EmulationOptions:
     )
     resolution: float = _quantity(0.0, "exact", "POSITION", "Resolution of each position sensor.")
     noise: float = _quantity(0.0, "none", "POSITION", "Noise of each position sensor, as its rms.")
-    seed: int = option(0, "Seed of the noise.", Whole(0), shown=True)
+    seed: int = option(0, "Seed of the noise.", Integer(0), shown=True)
     force_step: float | None = _quantity(
         None, "exact", "FORCE", "Resolution of each motor's force."
     )
@@ -152,13 +154,13 @@ def emulate(
 
     usual = DEVICES[device]
     _check(device, options)
-    transport, port = _way(device, options)
+    transport, port = _transport(device, options)
     axes = options.axes or usual.axes
     suffix = "?lockstep" if options.lockstep else ""
 
     def tell_url(event: str, text: str) -> None:
         is_ready = event == "ready"
-        tell(event, f"{usual.ways[transport]}:{text}{suffix}" if is_ready else text)
+        tell(event, f"{usual.schemes[transport]}:{text}{suffix}" if is_ready else text)
 
     _core.emulate(
         device,
@@ -236,7 +238,9 @@ def _measured(calib: Path) -> tuple[_core.Network, int]:
     text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}}}}}\n"
     loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
     if loaded.piece is None:
-        raise EmulationError(f"{calib}: {'; '.join(found.message for found in loaded.diagnostics)}")
+        raise EmulationError(
+            f"{calib}: {'; '.join(mistake.message for mistake in loaded.diagnostics)}"
+        )
     key = loaded.piece.keys["k"]
     assembly = Assembly()
     assembly.part(key.name, key.modules)
@@ -244,9 +248,9 @@ def _measured(calib: Path) -> tuple[_core.Network, int]:
     return assembly.network, assembly.mats[key.name, key.struck]
 
 
-def _way(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]:
+def _transport(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]:
     """The transport asked for, or the device's own, and its port."""
-    ways = DEVICES[device].ways
+    schemes = DEVICES[device].schemes
     ports: dict[Transport, int | None] = {
         "pty": 0 if options.pty else None,
         "udp": options.udp,
@@ -255,9 +259,9 @@ def _way(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]
     asked = [(name, port) for name, port in ports.items() if port is not None]
     if len(asked) > 1:
         raise EmulationError("--pty, --udp and --ws exclude each other; give one")
-    name, port = asked[0] if asked else (next(iter(ways)), 10001 if "ws" in ways else 0)
-    if name not in ways:
-        raise EmulationError(f"a {device} is emulated by --{' or --'.join(ways)}")
+    name, port = asked[0] if asked else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
+    if name not in schemes:
+        raise EmulationError(f"a {device} is emulated by --{' or --'.join(schemes)}")
     return name, port
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.option import Choice, Number, Text, Whole, documented, option
+from ergon.common.option import Choice, Integer, Number, Text, documented, option
 from ergon.common.option import Path as PathTo
 from ergon.exchange.wave_header import CHANNELS_MAX
 
@@ -70,7 +70,7 @@ class AccuracyOptions(ReadOptions):
         "Begin at once, by the cheapest methods that are stable; the accuracy is not searched.",
     )
     seed: int | None = option(
-        None, "Seed of every chance operation, instead of the score's.", Whole()
+        None, "Seed of every chance operation, instead of the score's.", Integer()
     )
 
     def accuracy(self, score_accuracy: Accuracy, followed: PlanFile | None = None) -> Accuracy:
@@ -157,7 +157,7 @@ class RenderOptions(AccuracyOptions):
     channels: int | None = option(
         None,
         "Channels of the file; with n, channel c of the piece goes to channel c modulo n.",
-        Whole(1, CHANNELS_MAX),
+        Integer(1, CHANNELS_MAX),
     )
     bits: Bits | None = option(
         None,
@@ -172,12 +172,12 @@ class RenderOptions(AccuracyOptions):
     threads: int = option(
         THREADS,
         "Number of threads; the bytes are the same for any number.",
-        Whole(1, 1024),
+        Integer(1, 1024),
     )
     block: int = option(
         4096,
         "Frames computed at once; the bytes are the same for any number.",
-        Whole(1, _BLOCK_MAX),
+        Integer(1, _BLOCK_MAX),
     )
     hands: Path | str | None = option(
         None,
@@ -252,9 +252,11 @@ class PerformanceOptions:
         metavar="WHERE",
         shown=True,
     )
-    block: int | None = option(None, "Frames that the sound card takes at a time.", Whole(16, 8192))
+    block: int | None = option(
+        None, "Frames that the sound card takes at a time.", Integer(16, 8192)
+    )
     ahead: int | None = option(
-        None, "Frames computed before the sound card asks for them.", Whole(64, 1 << 20)
+        None, "Frames computed before the sound card asks for them.", Integer(64, 1 << 20)
     )
     gain: str | None = option(
         None,

@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class Integer:
     """A whole number within bounds."""
 
     low: int | None = None
@@ -66,7 +66,7 @@ class Text:
     if_alone: str | None = None
 
 
-Accepted = Whole | Number | Quantities | Choice | Path | Switch | Text
+Accepted = Integer | Number | Quantities | Choice | Path | Switch | Text
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ def tempo_file(
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
     add(max([length, *(marker.beat for marker in markers)]), 5, _END, b"")
-    written = [_track(events), *(_note_track(own, ruler) for own in tracks)]
+    written = [_track(events), *(_note_track(track, ruler) for track in tracks)]
     return b"MThd" + struct.pack(">IHHH", 6, 1, len(written), PPQ) + b"".join(written)
 
 

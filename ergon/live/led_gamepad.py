@@ -100,7 +100,7 @@ class GamepadPort:
         self._values = values
         self._rumble = Rumble(self._file)
         self._over = threading.Event()
-        self._felt = 0.0  # when [s]
+        self._rumbled = 0.0  # when [s]
         self._prepare()
         self._thread = threading.Thread(target=self._run, name="ergon gamepad", daemon=True)
         self._thread.start()
@@ -146,8 +146,8 @@ class GamepadPort:
     def _feel(self) -> None:
         """Let the motors tell of the greatest force on its fingers."""
         now = time.monotonic()
-        if self._rumble.is_there and now >= self._felt + _FEEL:
-            self._felt = now
+        if self._rumble.is_there and now >= self._rumbled + _FEEL:
+            self._rumbled = now
             self._rumble.feel(max((value.force for value in self._values), default=0.0))
 
     def close(self) -> None:

@@ -61,8 +61,8 @@ def _unpacked(data: bytes) -> bytes:
             raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
         name = _named(_entry(file, _CONTAINER)) if _CONTAINER in names else None
         if name is None:
-            scores = (own for own in names if not own.startswith("META-INF/"))
-            name = next((own for own in scores if own.endswith((".xml", ".musicxml"))), None)
+            scores = (each for each in names if not each.startswith("META-INF/"))
+            name = next((each for each in scores if each.endswith((".xml", ".musicxml"))), None)
         if name is None or name not in names:
             raise XmlError("it holds no score" if name is None else f"it holds no {name[:80]}")
         return _entry(file, name)

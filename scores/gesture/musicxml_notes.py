@@ -133,8 +133,10 @@ class XmlNotes:
         content.events += _before(graces, cursor)
         return content
 
-    def _duration(self, own: Element) -> Fraction:
-        return max(Fraction(0), number(own.findtext("duration")) or Fraction(0)) / self._divisions
+    def _duration(self, element: Element) -> Fraction:
+        return (
+            max(Fraction(0), number(element.findtext("duration")) or Fraction(0)) / self._divisions
+        )
 
     def _attributes(self, attributes: Element, content: MeasureContent) -> None:
         divisions = number(attributes.findtext("divisions"))
@@ -264,9 +266,9 @@ def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
     return f"{'+'.join(groups)}/{unit}" if sum(map(int, groups)) else None
 
 
-def _dynamics(own: Element) -> Event | None:
+def _dynamics(direction: Element) -> Event | None:
     """The dynamics of a direction."""
-    for dynamics in own.iterfind("direction-type/dynamics"):
+    for dynamics in direction.iterfind("direction-type/dynamics"):
         for mark in dynamics:
             word = mark.tag
             if word in _STROKES:
@@ -314,7 +316,7 @@ class Loudness:
 
     def _add(self, begin: Fraction, direction: int, end: Fraction) -> None:
         """A hairpin: up to the mark at its end or within a quarter of it, else by one word."""
-        low = self._at(begin)
+        low = self._level_from(begin)
         low = _MEZZO_FORTE if low is None else low
         place = bisect_right(self._instants, end - Fraction(1, 1024))
         high = min(1.0, max(0.0, low + direction * _STEP))
@@ -323,11 +325,11 @@ class Loudness:
         if end > begin:
             self._swells.append((begin, end, low, high))
 
-    def _at(self, beat: Fraction) -> float | None:
+    def _level_from(self, beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
         place = bisect_right(self._instants, beat)
         mark = self._levels[place - 1] if place else None
-        last = next((own for own in reversed(self._swells) if own[1] <= beat), None)
+        last = next((swell for swell in reversed(self._swells) if swell[1] <= beat), None)
         if mark is None or (last is not None and last[1] > mark[0]):
             return None if last is None else last[3]
         instant, event = mark
@@ -338,7 +340,7 @@ class Loudness:
         place = bisect_right(self._begins, beat)
         value = event.strength
         if value is None:
-            value = self._at(beat)
+            value = self._level_from(beat)
             if place and beat < self._swells[place - 1][1]:
                 begin, end, low, high = self._swells[place - 1]
                 value = low + (high - low) * float((beat - begin) / (end - begin))

@@ -54,7 +54,7 @@ def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
 def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
     """Whether another ending begins in the next measure."""
     after = columns[number + 1] if number + 1 < len(columns) else ()
-    return any(own.get("type") == "start" for m in after for own in m.iterfind("barline/ending"))
+    return any(mark.get("type") == "start" for m in after for mark in m.iterfind("barline/ending"))
 
 
 def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[int], bool]:
@@ -121,14 +121,17 @@ def _walk(measures: Sequence[Turns]) -> Iterator[int]:
             return
         if has_jumped and part_turns.to_coda:
             target = next(
-                (i for i, one in enumerate(measures) if part_turns.to_coda in one.codas), None
+                (i for i, measure in enumerate(measures) if part_turns.to_coda in measure.codas),
+                None,
             )
             if target is not None and target > number:
                 number = start = target
                 turn = 1
                 continue
         if part_turns.jumps_to and not has_jumped:
-            names = (i for i, one in enumerate(measures) if part_turns.jumps_to in one.segnos)
+            names = (
+                i for i, measure in enumerate(measures) if part_turns.jumps_to in measure.segnos
+            )
             number = start = 0 if part_turns.jumps_to == "capo" else next(names, 0)
             has_jumped, turn = True, 1
             continue

@@ -52,7 +52,7 @@ def phrase_rows(
             return None
         inner, length = named_rows
         assert isinstance(row.at, Length)
-        rows += (_moved(own, row.at, named, voices) for own in inner)
+        rows += (_moved(each, row.at, named, voices) for each in inner)
         inner_end = _later(inner_end, row.at, length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.of('')} has more than {MAX_ROWS:,} strikes"
@@ -78,7 +78,7 @@ def phrase_rows(
 def _later(end: float | None, begin: Length, length: Length) -> float | None:
     """The later end of two, in beats; None if one is not in beats."""
     lengths = (begin, length)
-    if end is None or any(own.bars or own.seconds for own in lengths):
+    if end is None or any(each.bars or each.seconds for each in lengths):
         return None
     return max(end, begin.beats + length.beats)
 
@@ -93,7 +93,7 @@ def _moved(row: Row, begin: Length, named: Values, voices: NoteTargets) -> Row:
     to = named["to"] or ()
     if not to or tuple(to) == tuple(voices.to):
         return moved
-    what = tuple(Name(f"{own}.{word}", word.place) for own in to for word in row.what)
+    what = tuple(Name(f"{part}.{word}", word.place) for part in to for word in row.what)
     return replace(moved, what=what, before=())
 
 

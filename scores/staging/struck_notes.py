@@ -40,7 +40,7 @@ def struck_notes(stage: Stage) -> tuple[StruckNote, ...]:
     for name in _struck_parts(piece):
         instrument = piece.instruments.get(name)
         if instrument is not None:
-            notes += _of_part(stage, instrument, families.get(name, name))
+            notes += _notes_of_part(stage, instrument, families.get(name, name))
     return tuple(sorted(notes, key=lambda note: (note.begin, note.instrument, note.pitch or 0.0)))
 
 
@@ -49,7 +49,7 @@ def _struck_parts(piece: Piece) -> list[str]:
     return list(dict.fromkeys(target.part for target in targets))
 
 
-def _of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
+def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
     assembly = stage.built.assembly
     dampers = [
         mat
@@ -62,12 +62,15 @@ def _of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[Stru
     reach = instrument.acts[0].reach if instrument.acts else None
     strokes = _strokes(stage, instrument.name, set(dampers))
     lifted = sorted(
-        own.at for mat in dampers[:1] for own in _strikes_on(stage, mat) if own.impulse > 0.0
+        stroke.at
+        for mat in dampers[:1]
+        for stroke in _strikes_on(stage, mat)
+        if stroke.impulse > 0.0
     )
     loudest = max((impulse for _, impulse in strokes), default=0.0)
     for number, (begin, impulse) in enumerate(strokes):
         after = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
-        let_down = next((at for at in lifted if at > begin + _TOGETHER), None)
+        let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), None)
         end = min(after, begin + _LONGEST) if let_down is None else min(after, let_down)
         yield StruckNote(
             family,

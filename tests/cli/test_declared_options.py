@@ -10,7 +10,7 @@ from ergon.api.emulate import EmulationOptions
 from ergon.api.options import AccuracyOptions, FileOptions, PlayOptions, SessionOptions
 from ergon.cli import options
 from ergon.cli.app import group
-from ergon.common.option import Choice, Number, Option, Quantities, Text, Whole, option
+from ergon.common.option import Choice, Number, Option, Quantities, Text, Integer, option
 
 COMMANDS = {
     "render": FileOptions,
@@ -33,7 +33,7 @@ def declared(declaring: type) -> dict[str, Option]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_declared_declarationis_one_of_its_command(name):
+def test_declared_options_of_each_command(name):
     shown = parameters(name)
     for field, declaration in declared(COMMANDS[name]).items():
         if field not in ELSEWHERE.get(name, ()):
@@ -54,7 +54,7 @@ def test_command_and_library_have_the_same_defaults(name):
 @pytest.mark.parametrize(
     ("accepts", "text", "value"),
     [
-        (Whole(1, 9), "9", 9),
+        (Integer(1, 9), "9", 9),
         (Number(0, 10, "FORCE"), "200mN", 0.2),
         (Quantities(("MASS",)), "5g", 0.005),
         (Quantities(("FORCE", "SPEED"), "80mN 4mm/s"), "80mN 4mm/s", (0.08, 0.004)),

@@ -29,7 +29,7 @@ def played(folder: Path, *words: str) -> np.ndarray:
     return sound[:, 0]
 
 
-def test_it_stops_at_a_position_and_is_the_same_up_to_there(tmp_path: Path):
+def test_play_until_a_position(tmp_path: Path):
     complete = played(tmp_path)
     part = played(tmp_path, "--until", "3|1")
     assert len(part) == 2 * 8000
@@ -46,7 +46,7 @@ def test_it_stops_at_a_position_and_is_the_same_up_to_there(tmp_path: Path):
         (("--until", "Q"), "unknown mark 'Q'"),
     ],
 )
-def test_an_end_before_the_beginning_is_refused(tmp_path: Path, words, message):
+def test_play_until_before_from(tmp_path: Path, words, message):
     (tmp_path / "score.yaml").write_text(SCORE, encoding="utf-8")
     done = forked(["play", "score.yaml", "--audio", "file:out.wav", *words], tmp_path)
     assert done.returncode == 2

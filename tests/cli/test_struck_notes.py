@@ -56,7 +56,7 @@ def seconds(beat: float) -> float:
     return 4.0 + 60 * 6 / 60 * log(1 + x * 60 / (6 * 60)) + max(0.0, beat - 12) * 0.5
 
 
-def test_the_notes_are_in_the_exported_midi(score: Path):
+def test_exported_midi_with_notes(score: Path):
     out = score.parent / "daw"
     done = forked(["export", "score.yaml", "-o", "daw", "--no-stems"], score.parent)
     assert done.returncode == 0, done.stderr
@@ -87,7 +87,7 @@ def by_place(note: tuple[float, int, int, int]) -> tuple[int, float, int]:
     return note[1], round(note[0], 2), note[2]
 
 
-def test_notes_are_drawn_as_bars_of_their_pitch_and_length(score: Path):
+def test_svg_of_notes(score: Path):
     picture = score.parent / "notes.svg"
     done = forked(["plot", "score.yaml", "notes", "--svg", "notes.svg"], score.parent)
     assert done.returncode == 0, done.stderr

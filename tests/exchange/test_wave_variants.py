@@ -133,7 +133,7 @@ def test_wave_files_with_samples_in_longer_words_are_refused(tmp_path: Path) -> 
         sound.read_info(path)
 
 
-def test_what_channels_are_may_stand_behind_the_samples(tmp_path: Path) -> None:
+def test_adm_chunks_behind_samples(tmp_path: Path) -> None:
     """As the EBU renderer and mixing desks write it."""
     described = adm.chunks(adm.ChannelLayout(((30.0, 0.0, 2.0), (-30.0, 0.0, 2.0))), "x")
     fmt = _chunk(b"fmt ", struct.pack("<HHIIHH", 1, 2, 8000, 32000, 4, 16))

@@ -78,7 +78,7 @@ def test_energies_of_the_axes_of_a_point_in_space():
     assert energy(SPACE)[700] == pytest.approx(0.5 * 2e-3 * 25.0, rel=1e-6)
 
 
-def test_level_of_an_energy_is_a_tenth_of_full_scale_at_a_millijoule():
+def test_level_of_a_millijoule():
     text = FREE + "mix: {master: {gain: 0dB}, route: [{from: a, to: 1, highpass: 0.001Hz}]}\n"
     built = ergon.render("x.yaml", ergon.RenderOptions(text=text))
     assert built.frames[2000, 0] == pytest.approx(0.125, rel=1e-3)
@@ -96,7 +96,7 @@ def test_outputs_that_have_no_energy_are_refused():
     assert found(text.replace("SOE: m", "SOE: r")) == [("E304", 5, message)]
 
 
-def test_an_energy_goes_to_no_loudspeaker_by_place_and_radiates_nothing():
+def test_energy_with_nearest_and_radiate():
     def messages(route: str) -> list[str]:
         mix = f"mix: {{layout: layouts/stereo.yaml, route: [{{from: bell, {route}}}]}}\n"
         return [message for _, _, message in found(CEL + mix)]
@@ -107,7 +107,7 @@ def test_an_energy_goes_to_no_loudspeaker_by_place_and_radiates_nothing():
     assert messages("to: 1, radiate: {distance: 2m, radius: 5cm}") == [radiated]
 
 
-def test_an_energy_is_refused_by_exports():
+def test_exports_of_energy():
     with pytest.raises(ModelError, match="bell: the energy of m is not written yet"):
         faust_programs("x.yaml", ExportOptions(text=CEL))
 

@@ -42,7 +42,7 @@ def _runs(stepped):
     return [row["beat"] for row in rows if row["event"] == "commit" and row["number"] in lines]
 
 
-def test_a_block_is_written_in_the_score_and_its_name_runs_it(stepped):
+def test_def_block_and_run_by_name(stepped):
     stepped.ok(FILL)
     assert stepped.session.schedule.head.piece.blocks == {
         "fill": ("ada plays knock every 1/2 times 2", "ada do scale 1.2")
@@ -61,7 +61,7 @@ def test_a_block_is_written_in_the_score_and_its_name_runs_it(stepped):
     assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_block_runs_every_so_often_until_it_is_stopped(stepped):
+def test_block_with_every_until_stop(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("play")
     stepped.run(0.1)
@@ -80,7 +80,7 @@ def test_a_block_runs_every_so_often_until_it_is_stopped(stepped):
     assert np.abs(stepped.sound).max() > 1e-6
 
 
-def test_a_block_runs_where_a_condition_holds(stepped):
+def test_block_with_when_condition(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("when bar % 4 == 3 fill now")
     stepped.ok("play")
@@ -93,7 +93,7 @@ def test_a_block_runs_where_a_condition_holds(stepped):
     assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_line_typed_before_the_beat_stops_a_run_that_is_queued(stepped):
+def test_stop_of_queued_block_run(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("play")
     stepped.ok("fill every 1bar now")
@@ -106,7 +106,7 @@ def test_a_line_typed_before_the_beat_stops_a_run_that_is_queued(stepped):
     assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_runs_are_not_in_the_history_and_undo_ends_the_rule(stepped):
+def test_undo_of_block_rule(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("play")
     stepped.ok("fill every 1bar now")
@@ -128,7 +128,7 @@ def test_runs_are_not_in_the_history_and_undo_ends_the_rule(stepped):
     assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_resumed_session_goes_on_with_its_rules(stepped):
+def test_resume_with_block_rules(stepped):
     stepped.ok(FILL)
     stepped.ok("play")
     stepped.ok("when bar % 2 == 0 fill now")
@@ -146,7 +146,7 @@ def test_a_resumed_session_goes_on_with_its_rules(stepped):
     third.close()
 
 
-def test_a_jump_and_a_stop_leave_no_run_behind(stepped):
+def test_jump_and_stop_with_block_rules(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("play")
     stepped.ok("fill every 1bar now")
@@ -161,7 +161,7 @@ def test_a_jump_and_a_stop_leave_no_run_behind(stepped):
     assert _runs(stepped)[-1] == pytest.approx(8.0, abs=0.01)
 
 
-def test_what_is_renamed_is_renamed_in_blocks_and_a_block_runs_on(stepped):
+def test_rename_within_running_block(stepped):
     stepped.ok(FILL)
     stepped.ok("def soft: ada plays (knock lean)*2 every 1")
     stepped.ok("fill every 1bar")
@@ -200,7 +200,7 @@ def _n_calls(stepped, line):
         ["knock every 1/2 times 2", "(knock lean)*2 every 1/4 times 1"],
     ),
 )
-def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, source):
+def test_line_cost_after_many_block_runs(tmp_path, part, source):
     text = EMPTY.replace("  ada: []\n", part + "  bo: []\n")
     text = text.replace("players:\n", "players:\n  bo: {key: k1}\n")
     player_session = Stepped(text, tmp_path, keeps=False)
@@ -217,7 +217,7 @@ def test_a_line_costs_the_same_however_often_a_block_ran(tmp_path, part, source)
     player_session.close()
 
 
-def test_hush_and_panic_end_rules(stepped):
+def test_hush_and_panic_with_block_rules(stepped):
     stepped.ok("def fill: ada plays knock times 1")
     stepped.ok("fill every 1bar now")
     stepped.ok("play")
@@ -234,7 +234,7 @@ def test_hush_and_panic_end_rules(stepped):
     assert np.array_equal(stepped.again(), stepped.sound)
 
 
-def test_a_block_that_cannot_run_is_told_once(stepped):
+def test_failing_block_with_one_message(stepped):
     stepped.ok("tilt = 0@0 smooth 3@1/4 smooth 0@1/2")
     stepped.ok("def fill: ada plays tilt times 1")
     stepped.ok("remove tilt")
@@ -269,7 +269,7 @@ def test_a_block_that_cannot_run_is_told_once(stepped):
         ("when bar % 4 == 3 nil", "'nil' is not a block"),
     ],
 )
-def test_what_is_no_block_is_refused(stepped, line, message):
+def test_def_block_with_mistakes(stepped, line, message):
     reply = stepped.type(line)
     assert not reply.taken
     assert message in reply.text
@@ -290,7 +290,7 @@ def test_what_is_no_block_is_refused(stepped, line, message):
         ("fill evry 2bar", "unknown verb", None),
     ],
 )
-def test_a_rule_says_what_is_wrong(stepped, line, message, try_):
+def test_block_rule_with_mistakes(stepped, line, message, try_):
     stepped.ok("def fill: ada plays knock")
     reply = stepped.type(line)
     assert not reply.taken
@@ -298,7 +298,7 @@ def test_a_rule_says_what_is_wrong(stepped, line, message, try_):
     assert reply.try_ == try_
 
 
-def test_a_block_in_a_score_holds_only_what_a_block_may(tmp_path):
+def test_blocks_section_with_mistakes(tmp_path):
     player_session = Stepped(EMPTY + "blocks: {fill: [load other.yaml], tilt: [fill]}\n", tmp_path)
     assert (
         "line 1 of fill: a block cannot hold 'load other.yaml'" in player_session.type("fill").text
@@ -307,7 +307,7 @@ def test_a_block_in_a_score_holds_only_what_a_block_may(tmp_path):
     player_session.close()
 
 
-def test_enter_ends_a_block_after_end_or_a_blank_line(stepped):
+def test_enter_after_block_end(stepped):
     is_whole = stepped.session.is_whole
     assert not is_whole("def fill:")
     assert not is_whole("def fill:\n  ada plays knock")
@@ -316,7 +316,7 @@ def test_enter_ends_a_block_after_end_or_a_blank_line(stepped):
     assert is_whole("def fill: ada plays knock")
 
 
-def test_lines_below_a_block_are_lines_of_their_own(stepped):
+def test_paste_of_block_and_lines(stepped):
     stepped.ok(f"{FILL}\nmute bell\ndef tilt:\n  unmute bell\n\nfill every 4bar")
     head = stepped.session.schedule.head
     assert set(head.piece.blocks) == {"fill", "tilt"}
@@ -364,7 +364,7 @@ def test_when_a_rule_runs():
     assert parse_condition("beat == 2").runs_at_start(tempo, 1.0 + SAME / 2)
 
 
-def test_what_a_journal_keeps_of_a_rule_is_read_as_it_was():
+def test_journal_of_block_rule():
     for text in ("every 4bar", "when bar % 4 == 3 and beat != 2"):
         assert parse_trigger(text).text == text
     with pytest.raises(TextError):
@@ -401,7 +401,7 @@ def _any_line(chance):
 
 
 @pytest.mark.parametrize("seed", few(range(6), [0, 1]))
-def test_random_sets_with_blocks_render_to_the_bit(tmp_path, seed):
+def test_journals_of_random_block_sessions(tmp_path, seed):
     chance = random.Random(seed)
     player_session = Stepped(EMPTY, tmp_path)
     player_session.ok("play")

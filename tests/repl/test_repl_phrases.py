@@ -115,7 +115,7 @@ def test_a_phrase_is_redefined_while_it_plays_saved_kept_and_resumed(stepped_ses
     assert np.array_equal(again.again(), again.sound)
 
 
-def test_a_block_defines_a_phrase_and_plays_it(stepped_session):
+def test_block_with_phrase(stepped_session):
     stepped_session.ok("def fill:\n  phrase two 0 C4, 1/2 D4 to harp\n  hook strikes two\nend")
     stepped_session.ok("fill every 1bar now")
     stepped_session.run(3.5)

@@ -76,7 +76,7 @@ def test_quarter_tones_and_transposing_instruments(tmp_path):
 
 
 @pytest.mark.parametrize("stop", ['<tie type="stop"/>', ""])
-def test_ties_join_over_the_bar_line(tmp_path, stop):
+def test_ties_over_the_bar_line(tmp_path, stop):
     tie = '<tie type="start"/>'
     path = written(tmp_path, part(note("C", 4, 8, tie), note("C", 4, 2, stop) + note("C", 4, 6)))
     assert played(path) == [(0.0, "C4", 5.0), (5.0, "C4", 3.0)]
@@ -168,7 +168,7 @@ def strengths(path: Path) -> list[float | None]:
     return [n.strength and round(7 * n.strength, 6) for n in notes_of(path, None)[0]]
 
 
-def test_dynamics_hold_and_hairpins_lead_from_one_to_the_next(tmp_path):
+def test_dynamics_and_hairpins(tmp_path):
     four = [note(step, 4, 2) for step in "CDEF"]
     first = four[0] + mark("p") + "".join(four[1:])
     second = wedge("crescendo") + "".join(four) + wedge("stop")
@@ -186,7 +186,7 @@ def test_accents_sforzati_and_fortepiano(tmp_path):
     assert strengths(path) == [5, 4, 5, 4, 5, 2]
 
 
-def test_tempos_and_meters_are_in_quarters(tmp_path):
+def test_tempos_and_meters_in_quarters(tmp_path):
     metronome = "<metronome><beat-unit>quarter</beat-unit><beat-unit-dot/>"
     metronome = direction(f"{metronome}<per-minute>60</per-minute></metronome>")
     time = "<attributes><time><beats>3+2</beats><beat-type>8</beat-type></time></attributes>"
@@ -196,27 +196,27 @@ def test_tempos_and_meters_are_in_quarters(tmp_path):
     assert [(at, str(meter)) for at, meter in meters_of(path)] == [(0.0, "4/4"), (4.0, "3+2/8")]
 
 
-def test_an_upbeat_begins_in_a_whole_bar(tmp_path):
+def test_meters_with_an_upbeat(tmp_path):
     text = part(note("G", 4, 2), note("C", 5, 8)).replace(
         '<measure number="1">', '<measure number="0" implicit="yes">'
     )
     assert played(written(tmp_path, text)) == [(3.0, "G4", 1.0), (4.0, "C5", 4.0)]
 
 
-def test_an_incomplete_bar_has_a_meter_of_its_own(tmp_path):
+def test_meters_with_an_incomplete_bar(tmp_path):
     path = written(tmp_path, part(note("C", 4, 8), note("D", 4, 4), note("E", 4, 8), B))
     texts = [(at, str(meter)) for at, meter in meters_of(path)]
     assert texts == [(0.0, "4/4"), (4.0, "2/4"), (6.0, "4/4")]
 
 
-def test_grace_notes_come_before_the_beat(tmp_path):
+def test_grace_notes_before_the_beat(tmp_path):
     grace = note("D", 5, 0).replace("<note>", "<note><grace/>")
     grace = grace.replace("<duration>0</duration>", "")
     path = written(tmp_path, part(note("C", 5, 4) + grace + note("E", 5, 4)))
     assert played(path) == [(0.0, "C5", 2.0), (2.0 - 1 / 12, "D5", 1 / 12), (2.0, "E5", 2.0)]
 
 
-def test_what_nothing_plays_is_counted(tmp_path):
+def test_counts_of_unplayed_elements(tmp_path):
     drum = "<note><unpitched/><duration>2</duration></note>"
     trill = note("C", 4, 2, "<notations><ornaments><trill-mark/></ornaments></notations>")
     score = read_score(written(tmp_path, part(drum + trill + direction("<words>rit.</words>"))))
@@ -224,7 +224,7 @@ def test_what_nothing_plays_is_counted(tmp_path):
     assert counts == {"unpitched note": 1, "ornament": 1, "direction": 1}
 
 
-def test_compressed_utf_16_and_timewise_files_are_the_same(tmp_path):
+def test_compressed_utf_16_and_timewise_files(tmp_path):
     plain = written(tmp_path, part(A, B), part(C, D, name="P2"))
     text = plain.read_text(encoding="utf-8")
     wide = tmp_path / "wide.xml"
@@ -267,14 +267,14 @@ def bomb() -> bytes:
         (bomb(), "more than 16 MB"),
     ],
 )
-def test_files_of_strangers_are_refused_in_a_sentence(tmp_path, content, words):
+def test_hostile_musicxml_files(tmp_path, content, words):
     path = tmp_path / "tune.xml"
     path.write_bytes(content)
     with pytest.raises(TakeError, match=f"(?i){words}"):
         notes_of(path, None)
 
 
-def test_a_part_that_is_not_there_names_those_that_are(tmp_path):
+def test_missing_part_of_musicxml(tmp_path):
     path = written(tmp_path, part(A), part(B, name="P2"))
     assert [n.word for n in notes_of(path, "Voice 2")[0]] == ["B4"]
     with pytest.raises(TakeError, match=r"part P7 is not there; .* P1 \(Voice 1\), P2"):
@@ -297,7 +297,7 @@ render: {tail: 1s}
 """
 
 
-def test_a_score_plays_it_at_its_tempo_and_levels(tmp_path):
+def test_score_with_musicxml_take(tmp_path):
     first = '<sound tempo="60"/>' + mark("ppp") + note("C", 4, 4) + mark("fff") + note("E", 4, 4)
     written(tmp_path, part(first, note("G", 4, 8)), part(B, name="P2"))
     result = load(tmp_path / "score.yaml", text=SCORE)

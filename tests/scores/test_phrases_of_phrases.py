@@ -27,7 +27,7 @@ def hits(phrases: str) -> list[tuple[float, str, float]]:
     return sorted(rows)
 
 
-def test_a_phrase_begins_where_an_entry_names_it():
+def test_phrase_named_by_an_entry():
     inner = "  turn: {to: cell, entries: [{at: 0, what: C4, impulse: 2mNs}, {at: 1/2, what: D4}]}\n"
     line = "  line: {to: cell, entries: [{at: 0, what: turn}, {at: 2, what: E4, impulse: 9mNs},"
     line += " {at: 3, what: turn}]}\n"
@@ -40,7 +40,7 @@ def test_a_phrase_begins_where_an_entry_names_it():
     ]
 
 
-def test_its_own_instrument_length_and_transformations_stay():
+def test_named_phrase_with_instrument_length_and_do():
     inner = "  boom: {to: gong, length: 3, do: [stretch 2], entries: [{at: 0, what: A2,"
     inner += " impulse: 1mNs}, {at: 1, what: B2}]}\n"
     line = "  line: {to: cell, entries: [{at: 1, what: boom}]}\n"
@@ -49,7 +49,7 @@ def test_its_own_instrument_length_and_transformations_stay():
     assert song.length.beats == 7.0  # 1 and 3 stretched to 6
 
 
-def test_a_level_beside_it_is_that_of_entries_that_say_none():
+def test_level_beside_named_phrase():
     inner = "  turn: {to: cell, entries: [{at: 0, what: C4}, {at: 1, what: D4, impulse: 7mNs}]}\n"
     line = (
         "  line: {to: cell, entries: [{at: 0, what: turn, impulse: 3mNs}, {at: 2, what: turn}]}\n"
@@ -59,7 +59,7 @@ def test_a_level_beside_it_is_that_of_entries_that_say_none():
 
 
 @pytest.mark.parametrize("is_table", [True, False])
-def test_an_arrow_leads_strike_by_strike_to_the_next_level(is_table):
+def test_arrow_between_levels(is_table):
     if is_table:
         rows = ["0 C4 p ->", "1 D4", "5 E4", "6 F4 f ->", "7 G4", "8 A4 pp", "9 B4"]
         line = "  line: {to: cell, entries: |\n".replace("{to: cell, entries: |", "")
@@ -80,7 +80,7 @@ def test_an_arrow_leads_strike_by_strike_to_the_next_level(is_table):
     assert steps == [2, 3, 4, 5, 3, 1, 1]
 
 
-def test_a_line_beside_entries_leads_from_the_first_to_the_last():
+def test_impulse_line_of_entries():
     rows = ", ".join(f"{{at: {n}, what: C4}}" for n in range(4))
     steps = [
         round(7 * s, 6)
@@ -119,7 +119,7 @@ def test_mistakes_are_told_once(phrases, code, words):
     assert words in reports[0][1]
 
 
-def test_an_arrow_without_a_level_is_refused_in_its_place():
+def test_arrow_without_a_level():
     line = "  line:\n    to: cell\n    entries: |\n      0 C4 ->\n      1 D4 f\n"
     ((code, position, message),) = [r for r in found(HEAD + line) if r[0][0] == "E"]
     assert (code, position) == ("E204", 14)

@@ -87,7 +87,7 @@ def test_labels_cover_no_other(chromium: browser.Browser, url: str) -> None:
                     assert across <= 2 or down <= 3, (view, name, other)
 
 
-def test_light_for_a_projector(chromium: browser.Browser, url: str) -> None:
+def test_contrast_in_projector_mode(chromium: browser.Browser, url: str) -> None:
     """Contrast by WCAG 2.2 against the background: what rests at the beginning is seen."""
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=0")
@@ -104,7 +104,7 @@ def test_light_for_a_projector(chromium: browser.Browser, url: str) -> None:
     assert (bright + 0.05).min() / (ground + 0.05) >= 4.5
 
 
-def test_the_view_in_the_dome_shows_loudspeakers(chromium: browser.Browser, url: str) -> None:
+def test_dome_view_with_loudspeakers(chromium: browser.Browser, url: str) -> None:
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=0")
         page.run("ergon.page.preset(1); ergon.page.one(0)")

@@ -27,7 +27,7 @@ pub struct Point {
 fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
     let frame = i64::try_from(frame).unwrap_or(i64::MAX);
     let next = points.partition_point(|point| point.frame <= frame);
-    let before = next.checked_sub(1).and_then(|at| points.get(at));
+    let before = next.checked_sub(1).and_then(|index| points.get(index));
     match (before, points.get(next)) {
         (Some(from), Some(to)) => {
             let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pan_turns_evenly_with_constant_power() {
+    fn pan_between_two_places() {
         let places = [point(0, -1.0, Way::Line), point(900, 1.0, Way::Line)];
         let channel = |side| Curve::new(Vec::new()).panned(Pan::new(places.to_vec(), side));
         let (first, second) = (channel(Side::First), channel(Side::Second));
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pan_and_levels_multiply() {
+    fn pan_with_levels() {
         let levels = vec![point(0, 0.5, Way::Line)];
         let middle = Pan::new(vec![point(0, 0.0, Way::Line)], Side::First);
         let gain = Curve::new(levels).panned(middle).at(7);

@@ -137,12 +137,12 @@ mod tests {
                 ratio: -0.5,
             };
             let mut echo = Delay::echoing(length, Some(echo));
-            let heard = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
-            heard.collect::<Vec<f64>>()
+            let echoed = (0..10).map(|i| echo.next(if i == 0 { 1.0 } else { 0.0 }));
+            echoed.collect::<Vec<f64>>()
         };
-        let heard = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];
-        assert_eq!(echoes(3), heard);
-        assert_eq!(echoes(5)[2..], heard[..8], "heard two frames later");
+        let expected = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.25];
+        assert_eq!(echoes(3), expected);
+        assert_eq!(echoes(5)[2..], expected[..8], "heard two frames later");
     }
 
     #[test]

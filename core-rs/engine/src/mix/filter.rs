@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_fall_by_three_decibels_at_their_cutoff() {
+    fn passes_at_their_cutoff() {
         for f in [50.0, 1000.0, 15_000.0] {
             let half = 10.0 * log10(0.5);
             assert!((level(Tone::Lowpass { f }, f) - half).abs() < 1e-6);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn shelves_reach_their_level_and_half_of_it_at_the_corner() {
+    fn shelves_at_corner_and_ends() {
         for (f, db) in [(200.0, 6.0), (3000.0, -12.0)] {
             let (low, high) = (
                 Tone::Lowshelf { f, level: db },
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shelf_of_zero_decibels_changes_nothing() {
+    fn shelf_of_zero_decibels() {
         let mut filter = Filter::new(
             Tone::Highshelf {
                 f: 900.0,

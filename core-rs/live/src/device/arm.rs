@@ -38,18 +38,18 @@ pub(super) fn with_arm(device: Box<dyn Device>, url: &Url) -> Result<Box<dyn Dev
 
 impl Arm {
     fn new(device: Box<dyn Device>, length: f64) -> Self {
-        let own = device.spec();
+        let axis_spec = device.spec();
         let spec = Spec {
             unit: Unit::Metre,
-            pos_lsb: own.pos_lsb * length,
-            pos_range: own.pos_range.map(|angle| angle * length),
-            force_max_continuous: own.force_max_continuous / length,
-            force_max_peak: own.force_max_peak / length,
-            force_lsb: own.force_lsb / length,
+            pos_lsb: axis_spec.pos_lsb * length,
+            pos_range: axis_spec.pos_range.map(|angle| angle * length),
+            force_max_continuous: axis_spec.force_max_continuous / length,
+            force_max_peak: axis_spec.force_max_peak / length,
+            force_lsb: axis_spec.force_lsb / length,
             // A moment of inertia J about the axis is a mass of J/r² at the arm's end; so is its friction.
-            inertia: own.inertia.map(|inertia| inertia / (length * length)),
-            damping: own.damping.map(|damping| damping / (length * length)),
-            ..own.clone()
+            inertia: axis_spec.inertia.map(|inertia| inertia / (length * length)),
+            damping: axis_spec.damping.map(|damping| damping / (length * length)),
+            ..axis_spec.clone()
         };
         Self {
             device,

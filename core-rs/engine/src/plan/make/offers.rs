@@ -16,21 +16,26 @@ const WORTH: f64 = 0.95;
 /// errors too.
 const UNHEARD: f64 = 0.5;
 
-/// Why a part that asks for a rate of its own does not get it, if its island is better without.
+/// Why a part that asks for a rate of its island_timeline does not get it, if its island is better without.
 const NO_GAIN: &str = "at every frame its island keeps the budget, or keeps it at less cost";
 
 impl Maker<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them or takes more steps a frame for
     /// it, and is within the budget without them, at less cost if both are.
-    pub(super) fn without_rates(&self, subset: &Subset, own: &OwnTimeline, slow: Solved) -> Solved {
+    pub(super) fn without_rates(
+        &self,
+        subset: &Subset,
+        island_timeline: &OwnTimeline,
+        slow: Solved,
+    ) -> Solved {
         let is_within = slow.is_within(self.budget);
         let is_doubtful = !is_within || slow.found.island.island_plan.oversampling > 1;
-        if slow.growth.is_none() || own.timeline.is_open || !is_doubtful {
+        if slow.growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
             return slow;
         }
         let refused_slow = multirate::refuse_all(subset, NO_GAIN);
         let plain = multirate::without_slow(subset, &refused_slow);
-        match self.solve(&plain, own, None) {
+        match self.solve(&plain, island_timeline, None) {
             Ok(plain)
                 if plain.is_within(self.budget) && !(is_within && slow.cost() <= plain.cost()) =>
             {
@@ -197,7 +202,9 @@ impl Solved {
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let audible = |solved: &Self| solved.found.error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
-            (Some(own), Some(other)) => own.excess(budget) <= other.excess(budget).max(1.0),
+            (Some(island_timeline), Some(other)) => {
+                island_timeline.excess(budget) <= other.excess(budget).max(1.0)
+            }
             _ => self.is_as_exact(other, budget),
         }
     }
@@ -206,8 +213,8 @@ impl Solved {
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let db = |solved: &Self| solved.found.error.map(|error| error.db);
         match (db(self), db(other)) {
-            (Some(own), Some(other)) => own <= other.max(budget.asked()),
-            (own, other) => own.is_none() == other.is_none(),
+            (Some(island_timeline), Some(other)) => island_timeline <= other.max(budget.asked()),
+            (island_timeline, other) => island_timeline.is_none() == other.is_none(),
         }
     }
 }
