@@ -10,6 +10,7 @@ import click
 from ergon.api import score
 from ergon.api.options import ReadOptions
 from ergon.common.sound_files import SUFFIXES, foreign_file
+from ergon.scores.reading.digest import digest_of
 
 from . import options
 from .bundled import PackedPath, is_pack
@@ -111,7 +112,10 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
         return
     if wav.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    if score.piece_of(score.read(source, ReadOptions(trust=trust), console)).digest() != wav.score:
+    if (
+        digest_of(score.piece_of(score.read(source, ReadOptions(trust=trust), console)))
+        != wav.score
+    ):
         raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
     console.say(f"{path} was rendered from {source} as it is now")
 
@@ -192,7 +196,7 @@ def _score(console: Console, path: str, trust: bool) -> None:
             "score",
             file=path,
             title=piece.title,
-            score_sha256=piece.digest(),
+            score_sha256=digest_of(piece),
             duration_s=duration,
             end=end,
             rate_hz=staged.rate,
@@ -208,5 +212,5 @@ def _score(console: Console, path: str, trust: bool) -> None:
         f"{plural(staged.network.n_lia, 'LIA')}",
     ]
     lines += [f"  {kind}: {', '.join(names)}" for kind, names in groups.items() if names]
-    lines.append(f"  sha256 {piece.digest()}")
+    lines.append(f"  sha256 {digest_of(piece)}")
     console.data("\n".join(lines) + "\n")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.common.shown_paths import shown
 from ergon.exchange.safe import MARK
+from ergon.scores.reading.digest import digest_of
 
 from . import score as scores
 from .errors import OptionError
@@ -116,7 +117,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "bound": None if duration is None else _core.motion_bound(),
         "title": piece.title,
         "score": shown(piece.place.file),
-        "score_sha256": piece.digest(),
+        "score_sha256": digest_of(piece),
         "plan_sha256": stage.plan.hash if stage.plan else None,
         "seed": piece.seed,
         "rate": stage.rate,

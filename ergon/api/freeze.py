@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
 from ergon.common.shown_paths import is_from_pack
+from ergon.scores.reading.digest import digest_of
 
 from . import score as scores
 from .errors import OptionError
@@ -160,7 +161,7 @@ def _source(loaded: Loaded, stage: Stage) -> Source:
     piece = scores.piece_of(loaded)
     return Source(
         title=piece.title,
-        score=piece.digest(),
+        score=digest_of(piece),
         seed=stage.piece.seed,
         rate=float(scores.whole_rate(stage.rate)),
         version=_core.__version__,
@@ -190,7 +191,7 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     def refused(reason: str) -> OptionError:
         return OptionError("frozen", reason, value=str(folder))
 
-    if source.score != piece.digest():
+    if source.score != digest_of(piece):
         raise refused(
             f"the score has changed since its parts were frozen; `{again}` freezes them again"
         )

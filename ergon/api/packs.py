@@ -22,6 +22,7 @@ from ergon.exchange.pack import (
     read_pack,
     write_files,
 )
+from ergon.scores.reading.digest import digest_of
 
 from . import score as scores
 from .errors import OptionError
@@ -137,7 +138,7 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
                 f"{pack.score}:{where}: {problem.message}; in a pack files are named relative to "
                 "the file that names them"
             )
-        if again.piece.digest() != scores.piece_of(loaded).digest():
+        if digest_of(again.piece) != digest_of(scores.piece_of(loaded)):
             raise PackError("the pack would be another piece: a file changed while it was packed")
 
 

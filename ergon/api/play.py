@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
+from ergon.scores.reading.digest import digest_of
 
 from . import freeze
 from . import score as scores
@@ -225,7 +226,7 @@ def _about(
     return {
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
-        "score": {"sha256": piece.digest(), "title": piece.title},
+        "score": {"sha256": digest_of(piece), "title": piece.title},
         "seed": piece.seed if options.seed is None else options.seed,
         "plan": stage.plan.hash if stage.plan else "",
         "level": level_header(config),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ergon.common.errors import ErgonError
 from ergon.common.report import Report
+from ergon.scores.reading.digest import digest_of
 
 from . import score as scores
 from .errors import DivergedError, OptionError
@@ -73,7 +74,7 @@ def render_journal(
         level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
         stamp=Stamp(
             piece.title,
-            piece.digest(),
+            digest_of(piece),
             plan.hash if plan else "",
             chunks_of_layout(piece.mix.layout, again.n_channels, piece.title),
         ),

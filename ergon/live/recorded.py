@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.rendering.level import Level
+from ergon.scores.reading.digest import digest_of
 
 from .perform import PlaybackConfig
 
@@ -99,7 +100,7 @@ def _warnings(recording: _core.Recording, description: dict[str, Any], piece: Pi
     warnings = []
     score = description.get("score")
     digest = score.get("sha256") if isinstance(score, dict) else None
-    if digest is not None and digest != piece.digest():
+    if digest is not None and digest != digest_of(piece):
         warnings.append("the score has changed since the recording: it will sound differently")
     if description.get("seed", piece.seed) != piece.seed:
         warnings.append(

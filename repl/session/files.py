@@ -15,6 +15,7 @@ from ergon.repl.session.disk import file_bytes, folder_of, target_path
 from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import excerpt, parts
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.staging.automating import value_on
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def _check_written(
     left = {file: text for file, text in texts.overlay.items() if file not in changed}
     text = files.get(str(score), texts.text)
     there = Texts(str(score), text, {**left, **files}, sealed=True).load().piece
-    if there is None or there.digest() != piece_of(texts).digest():
+    if there is None or digest_of(there) != digest_of(piece_of(texts)):
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
             f"the changes to {names} would be lost in {score.name}; `save` without a name writes "

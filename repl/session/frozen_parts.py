@@ -15,7 +15,7 @@ from ergon.exchange.frozen import read as read_manifest
 from ergon.notation.text.files import is_below
 from ergon.repl.session.journal import JournalEvent
 from ergon.repl.session.struck_places import strike_points
-from ergon.scores.reading.piece import digest_of, is_same
+from ergon.scores.reading.digest import digest_of, is_same
 from ergon.scores.staging.frozen_content import content, joined
 from ergon.scores.staging.stage import Placed
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from ergon._core import EngineError, UnstableError
 from ergon.notation.text.errors import Collector
-from ergon.scores.reading.piece import Piece, is_same
+from ergon.scores.reading.digest import is_same
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.refusals import refused
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from ergon.scores.edits.structure import definition_path
 from ergon.scores.edits.texts import Texts
 from ergon.scores.pattern import words
 from ergon.scores.pattern.rhythm_text import WORD
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.melody import Entries, WhatShape
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.rhythms import RHYTHM
@@ -69,7 +70,7 @@ def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
     """
     piece_after = changed.load().piece
     back = None if piece_after is None else SoundingNames({new: old}).piece(piece_after)
-    if back is None or replace(back, takes={}).digest() != replace(piece, takes={}).digest():
+    if back is None or digest_of(replace(back, takes={})) != digest_of(replace(piece, takes={})):
         raise EditError(
             f"`rename` cannot find every use of {old}, so nothing was changed; rename it in the "
             "file, then type `load`"

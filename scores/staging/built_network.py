@@ -10,7 +10,8 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.module_kinds import member_count
 from ergon.notation.clock.shifted import OffsetTempoMap
-from ergon.scores.reading.piece import Piece, is_same_matter
+from ergon.scores.reading.digest import is_same_matter
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import Listening, fades, listen
 
 COUPLING_ENDED = -math.inf  # the end of a coupling that acts no longer

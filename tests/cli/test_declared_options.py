@@ -10,7 +10,7 @@ from ergon.api.emulate import EmulationOptions
 from ergon.api.options import AccuracyOptions, FileOptions, PlayOptions, SessionOptions
 from ergon.cli import options
 from ergon.cli.app import group
-from ergon.common.option import Choice, Number, Option, Quantities, Text, Integer, option
+from ergon.common.option import Choice, Integer, Number, Option, Quantities, Text, option
 
 COMMANDS = {
     "render": FileOptions,

@@ -3,6 +3,8 @@
 import pytest
 from checked import check, codes, found
 
+from ergon.scores.reading.digest import digest_of
+
 NETWORK = """\
 ergon: 1
 instruments:
@@ -93,7 +95,7 @@ def law(fields: str) -> str:
 
 def test_points_of_a_law_have_units():
     bare, written = (
-        check(law(f"points: {points}")).piece.digest()
+        digest_of(check(law(f"points: {points}")).piece)
         for points in ("[[-0.001, -2], [0, 0]]", "[[-1mm, -2N], [0, 0]]")
     )
     assert bare == written

@@ -8,6 +8,7 @@ from checked import check
 from commands import records
 
 from ergon.cli import app
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
 
@@ -40,7 +41,7 @@ def test_a_key_goes_at_the_rate_of_gestures_or_at_its_own():
     assert faster.keys["k1"].every == 24
     bell = piece(HEAD + KEYS + REST.replace("{modules: {m:", "{rate: 22050Hz, modules: {m:"))
     assert (bell.keys["k1"].every, bell.instruments["bell"].every) == (1, 2)
-    assert plain.digest() != bell.digest()
+    assert digest_of(plain) != digest_of(bell)
 
 
 @pytest.mark.parametrize(

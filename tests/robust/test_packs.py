@@ -14,6 +14,7 @@ import pytest
 
 from ergon.cli import app
 from ergon.exchange.pack import BYTES_MAX, FILES_MAX, Pack, PackError, pack_bytes, read_pack
+from ergon.scores.reading.digest import digest_of
 
 SCORE = """\
 ergon: 1
@@ -136,14 +137,14 @@ def test_packed_instrument_comes_before_that_of_a_later_library(
 
     packed(capsys)
     assert app.run(["unpack", "piece.ergonpack"]) == 0
-    digest = load("one/pieces/piece.yaml").piece.digest()
+    digest = digest_of(load("one/pieces/piece.yaml").piece)
     later = tmp_path / "later"
     later.mkdir()
     (later / "bells.yaml").write_text("nonsense: [")
     monkeypatch.setitem(files._LIBRARY, "instruments", later)
     monkeypatch.setattr(bounds, "INSTRUMENTS", later)
     assert load("one/pieces/piece.yaml").piece is None
-    assert load("piece/pieces/piece.yaml").piece.digest() == digest
+    assert digest_of(load("piece/pieces/piece.yaml").piece) == digest
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.pattern.values import SCALES, parse_values
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.automating import GLIDE, automation_points
@@ -301,7 +302,7 @@ def test_mistakes_are_told(line, code, words):
 
 def test_automation_is_part_of_what_a_score_says():
     first, other = piece("{set: bell.m.f, to: A3, every: 1, at: 1|1}"), piece("")
-    assert first.digest() != other.digest()
+    assert digest_of(first) != digest_of(other)
     assert prepare(other).paths == {}
     spans = [Span(first, Window(0.0, 4.0))]
     assert prepare(first, spans=spans).paths.keys() == {("bell", "m")}

@@ -13,6 +13,7 @@ from ergon.notation.text import document
 from ergon.notation.text.memory import Memory
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automation, build, matter
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import Loaded, load
 
 _LIBRARY = Path(__file__).parents[2] / "scores" / "library"
@@ -95,7 +96,7 @@ def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> 
             assert _told(saved) == _told(new)
         else:
             assert saved.piece is not None
-            assert saved.piece.digest() == new.piece.digest()
+            assert digest_of(saved.piece) == digest_of(new.piece)
             for item, other in zip(saved.piece.starts, new.piece.starts, strict=True):
                 assert (item and item[:20]) == (other and other[:20])
 
@@ -207,7 +208,7 @@ def test_entries_are_read_again_only_if_they_or_their_modules_change(monkeypatch
         assert loaded.piece is not None, loaded.diagnostics
         fresh = load("a.yaml", text=text).piece
         assert fresh is not None
-        assert loaded.piece.digest() == fresh.digest()
+        assert digest_of(loaded.piece) == digest_of(fresh)
         return counts["automation"] - len(fresh.automation), counts["strikes"] - len(fresh.strikes)
 
     memory, text = Texts("a.yaml", "").memory, _played(20)

@@ -9,6 +9,7 @@ import pytest
 from ergon.scores.edits import times
 from ergon.scores.edits.excerpt import keep
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import stage
@@ -138,7 +139,7 @@ def test_content_of_file_counts_for_digest(tmp_path):
     digests = []
     for micros in (500_000, 500_001, 500_000):
         midi_files.save(tmp_path / "tune.mid", [midi_files.tempo(0, micros)], notes)
-        digests.append(piece_of(tmp_path, BOTH).digest())
+        digests.append(digest_of(piece_of(tmp_path, BOTH)))
     assert digests[0] == digests[2] != digests[1]
 
 

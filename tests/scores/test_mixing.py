@@ -6,6 +6,7 @@ from checked import check, codes, found
 from scipy.signal import lfilter
 from sessions import Stepped
 
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
@@ -46,7 +47,7 @@ def heard(text: str, n_frames: int = 30_000) -> np.ndarray:
 
 
 def digest(text: str) -> str:
-    return check(text).piece.digest()
+    return digest_of(check(text).piece)
 
 
 @pytest.mark.parametrize(("pan", "gains"), [(-1, (1, 0)), (0, (0.5**0.5,) * 2), (0.28, (0.6, 0.8))])

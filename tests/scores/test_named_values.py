@@ -14,6 +14,7 @@ from ergon.notation.tables.shapes import MISSING, Context, Shape, Text
 from ergon.notation.text.document import Mapping, compose
 from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.memory import Memory
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.sections import SCORE as TABLE
 
@@ -70,7 +71,7 @@ def test_named_values_say_what_plain_ones_say():
     plain, named = read().piece, read(LET, **NAMED)
     assert plain is not None
     assert named.piece is not None, named.diagnostics
-    assert named.piece.digest() == plain.digest()
+    assert digest_of(named.piece) == digest_of(plain)
 
 
 def test_a_glide_ends_at_a_named_value():
@@ -81,7 +82,7 @@ def test_a_glide_ends_at_a_named_value():
     plain, named = glide("A2").piece, glide("low + 7st").piece
     assert plain is not None
     assert named is not None
-    assert named.digest() == plain.digest()
+    assert digest_of(named) == digest_of(plain)
     [wrong] = glide("loww + 7st").diagnostics
     assert wrong.suggestion == "low"
 
@@ -133,7 +134,7 @@ def test_a_note_is_the_note_that_is_written():
             plain, named = read(pitch=here).piece, read(pitch=f"{here} + 0st").piece
             assert plain is not None
             assert named is not None, there
-            assert plain.digest() == named.digest()
+            assert digest_of(plain) == digest_of(named)
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,9 @@
 import pytest
 from one_bell import SCORE
 
+from ergon.scores.reading.digest import is_same_matter
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Piece, is_same_matter
+from ergon.scores.reading.piece import Piece
 
 
 def piece(text: str) -> Piece:

@@ -8,6 +8,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from ergon.notation.text.errors import Diagnostic
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece, SoundInput
 from ergon.scores.staging.refusals import StageError
@@ -197,8 +198,8 @@ def test_a_file_at_another_rate_goes_to_that_of_the_score(work_folder: Path):
 
 def test_scores_without_inputs_keep_their_digest(work_folder: Path):
     soundfile.write("x.wav", np.linspace(-0.5, 0.5, 9), RATE, subtype="PCM_16")
-    plain = read(text("file: x.wav", "ENX")).digest()
-    other = read(text("input: 1, gain: 1m, file: x.wav", "ENX")).digest()
+    plain = digest_of(read(text("file: x.wav", "ENX")))
+    other = digest_of(read(text("input: 1, gain: 1m, file: x.wav", "ENX")))
     assert plain != other
     # As it was before there were inputs.
     assert plain == "c2fdf2e9e89ad00464cc07c163e19c045c279b17c19b3b4a73e7651d8084bb92"

@@ -19,6 +19,7 @@ from ergon.notation.tables.tuning import Tuning, used
 from ergon.repl.language.commands import MapNotes
 from ergon.repl.session.midi_maps import struck_by
 from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
 from ergon.scores.staging.preparing import prepare
 
@@ -227,12 +228,12 @@ def test_digest_is_that_of_the_frequencies(tmp_path):
 
     def digest(tuning: str) -> str:
         text = score(tuning, ["C4", "A4"]).replace("render", rhythm, 1)
-        return checked(text, tmp_path).piece.digest()
+        return digest_of(checked(text, tmp_path).piece)
 
     plain = digest("")
     assert plain == digest("A4: 440Hz, edo: 12") != digest("A4: 442Hz")
     text = score("", ["C4", "A4"]).replace("render", rhythm, 1).replace("tuning: {}\n", "")
-    assert checked(text, tmp_path).piece.digest() == plain == DIGEST
+    assert digest_of(checked(text, tmp_path).piece) == plain == DIGEST
 
 
 def test_instruments_of_other_files_keep_their_tuning(tmp_path):

@@ -1,0 +1,163 @@
+"""What two pieces have in common whatever their text: digests of values, and their comparison."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from ergon.common.regular import file_digest
+from ergon.instruments.model import Instrument, Layout, Module, Target
+from ergon.instruments.module_kinds import HASH_OMITS_DEFAULTS
+from ergon.notation.clock.positions import Position
+from ergon.notation.tables.strengths import Level, Levels
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.values import Place, Point
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.reading.piece import (
+    Gesture,
+    Hit,
+    Key,
+    Piece,
+    PlayingOptions,
+    RenderSpec,
+    Strikes,
+    TakeFile,
+)
+from ergon.scores.reading.rhythms import Rhythm
+
+
+def is_same_matter(first: Piece, other: Piece) -> bool:
+    """Whether two pieces have the same modules, heard in the same way, whatever is played on them.
+
+    Text, comments and places do not count, as in `digest_of`; comparing digests would take
+    ten times as long.
+    """
+    return is_same(_matter_fields(first), _matter_fields(other))
+
+
+def is_same(first: Any, other: Any) -> bool:
+    """Whether two values of pieces have the same digest.
+
+    Fast, because most parts of two versions are the same object.
+    """
+    if first is other or first == other:
+        return True
+    if type(first) is not type(other):
+        return False
+    if isinstance(first, (tuple, list)):
+        return len(first) == len(other) and all(map(is_same, first, other))
+    if isinstance(first, Mapping):
+        return first.keys() == other.keys() and all(
+            is_same(first[key], other[key]) for key in first
+        )
+    if isinstance(first, (Key, Instrument)):
+        names = [f.name for f in fields(first) if f.name not in _NOT_VALUES.get(type(first), ())]
+        return all(is_same(getattr(first, name), getattr(other, name)) for name in names)
+    return [*_chunks(first)] == [*_chunks(other)]
+
+
+_matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
+
+
+def digest_of(value: Any) -> str:
+    """SHA-256 of a piece or of a value of one: of values, not of text, comments, order of names,
+    places or paths.
+
+    A file that is read while rendering counts by its content.
+    """
+    sha = hashlib.sha256()
+    for chunk in _chunks(value):
+        sha.update(chunk)
+    return sha.hexdigest()
+
+
+_NOT_VALUES = {  # places and texts do not count
+    Point: ("offset", "length"),
+    Transform: ("offset", "length"),
+    Gesture: ("bar_checks", "written"),
+    Module: ("places",),
+    TakeFile: ("places",),
+    Position: ("text",),
+    Target: ("text",),
+    Hit: ("what",),
+    Instrument: ("pitch", "acts", "loudness"),  # what they say is in strikes and routes
+    Layout: ("is_equidistant", "title", "outputs"),  # the file that is hashed by its path
+    Key: ("measured",),
+    # Fields that follow from the others, or that do not change what is computed.
+    Piece: (
+        *("tempo_map", "starts", "blocks", "families", "phrases", "available", "used"),
+        *("tuning", "tunings"),
+    ),
+    Rhythm: ("tuning",),
+    RenderSpec: ("file",),
+}
+
+
+# Type names in a digest do not change, because recordings and frozen parts carry digests of earlier
+# versions.
+_HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
+# Nor do names and values of fields: how strongly something is struck was a pair of impulses.
+_HASHED_FIELDS: Mapping[tuple[type, str], str] = {
+    (Strikes, "levels"): "impulse",
+    (Hit, "level"): "impulse",
+}
+
+
+def _hashed(value: Any) -> Any:
+    """What a digest has in place of levels: a pair of impulses, where that is what they are."""
+    if isinstance(value, Levels) and len(value.steps) == 1:
+        value = value.steps[0]
+    if isinstance(value, Level) and not value.is_strength:
+        return value.low, value.high
+    return value
+
+
+def _earlier(value: Any) -> Any:
+    """The fields of a module, without fields that were added later and have their defaults."""
+    if not isinstance(value, Mapping):
+        return value
+    return {
+        name: item
+        for name, item in value.items()
+        if name not in HASH_OMITS_DEFAULTS or item != HASH_OMITS_DEFAULTS[name]
+    }
+
+
+def _chunks(value: Any) -> Iterator[bytes]:
+    """A value as unambiguous bytes: every item says its type, every group its size."""
+    if is_dataclass(value) and not isinstance(value, type):
+        if isinstance(value, (Place, Scalar)):
+            return
+        skipped = _NOT_VALUES.get(type(value), ())
+        yield b"{" + _HASHED_AS.get(type(value), type(value).__name__).encode()
+        for f in fields(value):
+            is_omitted = f.metadata.get("hash_omits_empty") and not getattr(value, f.name)
+            if f.name not in skipped and not is_omitted:
+                inner = getattr(value, f.name)
+                field_name = _HASHED_FIELDS.get((type(value), f.name))
+                yield f".{field_name or f.name}=".encode()
+                if field_name:
+                    inner = _hashed(inner)
+                yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)
+        yield b"}"
+    elif isinstance(value, Mapping):
+        yield b"m%d" % len(value)
+        for key in sorted(value):
+            yield from _chunks(key)
+            yield from _chunks(value[key])
+    elif isinstance(value, (tuple, list)):
+        yield b"l%d" % len(value)
+        for item in value:
+            yield from _chunks(item)
+    elif isinstance(value, Path):
+        yield b"p" + (file_digest(value) if value.is_file() else hashlib.sha256().digest())
+    elif isinstance(value, float):
+        yield b"f" + (value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
+    else:
+        text = str(value).encode("utf-8", "surrogatepass")
+        yield f"{'s' if isinstance(value, str) else type(value).__name__}{len(text)}:".encode()
+        yield text
