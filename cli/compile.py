@@ -6,7 +6,6 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.scores.reading.digest import digest_of
 
 from . import options
 from .console import Console
@@ -52,7 +51,7 @@ def compile_score(
         open_for_writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
         quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
-        head = header(form, title=piece.title, rate=stage.rate, score=digest_of(piece))
+        head = header(form, title=piece.title, rate=stage.rate, score=score.digest(piece))
         file.write(head.encode())
         for text, frame in stream(stage.simulation, stage.n_analysed_frames, form, names):
             file.write(text.encode())

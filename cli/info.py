@@ -10,7 +10,6 @@ import click
 from ergon.api import score
 from ergon.api.options import ReadOptions
 from ergon.common.sound_files import SUFFIXES, foreign_file
-from ergon.scores.reading.digest import digest_of
 
 from . import options
 from .bundled import PackedPath, is_pack
@@ -112,10 +111,8 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
         return
     if wav.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    if (
-        digest_of(score.piece_of(score.read(source, ReadOptions(trust=trust), console)))
-        != wav.score
-    ):
+    piece = score.piece_of(score.read(source, ReadOptions(trust=trust), console))
+    if score.digest(piece) != wav.score:
         raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
     console.say(f"{path} was rendered from {source} as it is now")
 
@@ -196,7 +193,7 @@ def _score(console: Console, path: str, trust: bool) -> None:
             "score",
             file=path,
             title=piece.title,
-            score_sha256=digest_of(piece),
+            score_sha256=score.digest(piece),
             duration_s=duration,
             end=end,
             rate_hz=staged.rate,
@@ -212,5 +209,5 @@ def _score(console: Console, path: str, trust: bool) -> None:
         f"{plural(staged.network.n_lia, 'LIA')}",
     ]
     lines += [f"  {kind}: {', '.join(names)}" for kind, names in groups.items() if names]
-    lines.append(f"  sha256 {digest_of(piece)}")
+    lines.append(f"  sha256 {score.digest(piece)}")
     console.data("\n".join(lines) + "\n")

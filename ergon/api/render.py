@@ -13,7 +13,6 @@ from ergon.common.report import Report
 from ergon.common.shown_paths import is_from_pack
 from ergon.exchange.sound import check_ending
 from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
-from ergon.scores.reading.digest import digest_of
 
 from . import score as scores
 from .chosen_routes import choose_routes
@@ -251,7 +250,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         level=scores.level_of(piece, bits),
         stamp=Stamp(
             piece.title,
-            digest_of(piece),
+            scores.digest(piece),
             stage.plan.hash if stage.plan else "",
             chunks_of_layout(piece.mix.layout, n_channels, piece.title),
         ),

@@ -73,6 +73,13 @@ def piece_of(loaded: Loaded) -> Piece:
     return loaded.piece
 
 
+def digest(piece: Piece) -> str:
+    """SHA-256 of a piece by its values, whatever its text and comments."""
+    from ergon.scores.reading.digest import digest_of
+
+    return digest_of(piece)
+
+
 def stage_piece(
     loaded: Loaded,
     options: AccuracyOptions | None = None,
