@@ -12,8 +12,8 @@ from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import is_misspelt, is_one_slip, nearest
+from ergon.repl.language import hearing, verbs
 from ergon.repl.language import values as v
-from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split_words
@@ -111,16 +111,26 @@ def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
         return "run", words  # what else follows are its values
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
-    is_played = first in scope.gestures or first in scope.takes
-    is_name = first not in verbs.VERBS or first in playable(scope)  # an instrument may be `pan`
+    is_instrument = first in playable(scope)
+    is_played = first in scope.gestures or first in scope.takes or is_instrument
+    is_name = first not in verbs.VERBS or is_instrument  # an instrument may be `pan`
     sure = second in verbs.SUBJECT_VERBS and is_name
     sure = sure and not (second == "every" and is_played)
     if about_player and (is_player or sure):
         return about_player[0], [words[0], *words[2:]]
+    if is_name and _is_stroke(words, scope):
+        return "hear", words
     some = verbs.verbs_matching(first, verbs.VERBS)
     if len(some) == 1 and not (is_player and first != some[0]):
         return some[0], words[1:]
     raise _unknown_verb(words, some, scope)
+
+
+def _is_stroke(words: list[Word], scope: Scope) -> bool:
+    """Whether a line is an instrument, notes and a level alone: `kick f`, `vib C4 E4 mf`."""
+    first, *rest = (word.text for word in words)
+    is_instrument = first.partition(".")[0] in playable(scope)
+    return is_instrument and bool(rest) and all(hearing.is_stroke_word(text) for text in rest)
 
 
 def _is_near_subject_verb(word: str) -> bool:
@@ -170,8 +180,8 @@ def _instrument_lines(name: str, scope: Scope) -> str:
     """The lines that play an instrument, where its name stands for a verb."""
     message = f"{quote(name)} is an instrument, not a verb; "
     if any(part.startswith(f"{name}.") for part in scope.instruments):
-        return message + f'write {name} = "c4 e4*2", or {name} notes C4 E4 every 1'
-    return message + f'write {name} = "{name}*4", or hear {name} f for one stroke'
+        return message + f'write {name} = "c4 e4*2", {name} notes C4 E4 every 1, or {name} C4 f'
+    return message + f'write {name} = "{name}*4", or {name} f for one stroke'
 
 
 def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:

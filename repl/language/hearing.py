@@ -46,7 +46,7 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
             if strength is not None:
                 message = "a stroke has one level, behind its notes"
                 raise TextError(f"{message}: hear {target} f", length=len(word.text))
-            note = word_of(word.text[:1].upper() + word.text[1:])
+            note = _note(word.text)
             if note is not None:
                 notes.append(note)
             elif is_level(word.text):
@@ -61,6 +61,15 @@ def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
         strength = MEZZO_FORTE
         _check_level(strength, "", target, scope)
     return Stroke(target, tuple(notes), strength)
+
+
+def is_stroke_word(text: str) -> bool:
+    """Whether a word is one of those behind what is struck: a note or a level."""
+    return _note(text) is not None or is_level(text)
+
+
+def _note(text: str) -> str | None:
+    return word_of(text[:1].upper() + text[1:])
 
 
 def _target(text: str, scope: Scope) -> str:

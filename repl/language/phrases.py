@@ -12,8 +12,8 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
-from ergon.repl.language.rhythms import transform_offers
 from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.transforming import split_at_do, transform_offers
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
@@ -22,7 +22,6 @@ from ergon.scores.reading.sections import STRIKES
 
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
 _IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module
-_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
 _ENTRIES_MAX = 1_000  # entries of a line
 
 Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
@@ -89,8 +88,7 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
     first = text.split()[0]
     if first not in scope.phrases:  # what is wrong with modules is told by the form before
         raise TextError(f"{quote(first)} is not a phrase", length=len(first))
-    do = _DO.search(text)
-    before = text if do is None else text[: do.start()]
+    before, do = split_at_do(text)
     words, options = parse_strikes(before, _OPTIONS)
     if len(words) > 1:
         message = f"{quote(words[1].text)} does not belong here: one phrase is played at a time"
@@ -107,15 +105,15 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
             raise
     fields = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
     if do is not None:
-        if not text[do.end() :].strip():
+        if not text[do:].strip():
             message = "'do' needs a transformation: do scale 0.5, from 2"
-            raise TextError(message, offset=do.start(), length=max(1, len(text) - do.start()))
+            raise TextError(message, offset=len(before), length=max(1, len(text) - len(before)))
         try:
-            split_do(text[do.end() :])
+            split_do(text[do:])
         except TextError as error:
-            error.offset += do.end()
+            error.offset += do
             raise
-        fields["do"] = " ".join(text[do.end() :].split())
+        fields["do"] = " ".join(text[do:].split())
     return fields
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
@@ -12,10 +11,9 @@ from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.striking import check_options, with_level
+from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.edits.transformed import NONE
-from ergon.scores.pattern.cycle_table import TABLE
-from ergon.scores.pattern.cycle_transforms import parse_transforms
 from ergon.scores.pattern.struck import name_of, notes_of
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.rhythms import HERE, check_text, compiled, level_of
@@ -29,7 +27,6 @@ _OPTIONS = {
     "until": "C",
     "skip": "2",
 }
-_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
 
 
 def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str]:
@@ -39,8 +36,8 @@ def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str
         message = "the quote at the end of the rhythm is missing"
         raise TextError(message, length=len(text), suggestion=f'{text}"')
     rhythm, rest, start = text[1:end], text[end + 1 :], end + 1
-    do = _DO.search(rest)
-    words, options = parse_strikes(rest if do is None else rest[: do.start()], _OPTIONS)
+    before, do = split_at_do(rest)
+    words, options = parse_strikes(before, _OPTIONS)
     words, options = with_level(words, options, ())
     try:
         if words:
@@ -66,7 +63,7 @@ def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str
         raise
     fields = {"rhythm": rhythm, **({"to": whose} if whose else {}), **fields}
     if do is not None:
-        fields["do"] = _transforms(rest[do.end() :], start + do.end(), rhythm)
+        fields["do"] = transforms(rest[do:], start + do, rhythm)
     return fields
 
 
@@ -92,20 +89,6 @@ def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
             raise error
 
 
-def _transforms(text: str, start: int, rhythm: str) -> str:
-    """Transformations as written. Raises TextError."""
-    if not text.strip():
-        example = "do rev, or do every 4 rev"
-        raise TextError(f"a transformation is missing: {example}", offset=max(0, start - 1))
-    try:
-        parse_transforms(text)
-        compiled(rhythm, text.strip())
-    except TextError as error:
-        error.offset += start
-        raise
-    return text.strip()
-
-
 def _offers(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield Completion('"', 'a rhythm in quotes, such as "kick*4, ~ snare"')
@@ -124,26 +107,13 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
 def _read_do(text: str, scope: Scope, slots: Mapping[str, Any]) -> str:
     if slots["name"] in scope.players:  # the form before reads it
         raise TextError(f"{quote(slots['name'])} is a player", length=1)
-    return text if text == NONE else _transforms(text, 0, "x")
+    return text if text == NONE else transforms(text, 0, "x")
 
 
 def _offers_do(context: CompletionContext) -> Iterator[Completion]:
     if not context.before:
         yield Completion(NONE, "ends all transformations")
     yield from transform_offers(context.before)
-
-
-def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
-    """Transformations, at the beginning and behind a comma; values behind a transformation."""
-    form = TABLE.get(before[-1]) if before else None
-    if not before or before[-1].endswith(","):
-        yield from (Completion(name, form.line) for name, form in TABLE.items())
-    elif form is not None:
-        words = [
-            word for readers in form.arguments for reader in readers[:1] for word in reader.known
-        ]
-        for word in dict.fromkeys(words) or form.example.split()[1:2]:
-            yield Completion(word, f"as in {form.example}")
 
 
 RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)

@@ -12,6 +12,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import StrikeModules, When, Word
 from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
@@ -44,7 +45,8 @@ def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str
     first = text.split()[0]
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
         raise v.unknown_name(first, "an instrument or a key", (*playable(scope), *scope.keys))
-    modules, options = parse_strikes(text, OPTIONS)
+    before, do = split_at_do(text)
+    modules, options = parse_strikes(before, OPTIONS)
     modules, options = with_level(modules, options, (*playable(scope), *scope.keys))
     if not modules:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
@@ -59,9 +61,14 @@ def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str
     unsure = (m.text for m in modules if m.text.split(".")[0] not in scope.acts)
     if not options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
         message = f"the impulse is missing: {quote(name.split('.')[0])} does not say how it is "
-        raise TextError(f"{message}played; write for instance impulse 2mNs", offset=len(text))
+        raise TextError(f"{message}played; write for instance impulse 2mNs", offset=len(before))
     to = " ".join(module.text for module in modules)
-    return {"to": to, **{name: word.text for name, word in options.items()}}
+    return {"to": to, **{name: word.text for name, word in options.items()}, **_do(text, do)}
+
+
+def _do(text: str, start: int | None) -> dict[str, str]:
+    """The field of the transformations that begin at `start`, if there are any."""
+    return {} if start is None else {"do": transforms(text[start:], start, "x")}
 
 
 def with_level(
@@ -93,6 +100,9 @@ def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     last = context.before[-1] if context.before else ""
+    if "do" in context.before:
+        yield from transform_offers(context.before[context.before.index("do") + 1 :])
+        return
     if last in OPTIONS:
         yield v.Completion(OPTIONS[last].split()[0], STRIKES.by_name[last].doc)
         return
@@ -104,6 +114,8 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         for name in OPTIONS:
             if name not in context.before:
                 yield v.Completion(name, STRIKES.by_name[name].doc)
+        if any(word in OPTIONS for word in context.before):
+            yield v.Completion("do", STRIKES.by_name["do"].doc)
 
 
 def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -115,15 +127,16 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 def _read_notes(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
-    words_read, options = parse_strikes(text, OPTIONS)
+    before, do = split_at_do(text)
+    words_read, options = parse_strikes(before, OPTIONS)
     words_read, options = with_level(words_read, options, ())
     end = words_read[-1].offset + len(words_read[-1].text) if words_read else 0
     parse_values(text[:end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
     check_options(options, scope)
     if not options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
-        raise TextError(message, offset=end, length=max(1, len(text) - end))
-    written = {name: word.text for name, word in options.items()}
+        raise TextError(message, offset=end, length=max(1, len(before) - end))
+    written = {name: word.text for name, word in options.items()} | _do(text, do)
     is_sure = slots_read["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
     loud = {} if is_sure else {"impulse": _LOUD}
     return {"to": slots_read["name"], "notes": " ".join(text[:end].split()), **written, **loud}

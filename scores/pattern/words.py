@@ -115,7 +115,7 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
         elif word == "do" or (word == "," and chain and words[i - 1].text not in OPTIONS):
             wanting, i = word, i + 1
         elif word in OPTIONS:
-            name, i, value = _value(text, words, i, start, OPTIONS)
+            name, i, value = _value(text, words, i, start, OPTIONS, word)
             if name in options:
                 raise TextError(f"'{word}' is written twice", offset=place, length=len(word))
             options[name] = Word(value.text, start + value.offset)
@@ -175,8 +175,12 @@ def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict
     while i < len(words):
         word, offset = words[i]
         if word not in known:
-            raise _unknown(words[i], 0, known)
-        name, i, value = _value(text, words, i, 0, known)
+            if "impulse" not in known or not _is_worded_level(word):
+                raise _unknown(words[i], 0, known)
+            # A level may stand behind the options, without its keyword.
+            name, i, value = _value(text, words, i - 1, 0, known, "impulse")
+        else:
+            name, i, value = _value(text, words, i, 0, known, word)
         if name == NTH:
             message = f"'every {value.text.split()[0]}' changes every so many plays of a gesture; "
             message += "strikes of modules have no points to change"
@@ -187,11 +191,25 @@ def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict
     return words[:stop], options
 
 
+def _is_worded_level(word: str) -> bool:
+    """Whether a word is a level with letters, such as `f` or `2mNs`: a number alone may be the end
+    of the value before it.
+    """
+    return is_level(word) and any(map(str.isalpha, word))
+
+
 def _value(
-    text: str, words: list[Word], i: int, start: int, known: Mapping[str, str | None]
+    text: str,
+    words: list[Word],
+    i: int,
+    start: int,
+    known: Mapping[str, str | None],
+    word: str,
 ) -> tuple[str, int, Word]:
-    """The option at word `i`, the index after its value, and the value (`true` for a flag)."""
-    word, offset = words[i]
+    """The option `word`, whose value follows word `i`, the index after its value, and the value
+    (`true` for a flag).
+    """
+    offset = words[i].offset
     if known[word] is None:
         return word, i + 1, Word("true", offset)
     values = words[i + 1 :]

@@ -66,6 +66,11 @@ def _peak(session, seconds, channel):
         ("hear bell.m 2mNs", [("bell", "m", 2.0)]),
         ("hear bar ppp", [("bar.F#4", "", 1.0)]),
         ("hear bar C4 bb4 v127", [("bar.C4", "", 4.0), ("bar.A#4", "", 4.0)]),
+        ("drum mf", [("drum", "skin", 16 ** (4 / 7))]),
+        ("drum.click fff", [("drum", "rim", 1.0), ("drum", "skin", 1.0)]),
+        ("bell.m 2mNs", [("bell", "m", 2.0)]),
+        ("bar c4", [("bar.C4", "", 4 ** (4 / 7))]),
+        ("bar C4 bb4 v127", [("bar.C4", "", 4.0), ("bar.A#4", "", 4.0)]),
     ],
 )
 def test_hear_before_and_during_play(session, line, struck):
@@ -83,6 +88,22 @@ def test_hear_before_and_during_play(session, line, struck):
     assert session.ok("maps").lines == ()
     session.close()
     assert np.array_equal(session.again(), session.sound)
+
+
+def test_stroke_line_with_other_words(session):
+    for line, words in {
+        "drum": "drum f for one stroke",
+        "drum every 1": "drum f for one stroke",
+        "bar": "or bar C4 f",
+        "drum p f": "a stroke has one level",
+        "drum 4": "a strength is a number from 0 to 1",
+        "drum C4 f": "drum has no notes",
+        "bell.m f": "the impulse is missing",
+    }.items():
+        reply = session.type(line)
+        assert not reply.taken
+        assert words in reply.text, reply.text
+    assert _strikes(session) == []
 
 
 def test_hear_lifts_damper(tmp_path):

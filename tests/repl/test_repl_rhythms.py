@@ -235,6 +235,46 @@ def test_do_refused_without_cycles(stepped: Stepped):
     stepped.ok("ada do mirror")
 
 
+@pytest.mark.parametrize(
+    ("line", "channel"),
+    [
+        ("bar notes C4 E4 ~ G4 every 1/2 f do rev", 3),
+        ("d1 strikes kick every 1/2 p f do every 2 fast 2", 1),
+        ("d1 strikes kick euclid 3 8 every 1/4 impulse mf do rev, fast 2", 1),
+    ],
+)
+def test_strikes_with_transformations_in_their_line(
+    stepped: Stepped, tmp_path: Path, line: str, channel: int
+):
+    before, _, do = line.partition(" do ")
+    stepped.ok(line)
+    stepped.ok("play")
+    stepped.run(4.0)
+    assert len(steps(stepped, channel, 0, 8)) > 4
+    (tmp_path / "two").mkdir()
+    with closing(Stepped(SCORE, tmp_path / "two")) as two_lines:
+        two_lines.ok(f"{before}\n{line.split()[0]} do {do}")  # pasted: both begin in one frame
+        two_lines.ok("play")
+        two_lines.run(4.0)
+        assert np.array_equal(stepped.sound, two_lines.sound)
+    same_again(stepped)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("bar notes C4 every 1 do rve", "unknown transformation 'rve'"),
+        ("bar notes C4 every 1 do", "a transformation is missing"),
+        ("d1 strikes kick every 1 times 8 1", "unknown word '1'"),
+        ("d1 strikes kick every 1 f impulse p", "'impulse' is written twice"),
+    ],
+)
+def test_strikes_line_with_wrong_end(line: str, expected: str):
+    error = first_error(line, SCOPE)
+    assert error is not None
+    assert error.message.startswith(expected)
+
+
 def test_pasted_lines_know_what_the_first_brings_in(stepped: Stepped):
     stepped.ok("use friction")
     stepped.ok('d1 = "saw*2"\ngain saw -3dB\nd1 do rev')

@@ -1,0 +1,50 @@
+"""The words after `do`: transformations of a rhythm, of strikes by the clock and of phrases."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from ergon.notation.text.errors import TextError
+from ergon.repl.language.values import Completion
+from ergon.scores.pattern.cycle_table import TABLE
+from ergon.scores.pattern.cycle_transforms import parse_transforms
+from ergon.scores.reading.rhythms import compiled
+
+_DO = re.compile(r"(?:^|\s)do(?:\s+|$)")
+
+
+def split_at_do(text: str) -> tuple[str, int | None]:
+    """The text before the word `do`, and where the transformations begin; None without `do`."""
+    do = _DO.search(text)
+    return (text, None) if do is None else (text[: do.start()], do.end())
+
+
+def transforms(text: str, start: int, rhythm: str) -> str:
+    """Transformations as written, which the rhythm takes; `start` is their place in the line.
+
+    Raises TextError.
+    """
+    if not text.strip():
+        example = "do rev, or do every 4 rev"
+        raise TextError(f"a transformation is missing: {example}", offset=max(0, start - 1))
+    try:
+        parse_transforms(text)
+        compiled(rhythm, text.strip())
+    except TextError as error:
+        error.offset += start
+        raise
+    return text.strip()
+
+
+def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
+    """Transformations, at the beginning and behind a comma; values behind a transformation."""
+    form = TABLE.get(before[-1]) if before else None
+    if not before or before[-1].endswith(","):
+        yield from (Completion(name, form.line) for name, form in TABLE.items())
+    elif form is not None:
+        words = [
+            word for readers in form.arguments for reader in readers[:1] for word in reader.known
+        ]
+        for word in dict.fromkeys(words) or form.example.split()[1:2]:
+            yield Completion(word, f"as in {form.example}")
