@@ -99,27 +99,33 @@ def _notes(
     """Draw the notes of a piece: a line for each, as high as its pitch."""
     from ergon.scores.staging.struck_notes import struck_notes
     from ergon.view.curve import Curve
+    from ergon.view.roll import Bar, heights, picture
 
     stage = score.stage_piece(loaded, None, console).stage
-    notes = [note for note in struck_notes(stage) if note.pitch is not None]
+    notes = struck_notes(stage)
     if not notes:
-        raise Refused("no instrument with a pitch is struck in this piece")
-    keys = [69.0 + 12.0 * log2((note.pitch or 440.0) / 440.0) for note in notes]
-    title = f"notes of {stage.piece.title or 'a piece'}"
+        raise Refused("no instrument is struck in this piece")
     if console.json:
         for note in notes:
             console.record("note", **asdict(note))
-    elif svg is None:
+    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in notes]
+    title = f"notes of {stage.piece.title or 'a piece'}"
+    if svg is not None:
+        _write(console, svg, picture(bars, title=title), force, loaded.inputs)
+    elif not console.json:
+        keys, lanes = heights(bars)
         t = [instant for note in notes for instant in (note.begin, note.end, note.end)]
         x = [height_of for key in keys for height_of in (key, key, nan)]
         label = "time [s]; upwards keys of MIDI, 60 is C4"
+        if lanes:
+            label += "; without a pitch: "
+            label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
         console.data(f"{title}\n{_text([Curve(_NOTES, t, x)], width, height, label)}")
-    if svg is not None:
-        from ergon.view.roll import Bar, picture
 
-        pairs = zip(notes, keys, strict=True)
-        bars = [Bar(n.instrument, n.begin, n.end, key, n.strength) for n, key in pairs]
-        _write(console, svg, picture(bars, title=title), force, loaded.inputs)
+
+def _key(pitch: float | None) -> float | None:
+    """The key of MIDI of a pitch [Hz]."""
+    return None if pitch is None else 69.0 + 12.0 * log2(pitch / 440.0)
 
 
 def _curves(

@@ -71,7 +71,8 @@ def render(
         return
     (score_path,) = score_paths
     check_stdout(output, is_json=console.json)
-    from ergon.api.render_journal import JOURNAL, render_journal
+    from ergon.api.render_journal import render_journal
+    from ergon.api.score import JOURNAL
 
     if asked.on is not None and (freeze is not None or Path(score_path).suffix == JOURNAL):
         raise Refused("--on renders scores; a journal and --freeze are computed here")

@@ -31,7 +31,6 @@ from .cluster_worker import MODULES_MAX
 from .errors import OptionError, ScoreError
 from .options import FileOptions
 from .render import Completed, PreparedRender, check_shared, prepare, target, write
-from .render_journal import JOURNAL
 
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic, Severity, Source
@@ -106,7 +105,7 @@ def _wanted(
     if options.on is not None:
         check_shared(options)
     for path in paths:
-        if Path(path).suffix == JOURNAL or str(path) == scores.STDIN:
+        if Path(path).suffix == scores.JOURNAL or str(path) == scores.STDIN:
             raise ErgonError(
                 f"{path} cannot be rendered together with other scores; render it alone"
             )

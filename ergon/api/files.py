@@ -10,7 +10,7 @@ from ergon.common.report import Report
 from . import score as scores
 from .options import FileOptions
 from .render import prepare, target, write
-from .render_journal import JOURNAL, render_journal
+from .render_journal import render_journal
 
 if TYPE_CHECKING:
     from ergon.rendering.job import RenderedFiles
@@ -30,7 +30,7 @@ def render_to_file(
     DivergedError, OptionError, and FileRefusedError where a file may not be written.
     """
     options, report = options or FileOptions(), report or Report()
-    if Path(score).suffix == JOURNAL:
+    if Path(score).suffix == scores.JOURNAL:
         return render_journal(Path(score), out, options, report).files
     loaded = scores.read(score, options, report)
     return write(prepare(loaded, target(score, loaded, out), options, report), report).files

@@ -16,7 +16,6 @@ from .layouts import chunks_of_layout
 from .options import FileOptions
 from .render import Completed
 
-JOURNAL = ".jsonl"  # how the name of a journal ends
 # Options whose values the journal itself decides.
 _DECIDED = (
     "from_",

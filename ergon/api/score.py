@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 STDIN = "-"
+JOURNAL = ".jsonl"  # how the name of a session's journal ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,11 @@ def read(
     from ergon.scores.reading.load import load
 
     options, path = options or ReadOptions(), str(path)
+    if path.endswith(JOURNAL):
+        raise ErgonError(
+            f"{path} is the journal of a session, not a score: `ergon render {path}` computes its "
+            f"sound; `ergon repl --resume {path}` continues it, and `save` there writes its score"
+        )
     text = _stdin() if path == STDIN and options.text is None else options.text
     loaded = load(path, text=text, bounds=bounds(path, options.trust))
     loaded = replace(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
+from operator import itemgetter
 from xml.sax.saxutils import escape
 
 from .curve import Axis, axis
@@ -13,50 +14,73 @@ from .svg import Frame, axes, document, short, text
 # Safe for the colour-blind (Okabe & Ito, 2008).
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222")
 _WIDTH, _HEIGHT = 960, 480  # pixels
+_MIDDLE_C = 60.0  # key above the lines where no note has a pitch
 _NAMES = {0: "C", 4: "E", 7: "G"}  # of the keys that have a line, by their places in an octave
 _ALL_NAMES = 24  # keys, up to which E and G have lines too
+_LANES_IN_HEIGHT = 20  # lines of instruments without a pitch that would fill the picture
+_CHARACTER = 7.5  # pixels across
+_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
 
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A note: who plays it, its instants [s], its height in keys of MIDI, its strength (0 to 1)."""
+    """A note: who plays it, its instants [s], its height in keys of MIDI (None without a pitch),
+    its strength (0 to 1).
+    """
 
     name: str
     begin: float
     end: float
-    key: float
+    key: float | None
     strength: float
+
+
+def heights(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
+    """The height of each note, in keys of MIDI, and of the line of each instrument without a
+    pitch: these lie below all keys, in the order in which they begin.
+    """
+    keys = [bar.key for bar in bars if bar.key is not None]
+    lowest, highest = (min(keys), max(keys)) if keys else (_MIDDLE_C, _MIDDLE_C)
+    apart = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
+    unpitched = dict.fromkeys(bar.name for bar in bars if bar.key is None)
+    lanes = {name: float(floor(lowest) - apart * n) for n, name in enumerate(unpitched, 1)}
+    return [lanes[bar.name] if bar.key is None else bar.key for bar in bars], lanes
 
 
 def picture(bars: Sequence[Bar], *, title: str = "") -> str:
     """A whole SVG document; `bars` has at least one."""
     t_axis = axis([0.0, *(bar.end for bar in bars)], 10, tight=True)
-    frame = Frame(64, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(bars))
+    keys, lanes = heights(bars)
+    left = max(64, round(16 + _CHARACTER * max((len(short(name)) for name in lanes), default=0)))
+    frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(keys, lanes))
     names = dict.fromkeys(bar.name for bar in bars)
     colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
     parts = [axes(frame, "time [s]", "")]
-    parts += [_rectangle(bar, frame, colours[bar.name]) for bar in bars]
+    parts += [
+        _rectangle(bar, key, frame, colours[bar.name]) for bar, key in zip(bars, keys, strict=True)
+    ]
     parts += [*_legend(colours, frame), text(frame.left, 20, short(title), weight="bold")]
     return document(_WIDTH, _HEIGHT, title, parts)
 
 
-def _key_axis(bars: Sequence[Bar]) -> Axis:
-    """An axis of keys with the names of notes."""
-    low = floor(min(bar.key for bar in bars)) - 1
-    high = ceil(max(bar.key for bar in bars)) + 1
+def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
+    """An axis of keys with the names of notes, and those of instruments on their lines."""
+    low, high = floor(min(keys)) - 1, ceil(max(keys)) + 1
+    lowest = floor(max(lanes.values(), default=low - 1.0)) + 1
     steps = _NAMES if high - low < _ALL_NAMES else (0,)
-    keys = [key for key in range(low, high + 1) if key % 12 in steps]
-    names = tuple(f"{_NAMES[key % 12]}{key // 12 - 1}" for key in keys)
-    return Axis(low, high, tuple(map(float, keys)), 0, names)
+    with_name = [key for key in range(lowest, high + 1) if key % 12 in steps]
+    labels = {key: short(name) for name, key in sorted(lanes.items(), key=itemgetter(1))}
+    labels |= {float(key): f"{_NAMES[key % 12]}{key // 12 - 1}" for key in with_name}
+    return Axis(low, high, tuple(labels), 0, tuple(labels.values()))
 
 
-def _rectangle(bar: Bar, frame: Frame, colour: str) -> str:
+def _rectangle(bar: Bar, key: float, frame: Frame, colour: str) -> str:
     begin, end = frame.across(bar.begin), frame.across(bar.end)
     a_key = abs(frame.down(1.0) - frame.down(0.0))
     thick = max(2.0, min(12.0, 0.8 * a_key))
     return (
-        f"<rect x='{begin:.2f}' y='{frame.down(bar.key) - thick / 2:.2f}' "
-        f"width='{max(1.5, end - begin):.2f}' height='{thick:.2f}' "
+        f"<rect x='{begin:.2f}' y='{frame.down(key) - thick / 2:.2f}' "
+        f"width='{max(1.5, end - begin - _GAP):.2f}' height='{thick:.2f}' "
         f"fill='{colour}' fill-opacity='{0.35 + 0.65 * bar.strength:.2f}'>"
         f"<title>{escape(bar.name)}</title></rect>"
     )
@@ -67,4 +91,4 @@ def _legend(colours: dict[str, str], frame: Frame) -> Iterator[str]:
     for name, colour in colours.items():
         yield f"<rect x='{x:g}' y='{y - 10:g}' width='12' height='12' fill='{colour}'/>"
         yield text(x + 18, y, short(name))
-        x += 36 + 7.5 * len(short(name))
+        x += 36 + _CHARACTER * len(short(name))

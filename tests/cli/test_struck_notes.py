@@ -94,8 +94,16 @@ def test_svg_of_notes(score: Path):
     root = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
     space = "{http://www.w3.org/2000/svg}"
     bars = [own for own in root.iter(f"{space}rect") if own.find(f"{space}title") is not None]
-    places = [(float(own.get("x", "")), float(own.get("y", ""))) for own in bars]
+    by_name: dict[str, list[tuple[float, float]]] = {"cell": [], "drum": []}
+    for rectangle in bars:
+        x, y = (float(rectangle.get(name, "")) for name in ("x", "y"))
+        by_name[rectangle.findtext(f"{space}title", "")].append((x, y))
+    places = by_name["cell"]
     assert len(places) == 16
+    # The drum has no pitch: it has a line of its own, which lies below all notes.
+    assert len(by_name["drum"]) == 6
+    (lane,) = {y for _, y in by_name["drum"]}
+    assert lane > max(y for _, y in places)
     by_x = sorted(places)
     assert by_x[0][0] == 64.0
     # E4 and G4 together lie 4 and 7 keys above C4.
@@ -103,14 +111,18 @@ def test_svg_of_notes(score: Path):
     assert steps[1] / steps[0] == pytest.approx(7 / 4, rel=0.01)
     texts = [own.text for own in root.iter(f"{space}text")]
     assert {"C4", "C5", "cell", "notes of Notes"} <= set(texts)
+    assert texts.count("drum") == 2  # on its line, and among the colours
 
 
 def test_notes_in_the_terminal_and_as_json(score: Path):
     done = forked(["plot", "score.yaml", "notes", "--width", "60"], score.parent)
     assert done.returncode == 0, done.stderr
     assert "notes of Notes" in done.stdout
+    assert "without a pitch: drum at 58" in done.stdout
     lines = forked(["plot", "score.yaml", "notes", "--json"], score.parent).stdout.splitlines()
     notes = [json.loads(line) for line in lines]
+    assert [note["pitch"] for note in notes if note["instrument"] == "drum"] == [None] * 6
+    notes = [note for note in notes if note["instrument"] == "cell"]
     assert len(notes) == 16
     assert [notes[0][name] for name in ("instrument", "member", "begin")] == [
         "cell",
@@ -118,3 +130,12 @@ def test_notes_in_the_terminal_and_as_json(score: Path):
         0.0,
     ]
     assert notes[0]["pitch"] == pytest.approx(261.6256, abs=1e-3)
+
+
+@pytest.mark.parametrize("command", ["check", "plan", "plot"])
+def test_journal_where_a_score_is_due(tmp_path: Path, command: str):
+    (tmp_path / "set.jsonl").write_text('{"v": 1, "n": 1, "event": "start"}\n', encoding="utf-8")
+    done = forked([command, "set.jsonl", *(["notes"] if command == "plot" else [])], tmp_path)
+    assert done.returncode != 0
+    assert "set.jsonl is the journal of a session, not a score" in done.stderr
+    assert "Traceback" not in done.stderr
