@@ -170,6 +170,9 @@ class Hold:
         return -impulse if self.is_lifted else impulse
 
 
+PRESS = "press"  # the act that the pressure on a MIDI key plays
+
+
 @dataclass(frozen=True, slots=True)
 class Act:
     """A way in which an instrument is played; `at` are names as they are written inside it.

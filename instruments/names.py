@@ -168,6 +168,15 @@ class PartNames:
         acts = self.parts[target.part].acts.values()
         return any(act.is_drawn for act in acts if target.module in map(_head, act.at))
 
+    def drawn_act(self, name: Name, act: str) -> Iterator[Name]:
+        """The name of an act of the instrument that a name names, if it has such an act, which
+        lasts as long as a note.
+        """
+        owner = name if name in self.parts else name.rpartition(".")[0]
+        part = self.parts.get(owner)
+        if part is not None and act in part.acts and part.acts[act].is_drawn:
+            yield Name(f"{owner}.{act}", name.place)
+
     def sure_reach(self, target: Target, who: str) -> Reach | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
+from ergon.instruments.model import PRESS
 from ergon.instruments.names import Part, PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import StrikePoints
 
 _MAX_STRUCK = 128  # as many as there are notes
-
-_PRESS = "press"  # the act that pressure on a key plays
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
 Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is played by them
@@ -236,7 +235,7 @@ def _pressing_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
         part = _member_of(piece, name, note) or ""
     instrument = piece.instruments.get(part)
     acts = () if instrument is None else instrument.acts
-    return [_act(piece, f"{name}.{_PRESS}", part) for act in acts if act.name == _PRESS]
+    return [_act(piece, f"{name}.{PRESS}", part) for act in acts if act.name == PRESS]
 
 
 def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:

@@ -233,6 +233,7 @@ def passed_over(
     has_tempo: bool,
     has_meter: bool,
     has_wheel: bool,
+    has_pressure: bool = False,
     follows: Callable[[MidiMove], bool] = lambda move: False,
 ) -> Iterator[str]:
     """What is in a file beside notes and what is used of it, in words; `follows` tells of an event
@@ -248,7 +249,9 @@ def passed_over(
     for move, count in file.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
-        if follows(move) or is_wheel or (is_controller and move.number in played):
+        is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
+        is_played = is_wheel or is_pressure or (is_controller and move.number in played)
+        if follows(move) or is_played:
             continue
         counts[move.kind] += count
         controllers |= {move.number} if is_controller else set()

@@ -11,7 +11,7 @@ from typing import Any
 
 from ergon.common.changed import changed_part
 from ergon.instruments import rules, spread
-from ergon.instruments.model import Instrument, Target
+from ergon.instruments.model import PRESS, Instrument, Target
 from ergon.instruments.names import PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
@@ -30,6 +30,7 @@ from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.melody import NoteTargets
 from ergon.scores.reading.piece import (
     Coupling,
+    Hit,
     Piece,
     Play,
     Player,
@@ -298,6 +299,8 @@ class Checker:
             if take is not None:
                 self.uses.midi.play(take, has_lengths=True)
             hits = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
+            if hits is not None and take is not None and self._has_press(hits[0]):
+                self.uses.midi.press(take)
             if hits is not None and not self._has_quarters and isinstance(phrase, Values):
                 hits = melodies.in_quarters(phrase, *hits)
             if hits is None:
@@ -346,6 +349,11 @@ class Checker:
         for target in strikes_built.to if strikes_built.notes else ():
             self._has_pitch(target, who)
         return strikes_built
+
+    def _has_press(self, hits: Iterable[Hit]) -> bool:
+        """Whether the pressure on keys plays what is struck."""
+        struck = {target.part for hit in hits for target in hit.to}
+        return any(PRESS in self.part_names.parts[part].acts for part in struck)
 
     def _melody(self, strikes: Strikes, values: Values) -> Strikes | None:
         """A melody, or a phrase as a rhythm where it has transformations of rhythms; None if an

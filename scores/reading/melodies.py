@@ -4,24 +4,26 @@ reach.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import PurePath
 from typing import Any
 
-from ergon.instruments.model import Target
+from ergon.instruments.model import PRESS, Target
 from ergon.instruments.names import PartNames
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Reach
+from ergon.notation.tables.strengths import velocity as velocity_level
 from ergon.notation.tables.velocities import EVEN, Curve
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.files import Files
 from ergon.scores.gesture.midi_file import MidiNotes
-from ergon.scores.gesture.note_files import SUFFIXES, read_notes
+from ergon.scores.gesture.midi_pressures import read_pressures
+from ergon.scores.gesture.note_files import SUFFIXES, is_musicxml, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import NoteTargets, Row, transformed
@@ -145,7 +147,7 @@ def played(
         rows, length = tune
         if values.written("impulse") and not phrase.written("velocity"):
             rows = tuple(replace(row, level=None) for row in rows)
-        rows = with_levels(rows, values["impulse"])
+        rows = (*with_levels(rows, values["impulse"]), *_pressed(phrase, files))
     else:
         rows_of_phrase = phrase_rows(phrase, phrases, voices, values["impulse"])
         if rows_of_phrase is None:
@@ -209,7 +211,8 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
-    place, impulse, rows = take.place_of("file"), take["velocity"], []
+    place, impulse = take.place_of("file"), take["velocity"]
+    rows: list[Row] = []
     curve = take["curve"] or EVEN
     for note in take_notes.notes:
         level: Level | None = curve.level(note.velocity)
@@ -224,6 +227,27 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     return tuple(rows), Length(beats=take_notes.length)
 
 
+def _pressed(take: Values, files: Files) -> Iterator[Row]:
+    """What the pressure on the keys of a MIDI file plays: the act called `press`, as on a keyboard.
+
+    Reports pressures that cannot be read.
+    """
+    place = take.place_of("file")
+    path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
+    if path is None or is_musicxml(path):
+        return
+    try:
+        pressures = read_pressures(path, take["channel"])
+    except TakeError as error:
+        take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
+        return
+    for pressure in pressures:
+        what = (Name(tuning.current().key_word(pressure.number), place),)
+        start, lasting = Length(beats=pressure.start), Length(beats=pressure.lasting)
+        level = velocity_level(pressure.value)
+        yield Row(start, what, level, place, lasting=lasting, act=PRESS)
+
+
 def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
     """The value between two ends for a velocity from 1 to 127, computed in exact fractions."""
     low, high = (Fraction(repr(end)) for end in ends)
@@ -232,7 +256,11 @@ def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
 
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
     hits: list[Hit] = []
+    collector = voices.part_names.collector
+    n_reports = collector.told
     for row in rows:
+        if row.act and collector.told > n_reports:  # of the notes that are pressed
+            break
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
         targets = voices.targets(row, who)

@@ -58,6 +58,7 @@ class Row:
     jitter: Length = _STILL  # how far chance moves it, earlier or later
     lasting: Length | None = None  # None: it has no end
     swells: bool = False  # to the next level that is written
+    act: str = ""  # by which notes are played, if the instrument has it; "": the usual one
 
 
 class WhatShape(Reference):
@@ -424,6 +425,8 @@ class NoteTargets:
         """The MATs that a row strikes; reports what cannot be reached."""
         pairs = zip(row.what, row.before or row.what, strict=True)
         names = [name for word, before in pairs for name in self._names(word, before, who)]
+        if row.act:
+            names = [name for each in names for name in self.part_names.drawn_act(each, row.act)]
         return tuple(target for name in names for target in self._reached(name, who))
 
     def _reached(self, name: Name, who: str) -> list[Target]:

@@ -31,6 +31,7 @@ class _Use:
     channels: set[int | None] = field(default_factory=set)  # those that are played; None: all
     has_lengths: bool = False  # the pedal counts
     has_wheel: bool = False
+    has_pressure: bool = False
     has_tempo: bool = False
     has_meter: bool = False
     followed: set[tuple[int | None, MidiSource]] = field(default_factory=set)  # channel, what
@@ -71,6 +72,12 @@ class MidiUses:
         use.channels.add(channel)
         use.has_lengths |= has_lengths
         use.has_wheel |= has_lengths and take["bend"] is not None
+
+    def press(self, take: Values) -> None:
+        """Note that strikes which play a take play its pressures too."""
+        path = self._files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
+        if path in self._uses:
+            self._uses[path].has_pressure = True
 
     def times(
         self, values: Values, read: Callable[[Path], _Times], *, is_tempo: bool
@@ -168,5 +175,6 @@ def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
         has_tempo=use.has_tempo,
         has_meter=use.has_meter,
         has_wheel=use.has_wheel,
+        has_pressure=use.has_pressure,
         follows=use.follows,
     )

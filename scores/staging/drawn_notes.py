@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 from ergon import _core
 
 Place = tuple[str, str]  # part and module of a MAT
 
+NoteKey = tuple[str, Place, int, int]
+
 _SOON = 0.01  # [s] more than from the instant of a takeover to what plays from there on
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnNote:
-    """A note of strikes `who`: an impulse [N·s] moves a MAT, from `begin` to `end` [s]."""
+    """A note of strikes `who`: an impulse [N·s] moves a MAT, from `begin` to `end` [s].
+
+    `number` counts those that move it from one instant on: a bow that presses, and the pressure on
+    a key that presses it further.
+    """
 
     who: str
     place: Place
     begin: float
     end: float
     impulse: float
+    number: int = 0
 
     @property
-    def key(self) -> tuple[str, Place, int]:
+    def key(self) -> NoteKey:
         """What is the same for a note in two versions: its instant to the microsecond."""
-        return self.who, self.place, round(1e6 * self.begin)
+        return self.who, self.place, round(1e6 * self.begin), self.number
 
 
 class DrawnNotes:
@@ -46,12 +54,16 @@ class DrawnNotes:
         """Take the notes of the stage before, and the instant [s] from which on this one plays."""
         self._timeline, self._since = timeline, since + 1.0 / rate
         self._before = {note.key: note for note in before if note.begin < since < note.end}
+        self._counts: Counter[tuple[NoteKey, tuple[float, float]]] = Counter()
         self.notes: list[DrawnNote] = []
 
     def play(self, note: DrawnNote, mat: int, source: int, within: tuple[float, float]) -> None:
         """Play a note that begins within an interval of instants [s]; or one that the stage before
         has begun, if this interval follows it.
         """
+        number = self._counts[note.key, within]
+        self._counts[note.key, within] += 1
+        note = replace(note, number=number)
         begins, follows = within[0] <= note.begin < within[1], within[0] > self._since - _SOON
         before = self._before.pop(note.key, None) if follows and not begins else None
         if begins:

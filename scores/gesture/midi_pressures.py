@@ -1,0 +1,85 @@
+"""How strongly the keys of a MIDI file are pressed while they are down."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from ergon.scores.gesture.midi_bytes import CHANNEL_PRESSURE, KEY_PRESSURE, MidiEvent
+from ergon.scores.gesture.midi_file import (
+    FileState,
+    channel_number,
+    read_bytes,
+    read_notes,
+    state_of,
+)
+from ergon.scores.gesture.take_file import TakeError
+
+MAX_PRESSURES = 100_000
+
+
+class KeyPressure(NamedTuple):
+    """From where [quarter notes] and for how long a key is pressed, its number, and how strongly,
+    from 1 to 127.
+    """
+
+    start: float
+    number: int
+    value: int
+    lasting: float
+
+
+def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
+    """How the keys of a channel from 1 to 16, or of all, are pressed.
+
+    A key is pressed by the last value of its channel or of itself since it went down, to the end
+    of its note. Raises TakeError.
+    """
+    try:
+        return _read(path, channel, state_of(path))
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+
+
+@lru_cache(8)
+def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
+    wanted = channel_number(path, channel)
+    file = read_bytes(path)
+    header = file.header()
+    by_channel: dict[int, list[MidiEvent]] = {}
+    for event in chain.from_iterable(map(file.track, header.tracks)):
+        if event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and wanted in (None, event.channel):
+            by_channel.setdefault(event.channel, []).append(event)
+    pressures: list[KeyPressure] = []
+    for number, events in by_channel.items():
+        events.sort(key=lambda event: event.tick)
+        for pressure in _channel_pressures(path, str(number), events, header.ticks):
+            pressures.append(pressure)
+            if len(pressures) > MAX_PRESSURES:
+                raise TakeError(f"its keys are pressed more than {MAX_PRESSURES:,} times", path)
+    return tuple(sorted(pressures))
+
+
+def _channel_pressures(
+    path: Path, channel: str, events: Sequence[MidiEvent], ticks: int
+) -> Iterator[KeyPressure]:
+    try:
+        notes, length = read_notes(path, channel)
+    except TakeError:  # the channel has no notes
+        return
+    starts = [event.tick / ticks for event in events]
+    for note in notes:
+        end = length if note.lasting is None else note.at + note.lasting
+        first, stop = bisect_left(starts, note.at), bisect_left(starts, end)
+        values = {
+            start: event.content[-1]  # of several at one instant the last
+            for start, event in zip(starts[first:stop], events[first:stop], strict=True)
+            if event.kind == CHANNEL_PRESSURE or event.number == note.number
+        }
+        for (start, value), (next_start, _) in pairwise([*values.items(), (end, 0)]):
+            if value:
+                yield KeyPressure(start, note.number, value, next_start - start)
