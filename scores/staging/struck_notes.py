@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ergon._core import Impulse
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.model import Instrument, Target
+from ergon.instruments.model import PRESS, Instrument, Target
 from ergon.notation.tables.strengths import MEZZO_FORTE, Reach
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage
@@ -50,46 +50,63 @@ def _struck_parts(piece: Piece) -> list[str]:
 
 
 def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterator[StruckNote]:
-    assembly = stage.built.assembly
-    dampers = [
-        mat
-        for act in instrument.acts
-        for hold in act.holds
-        if hold.is_lifted
-        for target in hold.targets
-        for mat in _members(assembly, target)
-    ]
+    dampers = list(_held_mats(stage.built.assembly, instrument))
     reach = instrument.acts[0].reach if instrument.acts else None
-    strokes = _strokes(stage, instrument.name, set(dampers))
+    strokes = _strokes(stage, instrument, {*dampers})
     lifted = sorted(
         stroke.at
         for mat in dampers[:1]
         for stroke in _strikes_on(stage, mat)
         if stroke.impulse > 0.0
     )
-    loudest = max((impulse for _, impulse in strokes), default=0.0)
+    spans = [*_drawn_spans(stage, instrument)]
     for number, (begin, impulse) in enumerate(strokes):
         after = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
         let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), None)
         end = min(after, begin + _LONGEST) if let_down is None else min(after, let_down)
-        yield StruckNote(
-            family,
-            instrument.name,
-            _pitch(instrument),
-            begin,
-            end,
-            _strength(impulse, loudest, reach),
-        )
+        spans.append((begin, end, impulse))
+    loudest = max((impulse for *_, impulse in spans), default=0.0)
+    for begin, end, impulse in sorted(spans):
+        strength = _strength(impulse, loudest, reach)
+        yield StruckNote(family, instrument.name, _pitch(instrument), begin, end, strength)
 
 
-def _strokes(stage: Stage, part: str, dampers: set[int]) -> list[tuple[float, float]]:
-    """Instants [s] and impulses [N·s] of strokes; those of one instant are one."""
+def _held_mats(assembly: Assembly, instrument: Instrument) -> Iterator[int]:
+    """The MATs of dampers, which a note lifts."""
+    for act in instrument.acts:
+        for hold in act.holds:
+            if hold.is_lifted:
+                for target in hold.targets:
+                    yield from _members(assembly, target)
+
+
+def _drawn_spans(stage: Stage, instrument: Instrument) -> Iterator[tuple[float, float, float]]:
+    """The beginning and end [s] of the notes that are drawn, and their impulses [N·s]. What only
+    presses is no note of its own.
+    """
+    places = {
+        (target.part, target.module)
+        for act in instrument.acts
+        if act.is_drawn and act.name != PRESS
+        for target in act.targets
+    }
+    for note in stage.drawn:
+        if note.place in places and note.impulse:
+            yield note.begin, note.end, abs(note.impulse)
+
+
+def _strokes(stage: Stage, instrument: Instrument, dampers: set[int]) -> list[tuple[float, float]]:
+    """Instants [s] and impulses [N·s] of strokes, without what is drawn; those of one instant are
+    one.
+    """
     strokes_by_frame: dict[int, tuple[float, float]] = {}
     assembly = stage.built.assembly
     targets = (target for strikes in stage.piece.strikes for target in strikes.to)
-    part_targets = {target for target in targets if target.part == part}
-    mats = {mat for target in part_targets for mat in _members(assembly, target)} - dampers
-    for mat in sorted(mats):
+    part_targets = {target for target in targets if target.part == instrument.name}
+    mats = {mat for target in part_targets for mat in _members(assembly, target)}
+    drawn_targets = [t for act in instrument.acts if act.is_drawn for t in act.targets]
+    drawn_mats = {mat for target in drawn_targets for mat in _members(assembly, target)}
+    for mat in sorted(mats - dampers - drawn_mats):
         for stroke in _strikes_on(stage, mat):
             key = round(stroke.at / _TOGETHER)
             before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
