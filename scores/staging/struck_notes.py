@@ -62,8 +62,10 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
     spans = [*_drawn_spans(stage, instrument)]
     for number, (begin, impulse) in enumerate(strokes):
         after = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
-        let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), None)
-        end = min(after, begin + _LONGEST) if let_down is None else min(after, let_down)
+        let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), math.inf)
+        # A damper that comes down after the next stroke ends that one.
+        is_ended = let_down <= after + _TOGETHER and math.isfinite(let_down)
+        end = min(after, let_down if is_ended else begin + _LONGEST)
         spans.append((begin, end, impulse))
     loudest = max((impulse for *_, impulse in spans), default=0.0)
     for begin, end, impulse in sorted(spans):

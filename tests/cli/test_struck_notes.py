@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
+import damped_bar
 import mido
 import pytest
 from commands import forked
@@ -139,3 +140,21 @@ def test_journal_where_a_score_is_due(tmp_path: Path, command: str):
     assert done.returncode != 0
     assert "set.jsonl is the journal of a session, not a score" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_note_without_end_before_one_that_is_damped(tmp_path: Path):
+    score = damped_bar.SCORE + (
+        "tempo: {bpm: 60}\n"
+        "phrases: {tap: {to: bar, entries: [{at: 0, what: C4}]}}\n"
+        "strikes:\n"
+        "  open: {play: tap, at: 1|1}\n"
+        '  ended: {to: bar, rhythm: "~ ~ c4@2", at: 2|1, times: 1}\n'
+        "mix: {route: [{from: bar, to: 1}]}\n"
+    )
+    (tmp_path / "score.yaml").write_text(score, encoding="utf-8")
+    lines = forked(["plot", "score.yaml", "notes", "--json"], tmp_path).stdout.splitlines()
+    notes = [json.loads(line) for line in lines]
+    assert [(note["begin"], note["end"]) for note in notes] == [
+        (0.0, 1.0),  # it rings on, drawn as a second; the damper comes down at 8 s
+        (pytest.approx(6.0, abs=1e-4), pytest.approx(8.0, abs=1e-4)),
+    ]
