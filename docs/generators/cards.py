@@ -18,6 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from docs.generators.spectra import spectrogram
+from docs.generators.wrap import wrapped
 from ergon.instruments.kinds.outputs import OUTPUTS
 from ergon.notation.tables.notes import nearest_note
 from ergon.scores.reading.load import load
@@ -321,7 +322,7 @@ def main() -> None:
             parts.append(text(card, texts["cards"][card.figures.name]))
             drawn = spectrogram(card.sounds, card.rate, card.figures.name, STROKES)
             (folder / f"{card.figures.name}.svg").write_text(drawn, encoding="utf-8")
-        (folder / f"{family}.md").write_text("\n".join(parts), encoding="utf-8")
+        (folder / f"{family}.md").write_text(wrapped("\n".join(parts)), encoding="utf-8")
     with table.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from docs.generators.wrap import wrapped
 from ergon import _core
 from ergon.api import render as rendering
 from ergon.api.simulate import never_closed_warnings, never_stuck_warnings, simulate
@@ -125,7 +126,7 @@ def _shown(name: str, content: str | bytes) -> str:
 
 def pages() -> dict[str, str]:
     """All pages by file name, with an index."""
-    text_by_file = {f"{entry.code}.md": page(entry) for entry in codes().values()}
+    text_by_file = {f"{entry.code}.md": wrapped(page(entry)) for entry in codes().values()}
     rows = "\n".join(f"| [{c.code}]({c.code}.md) | {c.title} |" for c in codes().values())
     text_by_file["README.md"] = (
         "# What the checker says\n\n"

@@ -18,6 +18,7 @@ from accuracy import tables
 from accuracy.audit import Audit, look, look_drawn
 from accuracy.kept import Kept, found, keep, kept
 from accuracy.random_scenes import FAMILIES
+from docs.generators.wrap import wrapped
 
 NAMED = Path(__file__).parents[2] / "data" / "accuracy"
 ALL = ("named", *FAMILIES)
@@ -102,7 +103,7 @@ def main(page: Path, families: Sequence[str]) -> None:
             keep(family, found(day, commit, [_told(audit) for audit in audits]))
     everything = {family: kept(family) for family in ALL}
     known = {family: own for family, own in everything.items() if own is not None}
-    page.write_text(written(known), encoding="utf-8")
+    page.write_text(wrapped(written(known)), encoding="utf-8")
 
 
 def written(known: Mapping[str, Kept]) -> str:

@@ -1,0 +1,52 @@
+"""The tool that wraps prose changes no page."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from markdown_it import MarkdownIt
+
+from docs.generators.wrap import COLUMNS, long_lines, wrapped
+
+WORDS = "the quick brown fox jumps over the lazy dog " * 6
+
+
+def rendered(text: str) -> str:
+    """A page as HTML, whatever its line breaks are."""
+    html = MarkdownIt("commonmark").enable("table").render(text)
+    return re.sub(r"\s+", " ", html)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        WORDS,
+        f"* {WORDS}\n  {WORDS}\n* short\n  - {WORDS}\n",
+        f"12. {WORDS}\n",
+        f"{WORDS}\n\n    {WORDS}\n",
+        f"```text\n{WORDS}\n```\n{WORDS}",
+        f"| a | b |\n|---|---|\n| {WORDS} | c |\n",
+        f"{WORDS}`a long code span with {WORDS[:80]}` and [a link {WORDS[:60]}](page.md) {WORDS}",
+        "word " * 23 + "- not a list\n" + "word " * 23 + "1. not one\n" + "word " * 23 + "# none",
+        "word " * 23 + "+ not | a > table = here\n" + "word " * 40,
+        f"# {WORDS}\n{WORDS}\n---\n",
+        f"{WORDS}  \nafter a hard break\n",
+        f"> {WORDS}\n\n<!-- {WORDS} -->\n{WORDS}\n",
+    ],
+)
+def test_wrapped_page_is_the_same_page(text: str):
+    result = wrapped(text)
+    assert rendered(result) == rendered(text)
+    assert wrapped(result) == result
+    assert [*long_lines(result)] == ([1] if "hard break" in text else [])
+
+
+def test_paragraph_that_fits_stays():
+    text = "a line\nand another\n"
+    assert wrapped(text) == text
+
+
+def test_word_longer_than_a_line_stands_alone():
+    word = "x" * (COLUMNS + 1)
+    assert wrapped(f"before {word} after\n") == f"before\n{word}\nafter\n"
