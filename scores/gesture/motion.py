@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
 _STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
 _LISTED = 8
+_HIDDEN = ("", "NULL")  # what stands in a cell where a point is hidden
 _UNIT_WORDS = {
     **dict.fromkeys(("millimeters", "millimetres", "millimeter", "millimetre"), "mm"),
     **dict.fromkeys(("centimeters", "centimetres", "centimeter", "centimetre"), "cm"),
@@ -80,9 +82,12 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: int) -> list[float]:
-    """Three numbers from each of the columns `starts` on; NaN for empty cells. Raises TakeError."""
+    """Three numbers from each of the columns `starts` on; NaN for cells that are empty or say
+    `NULL`. Raises TakeError.
+    """
+    words = [cell.strip() for at in starts for cell in cells[at : at + 3]]
     try:
-        values = [float(cell or "nan") for at in starts for cell in cells[at : at + 3]]
+        values = [nan if word.upper() in _HIDDEN else float(word) for word in words]
     except ValueError:
         raise TakeError("this line is not a row of numbers", path, number) from None
     if any(abs(value) > _HIGH for value in values):

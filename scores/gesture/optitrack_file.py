@@ -40,8 +40,10 @@ class _Rows:
     starts: list[int]
 
     def values(self, line: str, number: int) -> list[float]:
-        """Positions of a frame; nan for empty cells."""
+        """Positions of a frame; nan for empty cells. A comma may come last."""
         cells = line.split(",")
+        if len(cells) == self.width + 1 and not cells[-1].strip():
+            cells.pop()
         if len(cells) != self.width:
             raise TakeError(
                 f"the number of values in this line is {len(cells)}, but the header has "

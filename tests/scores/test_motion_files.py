@@ -356,7 +356,7 @@ def test_what_is_no_trc_file_is_refused(tmp_path, data, told):
 # --- TSV ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hidden", ["0.000", ""])
+@pytest.mark.parametrize("hidden", ["0.000", "", "NULL", "NaN"])
 @pytest.mark.parametrize("leading", [0, 1, 2])
 @pytest.mark.parametrize("titles", [False, True])
 def test_tsv_of_qtm(tmp_path, titles, leading, hidden):
@@ -429,6 +429,10 @@ def test_csv_of_optitrack(tmp_path, version, timed):
     assert "3 frames" in (read(path, "Hand:LWRI.x").damage or "")
     body = read(path, "Board 1.x")
     assert np.allclose(body.x, 1e-3 * np.arange(40))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    with_commas = [line + "," * bool(line) for line in lines]  # as spreadsheets save them
+    path = wrote(tmp_path, ".csv", "\r\n".join(with_commas).encode())
+    assert is_of(read(path, "Hand:RWRI.x"), places, 0, 0)
     with pytest.raises(TakeError, match="states its own unit"):
         read(path, "Hand:RWRI.x", unit=0.01)
 
