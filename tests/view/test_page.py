@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -195,6 +196,26 @@ def test_a_point_is_told_of_where_the_pointer_is(page: browser.Page) -> None:
     assert float(value) * {"Hz": 1, "kHz": 1000}[unit] == pytest.approx(f, rel=5e-3)
     assert f"{e.t:.3f} s" in output
     assert lines[-1] == "rain, example.yaml:12"
+
+
+def test_point_that_nothing_has_struck_is_at_rest(page: browser.Page) -> None:
+    first = min(e.t for e in PIECE.ergons if e.point < CELLS)
+    seek(page, first / 2)
+    point = next(e.point for e in PIECE.ergons if e.point < CELLS)
+    page.run(f"ergon.page.inspected = {point}")
+    seek(page, first / 2)
+    lines = page.run("document.getElementById('point').textContent").split("\n")
+    assert "at rest" in lines
+    assert not [line for line in lines if "?" in line or "±" in line]
+
+
+def test_pictures_a_second_while_it_runs(page: browser.Page) -> None:
+    bar = "document.getElementById('bar').textContent"
+    page.run("ergon.page.look.frameRate = true; ergon.page.play(true); ergon.page.clock.slow = 3")
+    until(lambda: re.search(r"\b[1-9]\d* pictures a second", page.run(bar)), "a rate")
+    page.run("ergon.page.look.frameRate = false; ergon.page.changed()")
+    until(lambda: "pictures" not in page.run(bar), "no rate")
+    page.run("ergon.page.play(false)")
 
 
 def test_every_key_does_what_it_says(page: browser.Page) -> None:

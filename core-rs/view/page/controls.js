@@ -47,6 +47,7 @@ export function table(app) {
     [["j"], "next point of this part", () => app.inspect(1)],
     [["J"], "point before", () => app.inspect(-1)],
     [["b"], "brighter, for a projector", () => (look.projector = !look.projector)],
+    [["g"], "pictures a second, or not", () => (look.frameRate = !look.frameRate)],
     [["t"], "trails", () => (look.trails = !look.trails)],
     [[","], "ergons fall more slowly", () => app.fall(1 / 1.25)],
     [["."], "ergons fall faster", () => app.fall(1.25)],

@@ -38,9 +38,11 @@ export function describe(story, motion, point, t) {
   if (part.kind === "free") {
     const one = {};
     flight(flights.a[point], flights.b[point], omega, sigma, t - flights.begin[point], one);
-    lines.push(`±${si(one.amplitude, "m")}`);
-    // The table has no masses: ½ω²A² is the energy per mass.
-    lines.push(`energy ${si(0.5 * (omega * one.amplitude) ** 2, "J")} per kg`);
+    if (one.amplitude > 0) {
+      lines.push(`±${si(one.amplitude, "m")}`);
+      // The table has no masses: ½ω²A² is the energy per mass.
+      lines.push(`energy ${si(0.5 * (omega * one.amplitude) ** 2, "J")} per kg`);
+    } else lines.push("at rest");
   } else if (part.kind !== "none") {
     if (model.inSpace(point)) lines.push(`at ${motion.where(point).map((x) => si(x, "m")).join(", ")}`);
     else lines.push(`displacement ${si(motion.z[point], "m")}`);

@@ -38,6 +38,7 @@ class Page {
       seen: [],
       strobe: asked.has("strobe"),
       projector: asked.has("projector"),
+      frameRate: false, // whether the pictures a second are shown
       still: matchMedia("(prefers-reduced-motion: reduce)").matches,
     };
     this.sound = new Sound(this.alignment, (words) => this.tell(words));
@@ -45,6 +46,7 @@ class Page {
     this.following = null; // key
     this.tour = null; // where a film looks from at each instant
     this.inspected = null; // point
+    this.drawn = []; // instants of the pictures of the last second [ms]
     this.isDirty = true;
     this.isLost = false;
     this.isChosen = false; // whether it was told to run or to stand
@@ -189,6 +191,7 @@ class Page {
       part ? `part ${part.name} ${times(this.motion.exaggeration(this.chosen))}` : "",
       `ergons ${this.look.fall.toPrecision(2)} m/s`,
       this.sound.isThere && !this.sound.wanted ? "no sound" : "",
+      this.look.frameRate && clock.runs ? `${this.drawn.length} pictures a second` : "",
     ];
     element("bar").textContent = words.filter((w) => w).join("   ");
     const point = element("point");
@@ -218,6 +221,7 @@ class Page {
       this.sound.follow(clock);
       if (runs || this.isDirty) {
         this.isDirty = false;
+        this.drawn = [...this.drawn.filter((then) => now - then < 1000), now];
         this.draw();
       }
     }
