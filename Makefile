@@ -118,7 +118,7 @@ accuracy: $(VENV)/dev
 
 movie: $(VENV)/dev
 	@mkdir -p out
-	$(BIN)/ergon view scores/library/feathers-small.yaml --movie out/feathers.webm --from 175s --to 235s --camera '1@175s 3@190s 1@215s 2@235s' --force
+	$(BIN)/ergon view scores/library/feathers-small.yaml --movie out/feathers.webm --from 175s --until 235s --camera '1@175s 3@190s 1@215s 2@235s' --force
 
 # Linked against an old glibc by zig: what is linked here asks for the glibc of this machine. maturin looks for zig by the first
 # `python3` on the PATH. build.json says which commit `ergon --version` names.

@@ -74,7 +74,7 @@ def recall() -> list[Row]:
                 text = text.replace(old, new)
             rows.append(_row(folder, what, text, ()))
         rows.append(
-            _row(folder, "nothing changed, one bar", _SCORE, ("--from", "20|1", "--to", "21|1"))
+            _row(folder, "nothing changed, one bar", _SCORE, ("--from", "20|1", "--until", "21|1"))
         )
         draft, _ = _rendered(folder, _SCORE, "on", "--draft")
         again, _ = _rendered(folder, _SCORE, "on", "--draft")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -36,21 +36,27 @@ if TYPE_CHECKING:
     default="full",
     help="How mistakes are shown.",
 )
+@options.strict("when a score has a warning")
 @options.trust
 @options.speaking
 def check(
-    console: Console, scores: tuple[str, ...], simulate: bool, form: Form, trust: bool
+    console: Console,
+    scores: tuple[str, ...],
+    simulate: bool,
+    form: Form,
+    strict: bool,
+    trust: bool,
 ) -> None:
     """Report every mistake in scores, with its place.
 
     `-` reads a score from stdin. The exit code is 1 when a score has an error; warnings and notes
-    are no errors.
+    are no errors, but --strict counts warnings.
     """
     console = Console(console.json, console.quiet, console.verbose, form)
     failed = 0
     for path in scores:
         try:
-            _check(console, path, simulate, trust)
+            _check(console, path, simulate, strict, trust)
         except Findings as findings:
             console.outcome(findings)
             failed += 1
@@ -58,11 +64,12 @@ def check(
         raise Findings(f"{failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
 
 
-def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
+def _check(console: Console, path: str, simulate: bool, strict: bool, trust: bool) -> None:
     loaded = score.read(path, ReadOptions(trust=trust), console)
     staged, diagnostics = try_stage(loaded, console)
-    console.say(f"{path}: {_tally(loaded, diagnostics)}")
-    if staged is None:
+    counts = _counts(loaded, diagnostics)
+    console.say(f"{path}: {_tally(counts)}")
+    if staged is None or (strict and counts["warning"]):
         raise Findings
     if simulate:
         from .simulated import simulated
@@ -70,9 +77,14 @@ def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
         simulated(console, path, loaded, staged.piece)
 
 
-def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
-    """`2 errors, 1 warning`, or `no mistakes`; diagnostics that were not shown count too."""
+def _counts(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> dict[Severity, int]:
+    """How many there are of each severity; diagnostics that were not shown count too."""
     counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
     for diagnostic in (*loaded.diagnostics, *more):
         counts[diagnostic.severity] += 1
+    return counts
+
+
+def _tally(counts: Mapping[Severity, int]) -> str:
+    """`2 errors, 1 warning`, or `no mistakes`."""
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"

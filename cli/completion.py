@@ -12,7 +12,7 @@ from .names import SECTIONS, names_of
 
 SHELLS = ("bash", "zsh", "fish")
 # Sections of the score whose names complete an option, or the second argument of a command.
-_VALUES = {"--from": ("marks",), "--to": ("marks",), "--key": ("keys",)}
+_VALUES = {"--from": ("marks",), "--until": ("marks",), "--key": ("keys",)}
 _PLOTTED = ("gestures", "takes", "players")
 
 

@@ -17,11 +17,12 @@ EXAMPLES: Mapping[str, tuple[Example, ...]] = {
     "check": (
         ("ergon check piece.yaml", "every mistake with its place"),
         ("ergon check --simulate piece.yaml", "also what shows only when it plays"),
+        ("ergon check --strict piece.yaml", "fail by a warning too, for scripts"),
     ),
     "compile": (("ergon compile piece.yaml -o ergons.csv", "what the keys are struck with"),),
     "render": (
         ("ergon render piece.yaml -o piece.wav", "the sound"),
-        ("ergon render duet --channels 2 --to 10s", "ten seconds of a score that ships"),
+        ("ergon render duet --channels 2 --until 10s", "ten seconds of a score that ships"),
         ("ergon render piece.yaml --rate 48kHz --bits float", "another format"),
     ),
     "sweep": (("ergon sweep piece.yaml --vary seed=1..4 -o variants", "four variants"),),

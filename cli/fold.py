@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     help="binaural, stereo, ambix1 … ambix7 (ACN, SN3D), or a layout: a file, or one that ships.",
 )
 @click.option(
-    "--from",
-    "from_",
+    "--layout",
     metavar="WHAT",
     help="What IN.wav holds: a layout, or ambix1 … ambix7. Without it as the file says (ADM).",
 )
@@ -44,7 +43,7 @@ def fold(
     console: Console,
     source: str,
     to: str,
-    from_: str | None,
+    layout: str | None,
     head: str | None,
     gain: str | None,
     output: str | None,
@@ -61,7 +60,7 @@ def fold(
 
     check_stdout(output, is_json=console.json)
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
-    asked = FoldOptions(from_=from_, head=head, gain=gain, bits=bits, force=force)
+    asked = FoldOptions(layout=layout, head=head, gain=gain, bits=bits, force=force)
     done = fold_file(source, target, to, asked, report=console)
     if gain is None and done.gain < 1.0:
         console.warn(

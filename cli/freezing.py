@@ -12,7 +12,7 @@ from .outcome import Refused
 from .summary import print_finer_steps
 from .units import octets, seconds
 
-_EXCLUDED = ("from_", "to", "stems", "channels", "bits", "hands")
+_EXCLUDED = ("from_", "until", "stems", "channels", "bits", "hands")
 
 
 def freeze_parts(

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option("--set", "values", metavar="NAME=VALUE", multiple=True, help="A parameter's value.")
 @click.option(
-    "--input",
+    "--feed",
     "inputs",
     metavar="in1=FILE.wav",
     multiple=True,
@@ -64,7 +64,7 @@ def import_command(
 
     target = output or f"{Path(model).stem}.yaml"
     check_stdout(target, is_json=console.json)
-    files = _pairs("--input", inputs)
+    files = _pairs("--feed", inputs)
     read = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
     check_target(Path(target), force=force, inputs=read)
     asked = ModelOptions(dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files)
@@ -82,7 +82,7 @@ def import_command(
     if target != "-":
         console.say(f"wrote {target}: {imported.n_statements:,} statements of {imported.dialect}")
     if imported.unfed:
-        names, feed = ", ".join(imported.unfed), f"--input {imported.unfed[0]}=FILE.wav"
+        names, feed = ", ".join(imported.unfed), f"--feed {imported.unfed[0]}=FILE.wav"
         stay = "stays" if len(imported.unfed) == 1 else "stay"
         console.say(f"{names} {stay} at 0; {feed} feeds {imported.unfed[0]}")
 

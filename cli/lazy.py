@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from . import examples, habits
+from . import examples, habits, renamed
 
 # name → (module, attribute, one line of help), or the help alone where all three names are one. The
 # help is in the table so that `--help` imports no command.
@@ -79,13 +79,13 @@ class LazyGroup(click.Group):
         name = args[0]
         if name not in self.table and not name.startswith("-"):
             raise click.UsageError(self._unknown(args), ctx)
-        resolved = super().resolve_command(ctx, args)
-        command = resolved[1]
+        resolved, command, words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
-            if meant := habits.single_dash(args[1:], names):
+            if meant := habits.single_dash(words, names):
                 raise click.UsageError(f"{meant[1:]} is written with two dashes: {meant}", ctx)
-        return resolved
+            words = renamed.respelt(self.path_of(name), words)
+        return resolved, command, words
 
     def _misplaced(self, words: list[str], error: click.NoSuchOption) -> str:
         if line := habits.reordered(words, self.table):

@@ -31,11 +31,11 @@ _LOWEST = 8.0  # [Hz] below it is the rigid motion of a free body, which is not 
 @click.command()
 @options.score
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@click.option("--to", metavar="FREQUENCY", help="All modes up to this frequency, such as 5kHz.")
+@click.option("--upto", metavar="FREQUENCY", help="All modes up to this frequency, such as 5kHz.")
 @click.option(
     "--count",
     type=click.IntRange(1),
-    help=f"So many modes of each part; without --to and --count {COUNT}.",
+    help=f"So many modes of each part; without --upto and --count {COUNT}.",
 )
 @click.option(
     "--around", metavar="FREQUENCY", help="The modes next to a frequency or note, such as A3."

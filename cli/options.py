@@ -152,6 +152,12 @@ def target(text: str) -> Callable[[F], F]:
     return click.option("-o", "--output", metavar="FILE", help=text)
 
 
+def strict(failure: str, code: int = 1) -> Callable[[F], F]:
+    """The option `--strict`: what else is a warning ends the command with an exit code."""
+    text = f"Make a warning a failure: exit with code {code} {failure}."
+    return click.option("--strict", is_flag=True, help=text)
+
+
 def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --json, -q and -v, and hand the command a Console as its first argument."""
 

@@ -60,7 +60,7 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 INTERNAL = 2
 EXIT_CODES = (
     (0, "done"),
-    (Findings.exit_code, "errors in the score; a silent file (render --strict)"),
+    (Findings.exit_code, "errors in the score; with --strict also warnings"),
     (Refused.exit_code, "wrong usage, a file refused, or an internal error"),
     (DeviceMissing.exit_code, "device missing"),
     (Diverged.exit_code, "the simulation diverged"),

@@ -10,6 +10,7 @@ from ergon.api.options import PlayOptions
 
 from . import options
 from .console import Console
+from .outcome import Late
 
 # The options that `play` and `duet` share.
 _playing = options.several(
@@ -18,7 +19,7 @@ _playing = options.several(
     options.declared(PlayOptions, "record_input frozen loop"),
     click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
     options.declared(PlayOptions, "osc osc_to view view_at see"),
-    click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
+    options.strict("when sound was late", Late.exit_code),
     options.declared(PlayOptions, "seed method error cents plan draft trust"),
     options.speaking,
 )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @options.declared(
     FileOptions,
-    "from_ to stems only except_ channels bits seed rate threads block hands input",
+    "from_ until stems only except_ channels bits seed rate threads block hands input",
 )
 @click.option(
     "--freeze",
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @options.declared(FileOptions, "motion see on method error cents plan draft")
 @options.dry_run
 @options.force
-@click.option("--strict", is_flag=True, help="Exit with code 1 when the file is silent.")
+@options.strict("when the file is silent")
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
 @options.trust
 @options.speaking

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Print one line after the other, redraw none: for screen readers and pipes.",
 )
-@click.option("--strict", is_flag=True, help="Exit with code 1 when a line was not taken.")
+@options.strict("when a line was not taken")
 @options.trust
 @options.speaking
 def repl(

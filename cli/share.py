@@ -22,7 +22,7 @@ from .view import shown_of
     metavar="FILE",
     help="Play this sound file with FILE.motion. Default: FILE.wav beside it, of the same score.",
 )
-@click.option("--to", metavar="C", help="End at this point of a score: bar|beat, seconds or mark.")
+@click.option("--until", metavar="POSITION", help="End a score here: bar|beat, seconds or a mark.")
 @click.option(
     "--limit",
     type=options.Number(0.1, 2000),
@@ -42,7 +42,7 @@ def share(
     path: str,
     output: str | None,
     sound: Path | None,
-    to: str | None,
+    until: str | None,
     limit: float,
     strobe: bool,
     force: bool,
@@ -58,7 +58,7 @@ def share(
     source = Path(path)
     target = Path(output or f"{source.stem}.html")
     with TemporaryDirectory(prefix="ergon-share-") as folder:
-        shown = shown_of(console, source, Path(folder), sound=sound, trust=trust, to=to)
+        shown = shown_of(console, source, Path(folder), sound=sound, trust=trust, until=until)
         done = share_file(
             shown,
             target,

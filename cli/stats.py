@@ -27,7 +27,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
 @click.argument("score_path", metavar="SCORE|TAKE", type=ScorePath())
 @click.argument("parts", metavar="[PART]...", nargs=-1)
 @click.option(
-    "--to",
+    "--upto",
     metavar="FREQUENCY",
     default="5kHz",
     show_default=True,

@@ -38,12 +38,12 @@ _film_options = options.several(
         "Default: 1.",
     ),
     click.option("--from", "start", metavar="TIME", help="Begin the film here: 90s, or a mark."),
-    click.option("--to", "end", metavar="TIME", help="End the film here: 120s, or a mark."),
+    click.option("--until", "end", metavar="TIME", help="End the film here: 120s, or a mark."),
     click.option(
         "--words", is_flag=True, default=None, help="Show the text of the page in the film too."
     ),
 )
-_FLAGS = {"rate": "fps", "start": "from", "end": "to"}  # flags that are named differently
+_FLAGS = {"rate": "fps", "start": "from", "end": "until"}  # flags that are named differently
 
 
 @click.command()

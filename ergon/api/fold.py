@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
+from ergon.common.option import renamed
 from ergon.common.report import Report
 from ergon.exchange.wave_header import ORIGINATOR, Bits, NotWaveError
 from ergon.rendering.loudness import TruePeak, gain_to_peak
@@ -37,17 +38,18 @@ class FoldError(ErgonError, ValueError):
     """The file cannot be folded; the message says why, and what to do."""
 
 
+@renamed(from_="layout")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldOptions:
     """How a file is folded.
 
-    `from_`: the layout, or the order of Ambisonics, that the file holds; by default as the file
+    `layout`: the layout, or the order of Ambisonics, that the file holds; by default as the file
     says (ADM). `head`: a SOFA file in place of the head that ships. `gain` in decibels, such as
     "-6dB"; without it a fold that would clip is turned down. `bits`: 16, 24 or "float"; by default
     those of the file.
     """
 
-    from_: str | None = None
+    layout: str | None = None
     head: str | Path | None = None
     gain: str | None = None
     bits: Bits | None = None
@@ -277,8 +279,8 @@ def _source(
     from ergon.space.fold_filters import Field
 
     kind = "for low-frequency effects"
-    if options.from_ is not None:
-        field_names, effects = _named(options.from_, "from", report)
+    if options.layout is not None:
+        field_names, effects = _named(options.layout, "layout", report)
         kind = "not among the loudspeakers of the layout"
     else:
         reason = "it does not say what its channels are"
@@ -287,11 +289,11 @@ def _source(
         except XmlError as error:
             adm_field, reason = None, str(error)
         if adm_field is None:
-            raise FoldError(f"{path}: {reason}; name them by --from LAYOUT, such as --from dome24")
+            raise FoldError(f"{path}: {reason}; name them, such as by --layout dome24")
         field_names = Field(tuple(point(*one) for one in adm_field.speakers), adm_field.order)
         effects = adm_field.effects
     if field_names.n_channels + len(effects) != info.format.n_channels:
-        named = f"{options.from_ or 'its description'} has {field_names.n_channels}"
+        named = f"{options.layout or 'its description'} has {field_names.n_channels}"
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {named}")
     if effects:
         *first, last = (str(channel + 1) for channel in effects)

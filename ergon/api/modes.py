@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.decay import LN_1000
+from ergon.common.option import renamed
 from ergon.common.report import Report
 
 from . import score as scores
@@ -27,27 +28,28 @@ if TYPE_CHECKING:
 COUNT = 20  # modes of each part, by default
 
 
+@renamed(to="upto")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModesOptions(ReadOptions):
     """Which modes of which parts are computed.
 
     `parts` are names of instruments and keys; without any, all are meant. The modes are the
-    lowest `count` (by default 20), all up to a frequency `to`, or the `count` nearest to a
+    lowest `count` (by default 20), all up to a frequency `upto`, or the `count` nearest to a
     frequency `around`; both are numbers [Hz] or texts such as "5kHz" and "A3".
     """
 
     parts: Sequence[str] = ()
     count: int | None = None
-    to: float | str | None = None
+    upto: float | str | None = None
     around: float | str | None = None
 
     def asked(self) -> dict[str, float | int]:
         """The arguments for the engine's search for modes. Raises OptionError."""
-        if self.to is not None:
+        if self.upto is not None:
             for name, value in (("count", self.count), ("around", self.around)):
                 if value is not None:
-                    raise OptionError(name, "; give one of the two", excludes="to")
-            return {"to": hertz("to", self.to)}
+                    raise OptionError(name, "; give one of the two", excludes="upto")
+            return {"to": hertz("upto", self.upto)}
         count = COUNT if self.count is None else self.count
         if count < 1:
             raise OptionError("count", f"is {count}; it must be at least 1")
@@ -165,7 +167,7 @@ def _asked(network: _core.Network, name: str, asked: Mapping[str, float | int]) 
     try:
         return network.part_modes(name, **asked)  # type: ignore[arg-type]
     except _core.EngineError as error:
-        raise OptionError("to" if "to" in asked else "count", str(error)) from None
+        raise OptionError("upto" if "to" in asked else "count", str(error)) from None
 
 
 def points_of(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.option import Choice, Integer, Number, Text, documented, option
+from ergon.common.option import Choice, Integer, Number, Text, documented, option, renamed
 from ergon.common.option import Path as PathTo
 from ergon.exchange.wave_header import CHANNELS_MAX
 
@@ -133,6 +133,7 @@ class AccuracyOptions(ReadOptions):
             raise OptionError("plan", str(error), value=str(self.plan)) from None
 
 
+@renamed(to="until")
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderOptions(AccuracyOptions):
@@ -147,7 +148,7 @@ class RenderOptions(AccuracyOptions):
         "First position to write, such as '3|1' (in quotes), B+2 or 12.5s.",
         metavar="POSITION",
     )
-    to: str | None = option(None, "Position to write up to.", metavar="POSITION")
+    until: str | None = option(None, "Position to write up to.", metavar="POSITION")
     only: str | None = option(
         None,
         "Hear these instruments alone; all others move, silent.",
@@ -202,6 +203,7 @@ class RenderOptions(AccuracyOptions):
         return tuple(Path(one) for one in option_paths if one is not None)
 
 
+@renamed(to="until")
 @documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions(RenderOptions):

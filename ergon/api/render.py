@@ -229,7 +229,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
     bits: Bits = options.bits or piece.render.bits
     n_channels = options.channels or piece.render.channels or stage.n_channels
     start = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
-    stop = stage.n_frames if options.to is None else _frame(piece, stage, options.to, "to")
+    stop = stage.n_frames if options.until is None else _frame(piece, stage, options.until, "until")
     stop = min(stop, stage.n_frames)
     if not stage.n_frames:
         reason = (
@@ -239,7 +239,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         raise ScoreError((), reason=reason)
     if start >= stop:
         end = scores.where(piece, stage.n_frames / stage.rate)
-        option = "from_" if options.to is None else "to"
+        option = "from_" if options.until is None else "until"
         raise OptionError(option, f"the part to render is empty; the piece ends at {end}")
     file = options if isinstance(options, FileOptions) else FileOptions()
     return RenderJob(
@@ -259,7 +259,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         threads=options.threads,
         force=file.force,
         fades_from=stage.fades_from,
-        is_part=options.to is not None,
+        is_part=options.until is not None,
         stretches=of_user(),
         measures_instruments=not options.draft,  # which takes about as long as mixing
     )

@@ -19,7 +19,7 @@ from .render import Completed
 # Options whose values the journal itself decides.
 _DECIDED = (
     "from_",
-    "to",
+    "until",
     "stems",
     "only",
     "except_",

@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.option import renamed
 from ergon.common.report import Report
 
 from . import score as scores
@@ -24,20 +25,21 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-TO = 5000.0  # [Hz]
+UPTO = 5000.0  # [Hz]
 _STATIC = 1e-5  # of the lowest frequency: there inertia changes the response by this squared
 _NOTHING = 1e-12  # of the energy of a blow
 
 
+@renamed(to="upto")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatsOptions(ReadOptions):
     """Which parts are described; without names, all.
 
-    Modes count up to the frequency `to`, a number [Hz] or a text such as "5kHz" and "A7".
+    Modes count up to the frequency `upto`, a number [Hz] or a text such as "5kHz" and "A7".
     """
 
     parts: Sequence[str] = ()
-    to: float | str = TO
+    upto: float | str = UPTO
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ def stats(
     from ergon.scores.staging.preparing import prepare
 
     options = options or StatsOptions()
-    to = hertz("to", options.to)
+    to = hertz("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     names = selected_parts(piece, options.parts)

@@ -5,8 +5,11 @@ The command line makes its own options from these declarations, and documentatio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import wraps
 from typing import Any, Literal, TypeVar
+from warnings import warn
 
 T = TypeVar("T")
 
@@ -104,3 +107,27 @@ def documented(options: type[T]) -> type[T]:
     lines = [f"    {each.name}: {each.metadata['option'].help}" for each in new if each.metadata]
     options.__doc__ = "\n".join([f"{options.__doc__}", *lines])
     return options
+
+
+def renamed(**new_names: str) -> Callable[[type[T]], type[T]]:
+    """A decorator of a dataclass that still takes fields by earlier names, with a warning.
+
+    Each earlier name is given with the present one: `@renamed(to="until")`.
+    """
+
+    def decorate(options: type[T]) -> type[T]:
+        construct = options.__init__
+
+        @wraps(construct)
+        def constructed(self: T, *values: Any, **named: Any) -> None:
+            for earlier, present in new_names.items():
+                if earlier in named and present not in named:
+                    message = f"{options.__name__}: `{earlier}` is called `{present}` now"
+                    warn(message, DeprecationWarning, stacklevel=2)
+                    named[present] = named.pop(earlier)
+            construct(self, *values, **named)
+
+        setattr(options, "__init__", constructed)  # noqa: B010
+        return options
+
+    return decorate

@@ -92,7 +92,7 @@ def test_a_file_has_the_bytes_of_the_command(bits: str):
 
 @pytest.mark.parametrize("bits", ["float", 24, 16])
 def test_an_array_is_the_file_before_it_is_rounded(bits: str | int):
-    part = {"from_": "1|2", "to": "1|4", "bits": bits}
+    part = {"from_": "1|2", "until": "1|4", "bits": bits}
     files = ergon.render_to_file("bell.yaml", "bell.wav", ergon.FileOptions(**part))
     sound = ergon.render("bell.yaml", ergon.RenderOptions(**part, threads=1, block=1000))
     assert sound.frames.dtype == np.float64
@@ -113,10 +113,10 @@ def test_an_array_is_the_file_before_it_is_rounded(bits: str | int):
 
 
 def test_a_score_may_be_text_alone():
-    text = ergon.RenderOptions(text=SCORE, to="1|3")
-    there = ergon.render("bell.yaml", ergon.RenderOptions(to="1|3"))
+    text = ergon.RenderOptions(text=SCORE, until="1|3")
+    there = ergon.render("bell.yaml", ergon.RenderOptions(until="1|3"))
     assert np.array_equal(ergon.render("nowhere.yaml", text).frames, there.frames)
-    other = ergon.render("bell.yaml", ergon.RenderOptions(to="1|3", rate=48000.0))
+    other = ergon.render("bell.yaml", ergon.RenderOptions(until="1|3", rate=48000.0))
     assert other.frames.shape == (48000, 2)
 
 
@@ -166,11 +166,13 @@ def test_a_report_hears_of_warnings_and_progress():
             return super().progress(task, total, rate)
 
     saved = Kept()
-    unused = ergon.RenderOptions(text=SCORE.replace("parts:", "marks: {A: 1|1}\nparts:"), to="1|3")
+    unused = ergon.RenderOptions(
+        text=SCORE.replace("parts:", "marks: {A: 1|1}\nparts:"), until="1|3"
+    )
     with pytest.raises(ergon.ScoreError):
         ergon.render("bell.yaml", unused, report=saved)
     assert saved.found
-    ergon.render("bell.yaml", ergon.RenderOptions(to="1|3"), report=saved)
+    ergon.render("bell.yaml", ergon.RenderOptions(until="1|3"), report=saved)
     assert saved.tasks == ["rendering"]
 
 

@@ -85,7 +85,7 @@ def test_all_parts_in_the_order_of_the_score():
 
 def test_up_to_a_frequency_and_around_a_note():
     (all_of_it,) = modes("wire", count=24)
-    (below,) = modes("wire", to="2kHz")
+    (below,) = modes("wire", upto="2kHz")
     assert below.frequencies == pytest.approx(all_of_it.frequencies[:7])
     (near,) = modes("wire", around="A5", count=2)
     assert near.frequencies == pytest.approx(all_of_it.frequencies[1:3])
@@ -101,10 +101,10 @@ def test_up_to_a_frequency_and_around_a_note():
             {"parts": ["x"]},
             "parts: no instrument or key is called 'x'; there are k1, wire, pad, wall",
         ),
-        ({"to": "h3"}, "to: 'h3' is neither a frequency such as 220Hz nor a note .*mean 'B3'"),
-        ({"to": -1.0}, "to: "),
-        ({"to": 1e3, "count": 2}, "count: excludes to; give one of the two"),
-        ({"to": 1e3, "around": "A3"}, "around: excludes to; give one of the two"),
+        ({"upto": "h3"}, "upto: 'h3' is neither a frequency such as 220Hz nor a note .*mean 'B3'"),
+        ({"upto": -1.0}, "upto: "),
+        ({"upto": 1e3, "count": 2}, "count: excludes upto; give one of the two"),
+        ({"upto": 1e3, "around": "A3"}, "around: excludes upto; give one of the two"),
         ({"count": 0}, "count: is 0; it must be at least 1"),
     ],
 )

@@ -59,7 +59,7 @@ def test_a_body_that_nothing_holds():
 def test_all_energy_of_a_blow_goes_into_the_modes():
     for point in stats("wire").points:
         assert point.shares.sum() == pytest.approx(1.0, rel=1e-6)
-    part = stats("wire", to="1kHz")
+    part = stats("wire", upto="1kHz")
     assert len(part.modes.poles) == len(part.points[0].shares) == 3
     shape = np.sin(np.pi * np.arange(1, 4) * 18 / 25) ** 2 * 2 / 25
     assert part.points[0].shares == pytest.approx(shape, rel=1e-6)
@@ -88,7 +88,7 @@ def test_every_part_and_what_has_no_mass():
     ("options", "message"),
     [
         ({"parts": ["barr"]}, "parts: no instrument or key is called 'barr'; did you mean 'bar'?"),
-        ({"to": "h3"}, "to: 'h3' is neither a frequency"),
+        ({"upto": "h3"}, "upto: 'h3' is neither a frequency"),
     ],
 )
 def test_what_cannot_be_asked_for(options: dict, message: str):

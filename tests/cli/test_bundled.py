@@ -19,13 +19,13 @@ def test_score_path_with_bundled_name(command: str):
 
 
 def test_render_target_of_bundled_score():
-    assert app.run(["render", "duet", "--to", "0.1s"]) == 0
+    assert app.run(["render", "duet", "--until", "0.1s"]) == 0
     assert Path("duet.wav").is_file()
 
 
 def test_score_path_with_file_of_bundled_name():
     Path("duet").write_text(SCORE)
-    assert app.run(["render", "duet", "-o", "a.wav", "--to", "0.1s"]) == 0
+    assert app.run(["render", "duet", "-o", "a.wav", "--until", "0.1s"]) == 0
     assert read_info(Path("a.wav")).format.n_channels == 1
 
 

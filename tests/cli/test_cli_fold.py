@@ -28,6 +28,9 @@ def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return forked(words, folder)
 
 
+EARS = ("--to", "binaural")
+
+
 def noise(path: Path, n_frames: int, n_channels: int = 24, *, peak: float = 0.1) -> np.ndarray:
     frames = np.random.default_rng(3).uniform(-peak, peak, (n_frames, n_channels))
     frames = frames.astype(np.float32)
@@ -69,7 +72,7 @@ def test_two_ears_are_the_written_convolution(tmp_path: Path):
     from ergon.space import fold_filters, head
 
     frames = noise(tmp_path / "in.wav", 70_000)
-    done = ergon(tmp_path, "fold", "in.wav", "--to", "binaural", "--from", "dome24", "-o", "o.wav")
+    done = ergon(tmp_path, "fold", "in.wav", *EARS, "--layout", "dome24", "-o", "o.wav")
     assert done.returncode == 0, done.stderr
     filters = fold_filters.to_ears(
         fold_filters.Field(read_layout("dome24").speakers), head.kemar(), 48_000.0
@@ -82,7 +85,7 @@ def test_the_same_input_gives_the_same_bytes(tmp_path: Path):
     """These bytes on every machine: no library's sine or transform stands in between."""
     noise(tmp_path / "in.wav", 3_000)
     for name in ("a.wav", "b.wav"):
-        words = ("fold", "in.wav", "--to", "binaural", "--from", "dome24", "-o", name)
+        words = ("fold", "in.wav", "--to", "binaural", "--layout", "dome24", "-o", name)
         assert ergon(tmp_path, *words).returncode == 0
     first, second = ((tmp_path / name).read_bytes() for name in ("a.wav", "b.wav"))
     assert first == second
@@ -101,7 +104,7 @@ def test_long_files_and_empty_ones(tmp_path: Path):
     assert read_info(tmp_path / "long.wav").container == "RF64"
     noise(tmp_path / "none.wav", 0)
     for name in ("in", "long", "none"):
-        done = ergon(tmp_path, "fold", f"{name}.wav", "--to", "stereo", "--from", "dome24")
+        done = ergon(tmp_path, "fold", f"{name}.wav", "--to", "stereo", "--layout", "dome24")
         assert done.returncode == 0, done.stderr
     short, long = (samples(tmp_path / f"{name}-stereo.wav") for name in ("in", "long"))
     np.testing.assert_array_equal(short, long)
@@ -110,7 +113,7 @@ def test_long_files_and_empty_ones(tmp_path: Path):
 
 def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
-    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits")
+    words = ("fold", "in.wav", "--to", "stereo", "--layout", "dome24", "--bits")
     done = ergon(tmp_path, *words, "float", "-o", "float.wav")
     assert (done.returncode, "turned down" in done.stderr) == (0, False)
     clean = samples(tmp_path / "float.wav")
@@ -126,7 +129,7 @@ def test_a_fold_that_would_clip_is_turned_down(tmp_path: Path):
 
 def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
     noise(tmp_path / "in.wav", 3_000, peak=0.9)
-    words = ("fold", "in.wav", "--to", "stereo", "--from", "dome24", "--bits", "24", "--gain")
+    words = ("fold", "in.wav", "--to", "stereo", "--layout", "dome24", "--bits", "24", "--gain")
     done = ergon(tmp_path, *words, "3dB")
     assert done.returncode == 2
     assert not (tmp_path / "in-stereo.wav").exists()
@@ -138,17 +141,17 @@ def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("in.wav", "--to", "binaural"), "--from dome24"),
-        (("in.wav", "--to", "dome2", "--from", "dome24"), "did you mean dome24?"),
-        (("in.wav", "--to", "ambix8", "--from", "dome24"), "1 to 7"),
-        (("in.wav", "--to", "stereo", "--from", "ambix3"), "has 24 channels, but ambix3 has 16"),
-        (("in.wav", "--to", "stereo.yaml", "--from", "dome24"), "is not a layout file"),
-        (("in.wav", "--to", "stereo", "--from", "dome24", "--gain", "6"), "--gain"),
-        (("in.wav", "--to", "stereo", "--from", "dome24", "--head", "x.sofa"), "--head"),
-        (("in.wav", "--to", "binaural", "--from", "dome24", "--head", "x.sofa"), "x.sofa"),
-        (("in.wav", "--to", "ambix2", "--from", "dome24", "-o", "a.flac"), "FLAC"),
-        (("in.wav", "--to", "stereo", "--from", "dome24", "-o", "in.wav"), "is an input"),
-        (("nan.wav", "--to", "stereo", "--from", "stereo"), "not finite"),
+        (("in.wav", "--to", "binaural"), "--layout dome24"),
+        (("in.wav", "--to", "dome2", "--layout", "dome24"), "did you mean dome24?"),
+        (("in.wav", "--to", "ambix8", "--layout", "dome24"), "1 to 7"),
+        (("in.wav", "--to", "stereo", "--layout", "ambix3"), "has 24 channels, but ambix3 has 16"),
+        (("in.wav", "--to", "stereo.yaml", "--layout", "dome24"), "is not a layout file"),
+        (("in.wav", "--to", "stereo", "--layout", "dome24", "--gain", "6"), "--gain"),
+        (("in.wav", "--to", "stereo", "--layout", "dome24", "--head", "x.sofa"), "--head"),
+        (("in.wav", "--to", "binaural", "--layout", "dome24", "--head", "x.sofa"), "x.sofa"),
+        (("in.wav", "--to", "ambix2", "--layout", "dome24", "-o", "a.flac"), "FLAC"),
+        (("in.wav", "--to", "stereo", "--layout", "dome24", "-o", "in.wav"), "is an input"),
+        (("nan.wav", "--to", "stereo", "--layout", "stereo"), "not finite"),
         (("no.wav", "--to", "stereo"), "no.wav"),
         (("text.wav", "--to", "stereo"), "not a WAVE file"),
     ],
@@ -178,7 +181,7 @@ def test_a_cut_file_is_named_by_every_command_that_reads_sound(
         writer = WaveWriter(file, WaveFormat(48_000, 2, 24), 96_000, Stamp("cut"))
         writer.write((np.stack([stroke, stroke], axis=1) * 2**31).astype(np.int32))
     command, *more = words
-    more += ["--from", "stereo"] if command == "fold" else []
+    more += ["--layout", "stereo"] if command == "fold" else []
     done = ergon(tmp_path, command, "cut.wav", *more)
     assert "shorter than its header says: of 96,000 frames 48,000 are there" in done.stderr
     assert done.returncode == 0, done.stderr
@@ -246,7 +249,7 @@ def test_the_delays_of_a_head_are_heard(tmp_path: Path):
         frames[100] = 0.5
         writer.write(frames)
         writer.close()
-    words = ("--to", "binaural", "--from", "stereo", "--head", "own.sofa", "-o", "o.wav")
+    words = ("--to", "binaural", "--layout", "stereo", "--head", "own.sofa", "-o", "o.wav")
     done = ergon(tmp_path, "fold", "in.wav", *words)
     assert done.returncode == 0, done.stderr
     left, right = np.abs(samples(tmp_path / "o.wav")).argmax(0)
@@ -271,7 +274,16 @@ def test_a_head_of_ones_own(tmp_path: Path):
         file.create_dataset("Data.SamplingRate", data=[48_000.0])
     frames = noise(tmp_path / "in.wav", 5_000)
     frames[:, :] = 0.0
-    words = ("in.wav", "--to", "binaural", "--from", "dome24", "--head", "own.sofa", "-o", "o.wav")
+    words = (
+        "in.wav",
+        *EARS,
+        "--layout",
+        "dome24",
+        "--head",
+        "own.sofa",
+        "-o",
+        "o.wav",
+    )
     with (tmp_path / "in.wav").open("wb") as file:
         writer = WaveWriter(file, WaveFormat(48_000, 24, "float"), 5_000, Stamp("left"))
         frames[100, 3] = 0.5

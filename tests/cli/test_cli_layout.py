@@ -146,7 +146,7 @@ def test_outputs_with_gaps_are_the_same_in_all_commands(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     sound, _ = soundfile.read(tmp_path / "n.wav")
     assert [bool(peak > 0.1) for peak in abs(sound).max(axis=0)] == [1, 1, 0, 1, 0, 1]
-    fold = ["fold", "n.wav", "--from", "room.yaml", "--to"]
+    fold = ["fold", "n.wav", "--layout", "room.yaml", "--to"]
     done = forked([*fold, "room.yaml", "-o", "same.wav", "--bits", "float"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "channels 3 and 5 are not among the loudspeakers of the layout" in done.stderr

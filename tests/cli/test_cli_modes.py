@@ -40,12 +40,12 @@ def test_what_was_linearised_is_told(capsys: Capture):
     assert "pad: the law of 1 link was linearised at rest" in err
     assert "pad: 1 contact counted as open" in err
     assert "wall: no modes: nothing in it moves" in out
-    assert app.run(["modes", "wires.yaml", "wire", "--to", "100Hz"]) == 0
+    assert app.run(["modes", "wires.yaml", "wire", "--upto", "100Hz"]) == 0
     assert capsys.readouterr().out == "wire: no modes: none of its modes is in this range\n"
 
 
 def test_as_records(capsys: Capture):
-    assert app.run(["modes", "wires.yaml", "wire", "--to", "1kHz", "--json", "--shapes"]) == 0
+    assert app.run(["modes", "wires.yaml", "wire", "--upto", "1kHz", "--json", "--shapes"]) == 0
     *each, last = records(capsys)
     assert [row["note"] for row in each] == ["D4", "D5", "A5"]
     assert len(each[0]["masses"]) == len(each[0]["shape"]) == 24
@@ -72,8 +72,8 @@ def test_as_a_file(capsys: Capture):
     ("typed", "message"),
     [
         (["wirr"], "PART: no instrument or key is called 'wirr'; did you mean 'wire'?"),
-        (["--to", "h3"], "--to: 'h3' is neither a frequency such as 220Hz nor a note"),
-        (["--to", "1kHz", "--count", "3"], "--count: excludes --to; give one of the two"),
+        (["--upto", "h3"], "--upto: 'h3' is neither a frequency such as 220Hz nor a note"),
+        (["--upto", "1kHz", "--count", "3"], "--count: excludes --upto; give one of the two"),
         (
             ["--shapes"],
             "--shapes needs --csv, --json or --svg: shapes are many numbers, or pictures",

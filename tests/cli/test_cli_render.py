@@ -61,7 +61,7 @@ def test_parts_and_stems_have_the_level_of_the_whole_piece(master: str, capsys: 
     mix, _ = soundfile.read("two.wav")
     stems = [soundfile.read(path)[0] for path in sorted(Path("stems").glob("*.wav"))]
     np.testing.assert_allclose(sum(stems), mix, atol=2 * 2.0**-23)
-    for words in (["--to", "0.75s"], ["--from", "0.5s", "--to", "1.5s"], ["--from", "1.25s"]):
+    for words in (["--until", "0.75s"], ["--from", "0.5s", "--until", "1.5s"], ["--from", "1.25s"]):
         assert app.run(["render", "two.yaml", *words, "-o", "part.wav", "--force"]) == 0
         part, _ = soundfile.read("part.wav")
         start = round(44_100 * float(words[1][:-1])) if words[0] == "--from" else 0
@@ -85,7 +85,7 @@ def test_a_file_says_why_it_is_not_as_loud_as_its_master(capsys: Capture) -> Non
     output = capsys.readouterr().err
     assert "true peak -1.0 dBTP" in output
     assert "dB below the -3 LUFS of its master" in output
-    for part in (["--to", "0.75s"], ["--from", "1.5s"]):
+    for part in (["--until", "0.75s"], ["--from", "1.5s"]):
         assert app.run(["render", "two.yaml", *part, "-o", "part.wav", "--force"]) == 0
         assert "of its master" not in capsys.readouterr().err
 
@@ -126,7 +126,7 @@ def test_a_comment_changes_no_byte_and_a_title_no_sample() -> None:
 
 def test_a_part_of_the_piece(capsys: Capture) -> None:
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float"]) == 0
-    part = ["--from", "0.25s", "--to", "B-2", "-o", "part.wav"]
+    part = ["--from", "0.25s", "--until", "B-2", "-o", "part.wav"]
     assert app.run(["render", "-q", "bell.yaml", "--bits", "float", *part]) == 0
     complete, _ = soundfile.read("bell.wav", dtype="float32")
     cut, _ = soundfile.read("part.wav", dtype="float32")

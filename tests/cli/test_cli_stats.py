@@ -48,7 +48,7 @@ def test_as_records(capsys: Capture):
     ("typed", "message"),
     [
         (["barr"], "PART: no instrument or key is called 'barr'; did you mean 'bar'?"),
-        (["--to", "h3"], "--to: 'h3' is neither a frequency"),
+        (["--upto", "h3"], "--upto: 'h3' is neither a frequency"),
     ],
 )
 def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):

@@ -156,3 +156,73 @@ def test_seconds_with_their_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert app.run([*words, "a.wav", "--seconds", "100ms"]) == 0
     assert app.run([*words, "b.wav", "--seconds", "0.1"]) == 0
     assert Path("a.wav").read_bytes() == Path("b.wav").read_bytes()
+
+
+# (command line with an earlier spelling, with the present one, what the warning says)
+RESPELT = [
+    ("render piece.yaml -n --to 0.5s", "render piece.yaml -n --until 0.5s", "--until"),
+    ("render piece.yaml -n --to=0.5s", "render piece.yaml -n --until=0.5s", "--until"),
+    ("modes piece.yaml --to 2kHz", "modes piece.yaml --upto 2kHz", "--upto"),
+    ("stats piece.yaml --to 2kHz", "stats piece.yaml --upto 2kHz", "--upto"),
+    ("share none.yaml --to 1s", "share none.yaml --until 1s", "--until"),
+    ("view piece.yaml --to 1s", "view piece.yaml --until 1s", "--until"),
+    (
+        "fold in.wav --to stereo --from dome24",
+        "fold in.wav --to stereo --layout dome24",
+        "--layout",
+    ),
+    ("import m.mdl --input a=b.wav", "import m.mdl --feed a=b.wav", "--feed"),
+]
+
+
+@pytest.mark.parametrize(("earlier", "present", "option"), RESPELT)
+def test_earlier_spelling_does_the_same_with_a_warning(
+    earlier: str,
+    present: str,
+    option: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    Path("piece.yaml").write_text(SCORE)
+    code = app.run(shlex.split(present))
+    expected = capsys.readouterr()
+    assert app.run(shlex.split(earlier)) == code
+    answer = capsys.readouterr()
+    warning, _, rest = answer.err.partition("\n")
+    assert f"is written {option} now" in warning
+    assert (answer.out, rest) == (expected.out, expected.err)
+
+
+def test_option_of_one_name_means_one_thing():
+    meanings: dict[str, set[str]] = {}
+    for name, command in commands(app.group).items():
+        for param in command.params:
+            for option in set(param.opts) & set(MEANINGS):
+                metavar = str(param.metavar or param.type.name)
+                meanings.setdefault(option, set()).add(metavar)
+                assert metavar in MEANINGS[option], f"ergon {name} {option} {metavar}"
+    assert set(meanings) == set(MEANINGS)
+
+
+# What may follow an option: positions in time, whom sound or files are for, a file, nothing.
+MEANINGS = {
+    "--from": {"POSITION", "TIME"},
+    "--until": {"POSITION", "TIME"},
+    "--to": {"WHERE", "choice"},
+    "--layout": {"WHAT"},
+    "--input": {"FILE.wav"},
+    "--strict": {"boolean"},
+}
+
+
+@pytest.mark.parametrize(("text", "code"), [("    - {at: 1|1.5, play: lean}", 1), ("", 0)])
+def test_strict_check_fails_by_a_warning(
+    text: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    first = "    - {at: A, play: knock, every: 1, times: 2}\n"
+    Path("piece.yaml").write_text(SCORE.replace(first, f"{first}{text}\n"))
+    assert app.run(["check", "piece.yaml"]) == 0
+    assert app.run(["check", "piece.yaml", "--strict"]) == code

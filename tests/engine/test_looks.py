@@ -23,7 +23,7 @@ _LOOKS = {
     "plan": "plan score.yaml",
     "check": "check score.yaml",
     "modes": "modes score.yaml",
-    "stats": "stats score.yaml --to 2Hz",
+    "stats": "stats score.yaml --upto 2Hz",
     "admittance": "admittance score.yaml s.0",
     "info": "info score.yaml",
 }

@@ -175,7 +175,7 @@ SIZES = {"near-and-far": 56_719, "one-rope": 61_623, "change-ringing": 85_483}
 @pytest.mark.parametrize("piece", SIZES)
 def test_motion_size_beside_format_1(piece: str, work_folder: Path) -> None:
     score = str(LIBRARY / f"{piece}.yaml")
-    assert app.run(["render", "-q", "--motion", "--to", "8s", "-o", "a.wav", score]) == 0
+    assert app.run(["render", "-q", "--motion", "--until", "8s", "-o", "a.wav", score]) == 0
     assert Path("a.motion").stat().st_size <= 1.3 * SIZES[piece]
 
 
@@ -183,7 +183,7 @@ def test_info_states_the_bound_and_counts_points_in_space_once(
     work_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("stone.yaml").write_text(STONE)
-    assert app.run(["render", "-q", "--motion", "--to", "1s", "stone.yaml", "-o", "a.wav"]) == 0
+    assert app.run(["render", "-q", "--motion", "--until", "1s", "stone.yaml", "-o", "a.wav"]) == 0
     capsys.readouterr()
     assert app.run(["info", "a.motion"]) == 0
     lines = capsys.readouterr().out.splitlines()

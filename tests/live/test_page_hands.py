@@ -110,7 +110,7 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     assert np.max(np.abs(take.positions())) <= 0.05
     played = sound(Path("played.wav"))[:-FADED]
     end = f"{len(take.positions()) * TICK_FRAMES / 44100:.3f}s"
-    render = ("render", "s.yaml", "--hands", "hand.take", "--to", end, "--bits", "float")
+    render = ("render", "s.yaml", "--hands", "hand.take", "--until", end, "--bits", "float")
     code, words = said(*render, "-o", "expected.wav")
     assert code == 0, words
     expected = sound(Path("expected.wav"))[: len(played)]

@@ -168,7 +168,7 @@ def test_the_command(capsys: pytest.CaptureFixture[str]):
     assert "m.mdl:1: 'sprong' is not a word" in output
     assert "Traceback" not in output
     assert Path("m.yaml").read_text() == before
-    for words in (["--set", "k"], ["--input", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
+    for words in (["--set", "k"], ["--feed", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
         assert app.run(["import", "m.mdl", "-f", *words]) == 2
     assert app.run(["import", "none.mdl"]) == 2
 
@@ -177,10 +177,10 @@ def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str])
     Path("m.mdl").write_text(HAND)
     assert app.run(["import", "m.mdl", "--dialect", "v2"]) == 0
     output = capsys.readouterr().err
-    assert "in1, in2 stay at 0; --input in1=FILE.wav feeds in1" in output
+    assert "in1, in2 stay at 0; --feed in1=FILE.wav feeds in1" in output
     wave("in1.wav", np.zeros(10))
-    assert app.run(["import", "m.mdl", "--dialect", "v2", "-f", "--input", "in1=in1.wav"]) == 0
-    assert "in2 stays at 0; --input in2=FILE.wav feeds in2" in capsys.readouterr().err
+    assert app.run(["import", "m.mdl", "--dialect", "v2", "-f", "--feed", "in1=in1.wav"]) == 0
+    assert "in2 stays at 0; --feed in2=FILE.wav feeds in2" in capsys.readouterr().err
 
 
 def test_a_text_that_is_no_model_is_said_to_be_none(capsys: pytest.CaptureFixture[str]):
@@ -203,5 +203,5 @@ def test_a_parameter_that_follows_a_signal_cannot_be_set(tmp_path):
     path.write_text("@p audioParam @in3\n@m mass 1 0 0\n@g ground 0\n@s spring @m @g 0.1\n")
     with pytest.raises(ModelError, match="'p' follows the signal of in3") as caught:
         import_model(path, ModelOptions(dialect="v2", values={"p": "3"}))
-    assert "feed it by --input in3=FILE.wav" in str(caught.value)
+    assert "feed it by --feed in3=FILE.wav" in str(caught.value)
     assert caught.value.line == 1

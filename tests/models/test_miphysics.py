@@ -222,7 +222,7 @@ def test_what_no_score_says_is_refused(name: str) -> None:
         (["--set", "rate=1e3"], "rate is a whole number"),
         (["--set", "rate=7"], "rate is a whole number"),
         (["--set", "K=7"], "no parameter 'K'; it has rate"),
-        (["--input", "in1=w.wav"], "w.wav"),
+        (["--feed", "in1=w.wav"], "w.wav"),
         (["--laws", "2019"], "are those of mi-gen"),
     ],
 )

@@ -308,7 +308,7 @@ def test_what_no_score_says_is_refused_with_its_line(kind: Object, name: str) ->
         ("pmpd\nmass m", "these messages are for [pmpd]", ["--dialect", "pmpd~"]),
         ("pmpd\nmass m", "have no parameters", ["--set", "K=1"]),
         ("pmpd\nmass m", "are those of mi-gen", ["--laws", "2019"]),
-        ("pmpd~\nmass", "the model has no input 'in1'", ["--input", "in1=w.wav"]),
+        ("pmpd~\nmass", "the model has no input 'in1'", ["--feed", "in1=w.wav"]),
     ],
 )
 def test_what_is_asked_otherwise_is_refused(

@@ -220,7 +220,7 @@ def test_ports_are_moved_by_files(first: float, capsys: pytest.CaptureFixture[st
     path = path.astype(np.float32).astype(float)
     soundfile.write("d.wav", path, RATE, subtype="FLOAT")
     Path("m.mdl").write_text(text)
-    assert app.run(["import", "m.mdl", "-o", "s.yaml", "--input", "d=d.wav"]) == 0
+    assert app.run(["import", "m.mdl", "-o", "s.yaml", "--feed", "d=d.wav"]) == 0
     output = "".join(capsys.readouterr())
     assert "statements of sam" in output
     assert "e stays at 0" in output
@@ -376,7 +376,7 @@ def test_a_model_is_known_by_its_first_line() -> None:
         (["--laws", "2019"], "the laws of 2019 are those of mi-gen"),
         (["--set", "k=much"], "much is not a number"),
         (["--set", "kk=1"], "the model has no parameter 'kk'"),
-        (["--input", "dev2=w.wav"], "the model has no input 'dev2'"),
+        (["--feed", "dev2=w.wav"], "the model has no input 'dev2'"),
         (["--dialect", "v1"], "m.mdl:"),
     ],
 )

@@ -16,7 +16,7 @@ QUICK = {"drum-machine", "evening-raga", "interlocking"}
 
 @pytest.mark.parametrize("name", few(PIECES, QUICK))
 def test_render_bundled_piece(name: str, work_folder: Path):
-    built = ergon.render(PIECES[name], ergon.RenderOptions(to=f"{SECONDS}s"))
+    built = ergon.render(PIECES[name], ergon.RenderOptions(until=f"{SECONDS}s"))
     assert len(built.frames) <= SECONDS * built.rate
     assert np.isfinite(built.frames).all()
     assert np.abs(built.frames).max() > 1e-3

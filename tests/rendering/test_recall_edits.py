@@ -247,9 +247,9 @@ def test_a_known_piece_is_not_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     n_computed = len(recalled.all)
     assert digest(rendered(score, monkeypatch)) == digest(first)
     for options in (
-        {"from_": "0.7s", "to": "1.2s"},
+        {"from_": "0.7s", "until": "1.2s"},
         {"from_": "0.6s"},
-        {"to": "0.8s"},
+        {"until": "0.8s"},
         {"from_": "0.1s", "channels": 1},
     ):
         excerpt = rendered(score, monkeypatch, **options)
@@ -281,12 +281,12 @@ def test_limited_and_normalised_excerpts_are_those_of_the_whole(
     for saved in ("off", "on", "on"):
         monkeypatch.setenv("ERGON_CACHE", saved)
         ergon.render("a.yaml")
-        sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", to="1.3s"))))
+        sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", until="1.3s"))))
     assert len(set(sounds)) == 1
     assert len(recalled.all) == 1
 
 
-_PARTS = ({"from_": "0.9s", "to": "1.3s"}, {"from_": "0.6s"}, {"to": "6s"}, {})
+_PARTS = ({"from_": "0.9s", "until": "1.3s"}, {"from_": "0.6s"}, {"until": "6s"}, {})
 _LEVELS = ("normalise: -1dB", "loudness: -45LUFS", "loudness: -12LUFS, limit: -3dB")
 
 
@@ -323,7 +323,7 @@ def test_levels_of_instruments_in_a_part_are_recalled(monkeypatch: pytest.Monkey
     result = []
     for saved in ("off", "on", "on"):
         monkeypatch.setenv("ERGON_CACHE", saved)
-        for name, part in (("part", {"from_": "0.3s", "to": "1.1s"}), ("piece", {})):
+        for name, part in (("part", {"from_": "0.3s", "until": "1.1s"}), ("piece", {})):
             done = ergon.render_to_file("a.yaml", f"{name}.wav", FileOptions(force=True, **part))
             result.append((done.mix.sha256, done.instruments))
     assert result[:2] == result[2:4] == result[4:]

@@ -208,7 +208,7 @@ OTHER_READERS = (
     "bell {}.wav -o b.yaml",
     "bell {}.flac -o b.yaml",
     "bell {}.txt -o b.yaml",
-    "fold a.wav --from stereo --to binaural --head {}.sofa -o o.wav",
+    "fold a.wav --layout stereo --to binaural --head {}.sofa -o o.wav",
     "layout import {}.json",
     "import {}.mims -o m.yaml",
     "metrology log {}.yaml",

@@ -74,7 +74,7 @@ WRITERS = (
     _writer("motion export in.motion -o m.csv", "m.csv"),
     _writer("motion export in.motion -o m.npz", "m.npz"),
     _writer("motion export in.motion -o m.gltf", "m.gltf"),
-    _writer("fold in.wav --from stereo --to ambix1 -o f.wav", "f.wav"),
+    _writer("fold in.wav --layout stereo --to ambix1 -o f.wav", "f.wav"),
     _writer("layout export stereo -o l.json", "l.json"),
     _writer("layout export stereo -o l.yaml", "l.yaml"),
     _writer("layout export stereo -o l.xml", "l.xml"),

@@ -160,7 +160,7 @@ def test_two_fingers_on_a_bell_and_a_bow(
 
     played = sound(Path("played.wav"))[:-FADED]
     end = f"{len(take.positions()) * TICK_FRAMES / 44100:.3f}s"
-    render = ("render", "s.yaml", "--hands", "hand.take", "--to", end, "--bits", "float")
+    render = ("render", "s.yaml", "--hands", "hand.take", "--until", end, "--bits", "float")
     code, words = said(*render, "-o", "expected.wav")
     assert code == 0, words
     expected = sound(Path("expected.wav"))[: len(played)]

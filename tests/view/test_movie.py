@@ -119,7 +119,7 @@ def test_the_camera_goes_from_view_to_view(page: browser.Page) -> None:
 
 def test_the_command_makes_a_film_and_says_so(shown: Shown, tmp_path: Path) -> None:
     target = tmp_path / "film.webm"
-    sizes = ["--size", "64x64", "--fps", "2", "--from", "1s", "--to", "2s"]
+    sizes = ["--size", "64x64", "--fps", "2", "--from", "1s", "--until", "2s"]
     arguments = ["view", str(shown.motion), "--sound", str(shown.sound), "--movie", str(target)]
     done = forked([*arguments, *sizes], tmp_path)
     assert done.returncode == 0, done.stderr

@@ -155,8 +155,8 @@ def test_shared_file_has_a_largest_size(
     message = capsys.readouterr().err
     assert re.search(r"--limit: piece\.html would have \d+\.\d MB \(\d\.\d MB of motion, ", message)
     assert not Path("piece.html").exists()
-    assert app.run(["share", str(motion), "--to", "1s"]) == 2
-    assert "--to needs a score" in capsys.readouterr().err
+    assert app.run(["share", str(motion), "--until", "1s"]) == 2
+    assert "--until needs a score" in capsys.readouterr().err
 
 
 def test_page_that_changed_is_not_shared_wrongly():

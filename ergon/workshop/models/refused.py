@@ -5,7 +5,7 @@ REFUSED = {
     "signal": "{name} follows a signal, which {value} of this word cannot do in a score",
     "silent mass": (
         "M is {value:g} in the first sample or later, and a mass is above 0; "
-        "M follows a signal, which --input NAME=FILE.wav feeds"
+        "M follows a signal, which --feed NAME=FILE.wav feeds"
     ),
     "many signals": "{count} values follow signals, and of a law of a score at most {most} do",
     "two signals": "{what}: {text} follows two signals; a value of a score follows one",

@@ -225,7 +225,7 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
         if declared[name].keyword == "audioParam":
             port = declared[name].values["input"].removeprefix("@")
             message = f"{quote(name)} follows the signal of {port} and has no value to set; "
-            message += f"feed it by --input {port}=FILE.wav"
+            message += f"feed it by --feed {port}=FILE.wav"
             raise ModelError(message, declared[name].line)
     for name, declaration in declared.items():
         if declaration.keyword == "audioParam":

@@ -44,7 +44,7 @@ def _head(writing: Writing, title: str) -> Iterator[str]:
     free = [name for name in ports(writing.sheet) if name not in writing.inputs]
     if free:
         yield f"Where a haptic device was ({_some(free)}) nothing moves."
-        yield f"--input {free[0]}=FILE.wav moves it. To play it, write a key in place of its SOL:"
+        yield f"--feed {free[0]}=FILE.wav moves it. To play it, write a key in place of its SOL:"
         yield f"keys: {{{writing.targets[free[0]]}: {{M: 50g, K: 100N/m, Z: 1Ns/m}}}}"
     if writing.hears_forces:
         yield "Forces are heard one sample before the model's own."
