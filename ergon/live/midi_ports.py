@@ -1,4 +1,4 @@
-"""MIDI ports: those of the system, by python-rtmidi, and one inside the process for tests."""
+"""MIDI ports: those of the system, by supriya-midi, and one inside the process for tests."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Receive = Callable[[bytes, float], None]
 
 
 class MidiError(ErgonError):
-    """A MIDI port cannot be opened, or python-rtmidi is missing: one sentence says why."""
+    """A MIDI port cannot be opened, or supriya-midi is missing: one sentence says why."""
 
 
 class InputPort(Protocol):
@@ -108,12 +108,11 @@ class SystemInput:
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
     def listen(self, receive: Receive) -> None:
-        """Pass every message to `receive`, from a thread of python-rtmidi."""
+        """Pass every message to `receive`, from a thread of RtMidi."""
 
         stamps = ArrivalStamps()
 
-        def take(event: tuple[Sequence[int], float], _data: object = None) -> None:
-            data, since = event
+        def take(data: Sequence[int], since: float, _context: object) -> None:
             receive(bytes(data), stamps.stamp(float(since), time.monotonic()))
 
         self._port.set_callback(take)
@@ -121,7 +120,7 @@ class SystemInput:
     def close(self) -> None:
         """Pass on nothing any more."""
         self._port.cancel_callback()
-        self._port.close_port()
+        _close(self._port)
 
 
 class SystemOutput:
@@ -132,32 +131,44 @@ class SystemOutput:
 
         Raises MidiError.
         """
-        self._rtmidi = _rtmidi()
+        rtmidi = _rtmidi()
+        self._failures = _failures(rtmidi)
         self._lock = threading.Lock()
-        self._port, self.name = _open_port(self._rtmidi, self._rtmidi.MidiOut, wanted, "output")
+        self._port, self.name = _open_port(rtmidi, rtmidi.MidiOut, wanted, "output")
 
     def send(self, data: bytes) -> None:
         """Send a message now; one that cannot be sent is lost."""
         with self._lock:
             try:
                 self._port.send_message(data)
-            except (self._rtmidi.RtMidiError, ValueError):
+            except self._failures:
                 return
 
     def close(self) -> None:
         """Send nothing any more."""
         with self._lock:
-            self._port.close_port()
+            _close(self._port)
 
 
 def _rtmidi() -> Any:
     try:
-        import rtmidi
-    except ImportError:
-        raise MidiError(
-            f"MIDI needs python-rtmidi; install it by: {install_command('midi')}"
-        ) from None
-    return rtmidi
+        import supriya_midi
+    except ImportError as error:
+        # The library of ALSA is the system's, and may be missing where supriya-midi is not.
+        why = "" if isinstance(error, ModuleNotFoundError) else f" ({error})"
+        command = install_command("midi")
+        raise MidiError(f"MIDI needs supriya-midi{why}; install it by: {command}") from None
+    return supriya_midi
+
+
+def _failures(rtmidi: Any) -> tuple[type[Exception], ...]:
+    # RtMidi's errors come as RuntimeError where they are raised before a port has its callback.
+    return (rtmidi.RtMidiError, RuntimeError, NotImplementedError, ValueError)
+
+
+def _close(port: Any) -> None:
+    port.close_port()
+    port.delete()  # only this closes a virtual port
 
 
 def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
@@ -167,21 +178,23 @@ def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str
     """
     known: list[tuple[Any, int, str]] = []
     trouble = "this machine has no MIDI"
-    for system in rtmidi.get_compiled_api():
+    for system in rtmidi.get_compiled_apis():
+        if system == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
+            continue
         try:
-            port = make(system)
+            port = make(system, CLIENT_NAME)
             if wanted == VIRTUAL:
                 port.open_virtual_port(CLIENT_NAME)
                 return port, f"{CLIENT_NAME} (virtual)"
             known += [(port, number, str(name)) for number, name in enumerate(port.get_ports())]
-        except (rtmidi.RtMidiError, NotImplementedError) as error:
+        except _failures(rtmidi) as error:
             trouble = str(error)
     if wanted == VIRTUAL:
         raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
     port, number, name = known[choose_port(wanted, [name for *_, name in known], what)]
     try:
         port.open_port(number, CLIENT_NAME)
-    except rtmidi.RtMidiError as error:
+    except _failures(rtmidi) as error:
         raise MidiError(f"the MIDI {what} {name} cannot be opened: {error}") from None
     return port, name
 

@@ -46,7 +46,7 @@ class Player:
         self._n_sent = self._n_received = 0
         self._close: Callable[[], None]
         self._send: Callable[[bytes], None]
-        if Path("/dev/snd/seq").exists() and importlib.util.find_spec("rtmidi") is not None:
+        if Path("/dev/snd/seq").exists() and importlib.util.find_spec("supriya_midi") is not None:
             self._open_virtual()
         else:
             port = ProcessPort()
