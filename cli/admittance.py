@@ -103,24 +103,10 @@ def _write(
                 heard=np.array(admittance.heard),
             )
         if svg is not None:
-            files.write(svg, _picture(admittance).encode())
+            files.write(svg, admittance.plot().svg.encode())
     for path in (table, npz, svg):
         if path is not None:
             console.say(f"wrote {path}")
-
-
-def _picture(result: Admittance) -> str:
-    from ergon.view.curve import CURVES_MAX, Curve
-    from ergon.view.structure import admittance as draw
-
-    if len(result.heard) > CURVES_MAX:
-        raise Refused(f"--svg draws at most {CURVES_MAX} points; name fewer TO")
-    f = result.frequencies.tolist()
-    levels = result.decibels.tolist()
-    curves = [
-        Curve(f"velocity of {name}", f, row) for name, row in zip(result.heard, levels, strict=True)
-    ]
-    return draw(curves, title=f"Admittance: force at {result.forced}")
 
 
 def _peaks(admittance: Admittance, row: int) -> str:

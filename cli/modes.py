@@ -12,20 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ergon.api.errors import OptionError
-from ergon.api.modes import COUNT, ModesOptions, PartModes
+from ergon.api.modes import COUNT, ModesOptions, PartModes, mode_rows, mode_words, stave_picture
 from ergon.api.modes import modes as find_modes
 
 from . import options
 from .console import Console, plural
 from .outcome import Refused
 from .tables import table as columns
-from .units import seconds
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-
-_LOWEST = 8.0  # [Hz] below it is the rigid motion of a free body, which is not a note
+    pass
 
 
 @click.command()
@@ -82,7 +78,7 @@ def modes(
             files.write(table, _csv(part_modes, shapes).encode())
         if svg is not None:
             name = Path(score_path).name
-            picture = _shapes(part_modes, name) if shapes else _stave(part_modes, name)
+            picture = _shapes(part_modes, name) if shapes else stave_picture(part_modes, name).svg
             files.write(svg, picture.encode())
     for part in part_modes:
         if console.json:
@@ -96,28 +92,6 @@ def modes(
             console.say(f"wrote {path}")
 
 
-def _note(f: float) -> tuple[str, float]:
-    """The nearest note and the distance from it [cents]; none below C-1."""
-    from ergon.notation.tables.notes import nearest_note
-
-    return nearest_note(f) if f >= _LOWEST else ("", 0.0)
-
-
-def _stave(part_modes: Sequence[PartModes], name: str) -> str:
-    from ergon.view.structure import PitchedMode, stave
-
-    parts = []
-    for part in part_modes:
-        each = zip(part.frequencies, part.t60, strict=True)
-        modes = [
-            PitchedMode(float(f), _note(float(f))[1], _words(number, float(f), float(t60)))
-            for number, (f, t60) in enumerate(each, 1)
-            if f >= _LOWEST
-        ]
-        parts.append((part.part, modes))
-    return stave(parts, title=f"Modes of {name}")
-
-
 def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
     import numpy as np
 
@@ -127,20 +101,13 @@ def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
     for part in part_modes:
         x, y = part.places[:, 0].tolist(), part.places[:, 1].tolist()
         drawn = []
-        for number, shape in enumerate(part.shapes, 1):
+        for shape, words in zip(part.shapes, mode_words(part), strict=True):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-            f, t60 = float(part.frequencies[number - 1]), float(part.t60[number - 1])
-            drawn.append(Shape(_words(number, f, t60), x, y, turned.real.tolist()))
+            drawn.append(Shape(words, x, y, turned.real.tolist()))
         if part.masses:
             parts.append((part.part, drawn))
     return shapes(parts, title=f"Shapes of the modes of {name}")
-
-
-def _words(number: int, f: float, t60: float) -> str:
-    note, cents = _note(f)
-    pitch = f"{note} {cents:+.1f}" if note else f"{f:.3g} Hz"
-    return f"{number}  {pitch}  {'no loss' if math.isinf(t60) else seconds(t60)}"
 
 
 def _warn(console: Console, part: PartModes) -> None:
@@ -160,30 +127,12 @@ def _lines(part: PartModes) -> str:
     if not len(part.poles):
         why = "none of its modes is in this range" if part.masses else "nothing in it moves"
         return f"{part.part}: no modes: {why}\n"
-    rows = [("", "note", "cents", "frequency", "T60", *part.points)]
-    levels = [part.levels(point) for point in part.points]
-    for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
-        note, cents = _note(float(f))
-        rows.append(
-            (
-                str(i + 1),
-                note,
-                f"{cents:+.1f}" if note else "",
-                f"{f:.2f} Hz",
-                "no loss" if math.isinf(t60) else seconds(float(t60)),
-                *(_level(level, i) for level in levels),
-            )
-        )
-    return f"{head}\n{columns(rows, right=True)}"
-
-
-def _level(levels: NDArray[Any], mode: int) -> str:
-    return "–" if levels[mode] < -200 else f"{levels[mode]:.1f} dB"
+    return f"{head}\n{columns(mode_rows(part), right=True)}"
 
 
 def _records(console: Console, part: PartModes, shapes: bool) -> None:
     for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
-        note, cents = _note(float(f))
+        note, cents = part.notes[i]
         fields: dict[str, object] = {
             "part": part.part,
             "mode": i + 1,
@@ -226,7 +175,7 @@ def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     for part in part_modes:
         levels = {point: part.levels(point) for point in part.points}
         for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
-            note, cents = _note(float(f))
+            note, cents = part.notes[i]
             level_texts = (f"{levels[point][i]:.3f}" if point in levels else "" for point in points)
             yield (
                 part.part,

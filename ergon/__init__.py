@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         RenderOptions,
         SessionOptions,
     )
+    from ergon.api.pictures import Picture
     from ergon.api.plan import Plan, plan
     from ergon.api.render import Render, render
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
@@ -80,6 +81,7 @@ __all__ = [
     "OptionError",
     "PartModes",
     "PartStats",
+    "Picture",
     "Plan",
     "PlanRow",
     "PointStats",
@@ -148,6 +150,7 @@ _PLACES = {
     "OptionError": "api.errors",
     "PartModes": "api.modes",
     "PartStats": "api.stats",
+    "Picture": "api.pictures",
     "Plan": "api.plan",
     "PlanRow": "_core",
     "PointStats": "api.stats",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import NamedTuple, Protocol
 
 
@@ -22,6 +23,14 @@ class Reply:
     try_: str | None = None
     lines: tuple[str, ...] = ()
     leaves: bool = False
+
+    def __str__(self) -> str:
+        """What is shown: the text, what to type instead, and the lines."""
+        instead = [] if self.try_ is None else [f"try: {self.try_}"]
+        return "\n".join([self.text, *instead, *self.lines])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
 from .parts import hertz, point, refuse_several_axes
+from .pictures import Picture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -97,6 +98,22 @@ class Admittance:
         import numpy as np
 
         return np.degrees(np.angle(self.values))
+
+    def plot(self) -> Picture:
+        """Levels over frequency. Raises OptionError for more points than can be told apart."""
+        from ergon.view.curve import CURVES_MAX, Curve
+        from ergon.view.structure import admittance as draw
+
+        if len(self.heard) > CURVES_MAX:
+            reason = f"draws at most {CURVES_MAX} points; name fewer"
+            raise OptionError("svg", reason)
+        f, levels = self.frequencies.tolist(), self.decibels.tolist()
+        pairs = zip(self.heard, levels, strict=True)
+        curves = [Curve(f"velocity of {name}", f, row) for name, row in pairs]
+        return Picture(draw(curves, title=f"Admittance: force at {self.forced}"))
+
+    def _repr_svg_(self) -> str:
+        return self.plot().svg
 
     def peaks(self, row: int) -> NDArray[np.intp]:
         """Indices of the local maxima of a point's level, from the highest level down."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isinf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from . import score as scores
 from .errors import OptionError
 from .options import ReadOptions
 from .parts import hertz, selected_parts
+from .pictures import Picture, table_html
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,6 +60,8 @@ class ModesOptions(ReadOptions):
         return {"count": count}
 
 
+_FAINTEST = -200.0  # [dB] a level below is a motion that is not there
+_LOWEST_NOTE = 8.0  # [Hz] below it is the rigid motion of a free body
 # A motion that seems to decay for longer than 11 days is undamped; the rest is rounding [s].
 _LONGEST_T60 = 1e6
 
@@ -95,6 +99,22 @@ class PartModes:
     n_contacts: int
     inputs: tuple[Path, ...]
 
+    @property
+    def notes(self) -> tuple[tuple[str, float], ...]:
+        """The note next to each mode, and the distance from it [cents]; below 8 Hz "", 0."""
+        from ergon.notation.tables.notes import nearest_note
+
+        pitches = (float(f) for f in self.frequencies)
+        return tuple(nearest_note(f) if f >= _LOWEST_NOTE else ("", 0.0) for f in pitches)
+
+    def plot(self) -> Picture:
+        """The modes by pitch, and cents from the nearest note."""
+        return stave_picture((self,), self.part)
+
+    def _repr_html_(self) -> str:
+        head, *rows = mode_rows(self)
+        return table_html(head, rows)
+
     def levels(self, point: str) -> NDArray[np.float64]:
         """The level of each mode at a point, relative to the mode that moves most [dB]
         (n_modes,).
@@ -105,6 +125,52 @@ class PartModes:
         largest = size.max(initial=0.0)
         with np.errstate(divide="ignore"):
             return 20 * np.log10(size / largest) if largest > 0 else np.full(size.shape, -np.inf)
+
+
+def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
+    """The modes of parts on staves, by pitch and cents from the nearest note."""
+    from ergon.view.structure import PitchedMode, stave
+
+    parts = []
+    for part in part_modes:
+        each = zip(part.frequencies, part.notes, mode_words(part), strict=True)
+        modes = [PitchedMode(float(f), cents, words) for f, (note, cents), words in each if note]
+        parts.append((part.part, modes))
+    return Picture(stave(parts, title=f"Modes of {name}"))
+
+
+def mode_words(part: PartModes) -> list[str]:
+    """`1  A4 +2.1  0.5 s` for each mode."""
+    each = zip(part.frequencies, part.t60, part.notes, strict=True)
+    return [
+        f"{number}  {f'{note} {cents:+.1f}' if note else f'{f:.3g} Hz'}  {_t60(float(t60))}"
+        for number, (f, t60, (note, cents)) in enumerate(each, 1)
+    ]
+
+
+def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
+    """A table of the modes for reading: its head, and a row for each mode."""
+    levels = [part.levels(point) for point in part.points]
+    each = zip(part.frequencies, part.t60, part.notes, strict=True)
+    rows = [
+        (
+            str(i + 1),
+            note,
+            f"{cents:+.1f}" if note else "",
+            f"{f:.2f} Hz",
+            _t60(float(t60)),
+            *("–" if level[i] < _FAINTEST else f"{level[i]:.1f} dB" for level in levels),
+        )
+        for i, (f, t60, (note, cents)) in enumerate(each)
+    ]
+    return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
+
+
+def _t60(value: float) -> str:
+    if isinf(value):
+        return "no loss"
+    minutes, seconds = divmod(int(value), 60)
+    return f"{value:.3g} s" if value < 120 else f"{minutes} min {seconds:02} s"
 
 
 def modes(

@@ -11,6 +11,7 @@ from ergon.common.report import Report
 
 from . import score as scores
 from .options import AccuracyOptions
+from .pictures import table_html
 
 if TYPE_CHECKING:
     from ergon._core import IslandChoice, PlanRow
@@ -60,6 +61,21 @@ class Plan:
     def cost(self) -> float:
         """Seconds of work on one core for a second of sound, by the table of costs."""
         return sum(row.cost for row in self.rows)
+
+    def _repr_html_(self) -> str:
+        return table_html(
+            ("parts", "modules", "computed", "error", "cost"),
+            (
+                (
+                    ", ".join(row.parts),
+                    f"{row.n_mat:,} + {row.n_lia:,}",
+                    row.what,
+                    "" if row.error_db is None else f"{row.error_db:.1f} dB",
+                    f"{row.cost:.2g}",
+                )
+                for row in self.rows
+            ),
+        )
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the plan into a file for the option `plan` of a later call; "-" is stdout.

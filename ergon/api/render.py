@@ -19,6 +19,7 @@ from .chosen_routes import choose_routes
 from .errors import OptionError, ScoreError
 from .layouts import chunks_of_layout
 from .options import FileOptions, RenderOptions
+from .pictures import Picture, audio_html
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,6 +53,15 @@ class Render:
     loudness: float
     gain: float
     true_peak: float
+
+    def plot(self, title: str = "") -> Picture:
+        """Waveform and spectrogram of the mean of all channels."""
+        from ergon.view.sound import picture
+
+        return Picture(picture([self.frames], len(self.frames), self.rate, title))
+
+    def _repr_html_(self) -> str:
+        return audio_html(self.frames, self.rate) + self.plot().svg
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def test_all_numbers_as_files_and_records(capsys: Capture):
         (["wirr"], "FROM: nothing is called 'wirr'; did you mean 'wire'?"),
         (["k1", "wire.s.77"], "TO: wire.s has members 0 to 23"),
         (["k1", "--high", "10Hz"], "--high: is 10 Hz; it must be above low, 20 Hz"),
-        (["k1", "k1", "k1", "k1", "k1", "--svg", "y.svg"], "--svg draws at most 3 points"),
+        (["k1", "k1", "k1", "k1", "k1", "--svg", "y.svg"], "--svg: draws at most 3 points"),
     ],
 )
 def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
