@@ -1,0 +1,30 @@
+"""Notebooks of docs/ are executed, and what their cells show is a picture or a table that opens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from notebooks import code_cells, run_notebook
+
+FOLDER = Path(__file__).parents[2] / "docs" / "notebooks"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.ipynb"))
+
+
+def test_notebooks_are_those_that_the_page_lists():
+    page = (FOLDER.parent / "notebook.md").read_text(encoding="utf-8")
+    assert [name for name in NAMES if f"notebooks/{name}.ipynb" not in page] == []
+    assert len(NAMES) == 6
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_notebook_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    path = FOLDER / f"{name}.ipynb"
+    shown = run_notebook(path, tmp_path)
+    assert len(shown) == len(code_cells(path))
+    drawn = [text for text in shown if text and "<svg" in text]
+    assert drawn, "no cell shows a picture"
+    for text in drawn:
+        ElementTree.fromstring(text[text.index("<svg") :])
