@@ -7,6 +7,7 @@
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
+#   make media      the film, the sounds and the still of the prompt on README.md (docs/pictures, docs/sounds; a few minutes)
 #   make site       the pages as a site with search, into out/site; a link that leads nowhere ends it
 #   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes. FAMILIES=dry,key: of these alone
 #   make movie      a minute of a bundled piece as a film for headphones, into out/ (minutes without a graphics card)
@@ -27,7 +28,7 @@ PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cl
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts site accuracy movie wheel test-long miri clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts media site accuracy movie wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -109,6 +110,11 @@ docs: $(VENV)/dev
 charts: $(VENV)/dev
 	$(BIN)/python -m ergon.workshop.lab.bundled docs/charts
 	$(BIN)/python -m docs.generators.gallery
+
+media: $(VENV)/dev
+	$(BIN)/python -m docs.generators.sounds docs/sounds
+	PYTHONPATH=tests/support $(BIN)/python -m docs.generators.prompt_picture docs/pictures/prompt.svg
+	$(BIN)/python -m docs.generators.film docs/pictures/galaxy.webp
 
 site: $(VENV)/dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
