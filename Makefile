@@ -11,6 +11,8 @@
 #   make site       the pages as a site with search, into out/site; a link that leads nowhere ends it
 #   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes. FAMILIES=dry,key: of these alone
 #   make movie      a minute of a bundled piece as a film for headphones, into out/ (minutes without a graphics card)
+#   make man        manual pages of all commands, into out/man; `ergon completion SHELL` completes from the same table
+#   make vsix       the extension of VS Code as a file to install, into out/ (needs npm and the network)
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, random cases drawn anew, and `make demo` and `make test` in a bare Debian
@@ -28,7 +30,7 @@ PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cl
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts media site accuracy movie wheel test-long miri clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts media site accuracy movie man vsix wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -125,6 +127,15 @@ accuracy: $(VENV)/dev
 movie: $(VENV)/dev
 	@mkdir -p out
 	$(BIN)/ergon view scores/library/feathers-small.yaml --movie out/feathers.webm --from 175s --until 235s --camera '1@175s 3@190s 1@215s 2@235s' --force
+
+man: $(VENV)/dev
+	$(BIN)/python -m docs.generators.man out/man
+
+vsix:
+	@rm -rf out/vscode && mkdir -p out && cp -r editors/vscode out/vscode
+	@cat LICENSE-MIT LICENSE-APACHE > out/vscode/LICENSE.txt
+	cd out/vscode && npm ci --ignore-scripts --no-audit --no-fund && \
+	  npx --yes @vscode/vsce@4 package --allow-missing-repository --out ../ergon.vsix
 
 # Linked against an old glibc by zig: what is linked here asks for the glibc of this machine. maturin looks for zig by the first
 # `python3` on the PATH. build.json says which commit `ergon --version` names.

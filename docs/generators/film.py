@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -38,10 +39,10 @@ def encode(pictures: list[Path], target: Path) -> None:
     with av.open(str(target), "w", format="webp", options={"loop": "0"}) as film:
         stream = film.add_stream("libwebp_anim", rate=RATE, options={"quality": "70"})
         stream.width, stream.height, stream.pix_fmt = 640, 360, "yuv420p"
-        for path in pictures:
+        for number, path in enumerate(pictures):
             with av.open(str(path)) as picture:
                 frame = next(picture.decode(video=0)).reformat(format="yuv420p")
-            frame.pts = None
+            frame.pts, frame.time_base = number, Fraction(1, RATE)
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))
 

@@ -144,6 +144,28 @@
     map)
   "Keys of `ergon-mode'.")
 
+;; Colours of scores: what a word means by the word before it, as in editors/vim.
+
+(defconst ergon-keywords
+  '(("\\_<\\(?:MAS\\|SOL\\|CEL\\|RES\\|FRO\\|REF\\|BUT\\|LNL\\|BRISTLE\\|DRY\\|MAGNET\\|STRING\\|PLATE\\|BANK\\|MODES\\|PROXY\\|CHAIN\\|CLOTH\\|DISC\\|BLOCK\\|BALL\\|MESH\\|GRAINS\\|SURFACE\\|ATTRACTION\\|ENX\\|ENF\\|SO[XVAEF]\\):"
+     (0 font-lock-type-face t))
+    ("[0-9a-z)] \\(smooth\\|line\\|hold\\|throw\\) [0-9+(-]" (1 font-lock-keyword-face t))
+    ("\\_<[0-9][0-9.]*\\(kN/m\\|N/m\\|Ns/m\\|mNs\\|uNs\\|Ns\\|kHz\\|Hz\\|dB\\|kg\\|mg\\|g\\|nm\\|um\\|mm\\|cm\\|ms\\|bars?\\|beats?\\|cents?\\|st\\|s\\|m\\|N\\|%\\)\\(?:[^0-9A-Za-z_/]\\|$\\)"
+     (1 font-lock-builtin-face t))
+    ("[ :,[]\\(\\(?:ppp\\|pp\\|mp\\|mf\\|fff\\|ff\\|p\\|f\\)!?\\)\\(?:[] ,.}\"'?*]\\|$\\)" (1 font-lock-constant-face t)))
+  "What is coloured in scores of ergon, as of `font-lock-keywords'.")
+
+;;;###autoload
+(defun ergon-colour ()
+  "Colour this buffer if it is a score: a line of it begins with `ergon:'."
+  (when (save-excursion (goto-char (point-min)) (re-search-forward "^ergon:" nil t))
+    (font-lock-add-keywords nil ergon-keywords t)
+    (font-lock-flush)))
+
+;;;###autoload
+(dolist (hook '(yaml-mode-hook yaml-ts-mode-hook))
+  (add-hook hook #'ergon-colour))
+
 ;;;###autoload
 (define-minor-mode ergon-mode
   "Send lines of this buffer to a session of ergon."

@@ -10,10 +10,20 @@ let client;
 let server;
 
 function say(text, isError) {
+  if (client !== undefined) tellContext();
   channel.appendLine(text);
   const first = text.split("\n")[0];
   if (isError) vscode.window.setStatusBarMessage(`$(warning) ${first}`, 8000);
   else vscode.window.setStatusBarMessage(first, 4000);
+}
+
+/** Keys of this extension mean something in scores, and everywhere once a session is joined. */
+function tellContext() {
+  const editor = vscode.window.activeTextEditor;
+  const document = editor === undefined ? null : editor.document;
+  const isScore = document !== null && document.languageId === "yaml" && /^ergon:/m.test(document.getText());
+  vscode.commands.executeCommand("setContext", "ergon.isScore", isScore);
+  vscode.commands.executeCommand("setContext", "ergon.joined", client.socket !== null);
 }
 
 async function connect() {
@@ -61,12 +71,17 @@ function activate(context) {
       send(block(editor.document, editor.selection.active.line)),
     ),
     "ergon.panic": () => client.panic(),
-    "ergon.leave": () => client.leave(),
+    "ergon.leave": () => {
+      client.leave();
+      tellContext();
+    },
   };
   for (const [name, act] of Object.entries(commands)) {
     context.subscriptions.push(vscode.commands.registerCommand(name, act));
   }
   context.subscriptions.push(channel, { dispose: () => client.leave() });
+  context.subscriptions.push(vscode.window.onDidChangeActiveTextEditor(tellContext));
+  tellContext();
   server = startServer(say);
 }
 

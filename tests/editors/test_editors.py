@@ -90,12 +90,16 @@ const { Client } = require(process.argv[2] + "/client.js");
 const Module = require("module");
 const told = [];
 const commands = {};
+const contexts = [];
+let looked;
+let text = "gain -3dB";
 const lines = require("fs").readFileSync("piece.txt", "utf8").split("\n");
 const editor = {
   document: {
     lineCount: lines.length,
     lineAt: (n) => ({ text: lines[n], isEmptyOrWhitespace: lines[n].trim() === "" }),
-    getText: () => "gain -3dB",
+    getText: () => text,
+    languageId: "yaml",
   },
   selection: { isEmpty: true, active: { line: 0 } },
 };
@@ -103,12 +107,16 @@ const vscode = {
   window: {
     createOutputChannel: () => ({ appendLine: (text) => told.push(text), dispose() {} }),
     setStatusBarMessage() {},
+    onDidChangeActiveTextEditor: (act) => ((looked = act), { dispose() {} }),
     activeTextEditor: editor,
   },
   workspace: {
     getConfiguration: () => ({ get: (name) => (name === "socket" ? "there.sock" : "") }),
   },
-  commands: { registerCommand: (name, act) => ((commands[name] = act), { dispose() {} }) },
+  commands: {
+    registerCommand: (name, act) => ((commands[name] = act), { dispose() {} }),
+    executeCommand: (name, key, value) => contexts.push([name, key, value]),
+  },
 };
 const started = [];
 class LanguageClient {
@@ -139,10 +147,16 @@ const until = async (count) => {
   await until(5);
   commands["ergon.panic"]();
   await until(6);
+  const joined = contexts.at(-1);
   commands["ergon.leave"]();
+  const left = contexts.at(-1);
+  text = "ergon: 1\ntitle: A score";
+  looked();
+  const score = contexts.at(-2);
   const other = new Client(() => {});
   await other.connect("nowhere.sock").catch((error) => told.push(error.message));
-  console.log(JSON.stringify({ told, started, commands: Object.keys(commands) }));
+  const names = Object.keys(commands);
+  console.log(JSON.stringify({ told, started, joined, left, score, commands: names }));
 })();
 """
 
@@ -169,6 +183,15 @@ def test_vs_code(tmp_path: Path):
     assert session.lines == ["tempo 72", block, "gain -3dB", "adda"]
     assert session.panicked.is_set()
     package = json.loads((EDITORS / "vscode" / "package.json").read_text())
+    assert output["joined"] == ["setContext", "ergon.joined", True]
+    assert output["left"] == ["setContext", "ergon.joined", False]
+    assert output["score"] == ["setContext", "ergon.isScore", True]
+    for binding in package["contributes"]["keybindings"]:  # elsewhere keys are the editor's
+        assert binding["when"] in (
+            "ergon.joined",
+            "editorTextFocus && (ergon.joined || ergon.isScore)",
+        )
+        assert binding["key"] != "f12"  # which leads to a definition
     declared = [one["command"] for one in package["contributes"]["commands"]]
     assert sorted(declared) == sorted(output["commands"])
 
@@ -214,12 +237,47 @@ def test_emacs(tmp_path: Path):
     assert session.panicked.is_set()
 
 
+COLOURED = """
+(find-file "piece.yaml")
+(conf-mode)
+(ergon-colour)
+(font-lock-ensure)
+(princ (json-encode
+        (mapcar (lambda (word)
+                  (goto-char (point-min))
+                  (search-forward word)
+                  (format "%s" (get-text-property (match-beginning 0) 'face)))
+                '("BUT" "smooth" "mm@60ms" "Hz" "mf"))))
+"""
+
+
+@needs("emacs")
+def test_emacs_colours_words_of_scores(tmp_path: Path):
+    text = (
+        "ergon: 1\n"
+        "gestures: {knock: 0mm@0 smooth 6mm@60ms}\n"
+        "strikes: {s: {to: b.m, at: 1|1, impulse: mf}}\n"
+        "instruments: {b: {modules: {m: {CEL: {f: 220Hz}}, c: {BUT: {between: [k, m]}}}}}\n"
+    )
+    (tmp_path / "piece.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "test.el").write_text(COLOURED, encoding="utf-8")
+    client = str(EDITORS / "emacs" / "ergon.el")
+    printed = run(["emacs", "-Q", "--batch", "-l", client, "-l", "test.el"], tmp_path)
+    assert json.loads(printed) == [
+        "font-lock-type-face",
+        "font-lock-keyword-face",
+        "font-lock-builtin-face",
+        "font-lock-builtin-face",
+        "font-lock-constant-face",
+    ]
+
+
 def test_the_emacs_client_is_whole_and_calls_what_it_defines():
     """Where no Emacs is installed: every form is closed, and every name of its own is defined."""
     text = (EDITORS / "emacs" / "ergon.el").read_text(encoding="utf-8")
     forms = list(_forms(text))
     assert forms[-1] == "(provide 'ergon)"
-    built = r"\((?:defun|defvar|defcustom|define-minor-mode|defgroup) (ergon[\w-]*)"
+    built = r"\((?:defun|defvar|defconst|defcustom|define-minor-mode|defgroup) (ergon[\w-]*)"
     defined = {match[1] for form in forms for match in re.finditer(built, form)}
     bare = re.sub(r'"(?:[^"\\]|\\.)*"|;[^\n]*', '""', text)
     used = set(re.findall(r"(?<![\w-])ergon-[\w-]+", bare))
