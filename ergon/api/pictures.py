@@ -62,9 +62,9 @@ def audio_html(frames: NDArray[np.float64], rate: float) -> str:
     import soundfile
 
     n_channels = min(frames.shape[1], _EARS)
-    heard = np.stack([frames[:, side::_EARS].mean(axis=1) for side in range(n_channels)], axis=1)
-    heard /= max(1.0, float(np.max(np.abs(heard), initial=0.0)))
+    sides = np.stack([frames[:, side::_EARS].mean(axis=1) for side in range(n_channels)], axis=1)
+    sides /= max(1.0, float(np.max(np.abs(sides), initial=0.0)))
     file = BytesIO()
-    soundfile.write(file, heard, round(rate), format="FLAC", subtype="PCM_16")
+    soundfile.write(file, sides, round(rate), format="FLAC", subtype="PCM_16")
     sound = base64.b64encode(file.getvalue()).decode()
     return f"<audio controls src='data:audio/flac;base64,{sound}'></audio>"

@@ -45,8 +45,8 @@ def test_render_of_four_channels_is_heard_by_two_ears_below_full_scale():
     frames = np.zeros((1000, 4))
     frames[:, 0], frames[:, 2], frames[:, 1] = 1.5, 4.5, 0.3
     html = ergon.Render(frames, 8000.0, 4.5, 0.0, 1.0, 4.5)._repr_html_()
-    heard, _ = sound_in(html)
-    np.testing.assert_allclose(heard[500], [1.0, 0.15 / 3.0], atol=2**-14)
+    sound, _ = sound_in(html)
+    np.testing.assert_allclose(sound[500], [1.0, 0.15 / 3.0], atol=2**-14)
 
 
 def test_modes_show_the_notes_next_to_them():
