@@ -85,7 +85,7 @@ def _listening(values: Values) -> Any:
 _LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
 
 
-_NAMED = NamesOf(_LISTENER, "output")
+_NAMED = NamesOf(_LISTENER, "output", has_loops=True)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,11 @@ def play_table(module: Record) -> NamesOf:
         Field("at", _MODULES, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
         *FIELDS,
-        Field("with", NamesOf(module, "module"), "modules that are there once a line plays it"),
+        Field(
+            "with",
+            NamesOf(module, "module", has_loops=True),
+            "modules that are there once a line plays it",
+        ),
         Field("release", RELEASE, "what the end of a note does", shown="nothing"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )

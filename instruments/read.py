@@ -44,7 +44,7 @@ from ergon.notation.text.memory import Recall, make_anew
 
 # Steps of work for a module that is written: it is read, looked up, and put into the network.
 _MODULE_STEPS = 80_000
-MODULES_DOC = "the network: names, each with one kind of module"
+MODULES_DOC = "the network: names, each with one kind of module, and loops that make them"
 
 
 def module_table(form: Form) -> Record:
@@ -60,7 +60,11 @@ def module_table(form: Form) -> Record:
 def member_table(form: Form) -> Record:
     """The fields that one note of an instrument may have of its own."""
     fields = (
-        Field("modules", NamesOf(module_table(form), "module"), "fields of its modules"),
+        Field(
+            "modules",
+            NamesOf(module_table(form), "module", has_loops=True),
+            "fields of its modules",
+        ),
         Field("f", k.PITCHES, "another pitch for a single generator"),
         Field("transpose", INTERVAL, "how much higher it is than its note"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
@@ -124,7 +128,7 @@ def instrument_table(form: Form) -> Record:
             "begin with another one's modules and outputs",
         ),
         Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
-        Field("modules", NamesOf(module_table(form), "module"), MODULES_DOC),
+        Field("modules", NamesOf(module_table(form), "module", has_loops=True), MODULES_DOC),
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),

@@ -132,7 +132,7 @@ KEY = Record(
         Field("V0", k.SPEED, "velocity at the beginning", 0.0),
         Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
         Field("reach", k.POSITIVE, "factor from the movement of the key to that of the piece", 1.0),
-        Field("modules", NamesOf(module_table("si"), "module"), MODULES_DOC),
+        Field("modules", NamesOf(module_table("si"), "module", has_loops=True), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
     ),

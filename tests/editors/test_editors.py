@@ -370,6 +370,22 @@ def test_strengths_are_coloured(line: str, strengths: list[str]):
     assert [match.group() for match in re.finditer(rule["match"], line)] == strengths
 
 
+@pytest.mark.parametrize(
+    ("line", "keywords"),
+    [
+        ("      for i in 1..12: {m(i): {SOL: {}}}", ["for", "in"]),
+        ("  for row in 0..n-1 by 2:", ["for", "in", "by"]),
+        ("    if i mod 2 == 0:", ["if"]),
+        ("    format: {SOL: {}}", []),
+    ],
+)
+def test_loops_are_coloured(line: str, keywords: list[str]):
+    grammar = json.loads((EDITORS / "vscode/syntaxes/notation.tmLanguage.json").read_text())
+    (rule,) = (rule for rule in grammar["patterns"] if rule["comment"].startswith("loops"))
+    match = re.search(rule["match"], line)
+    assert [word for word in match.groups() if word] == keywords if match else not keywords
+
+
 VIM_NAMES = r"""
 set nocompatible
 syntax on

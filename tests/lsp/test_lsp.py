@@ -169,6 +169,27 @@ def test_names_fields_notes_and_units_are_completed(session):
     session(SCORE, act)
 
 
+def test_modules_of_a_loop_are_completed_and_explained(session):
+    loop = """\
+      for i in 1..4:
+        if i > 1:
+          r(i): {REF: {between: [q(i-1), q(i)], K: 1kN/m, Z: 0Ns/m}}
+        q(i): {MAS: {M: 2g}}
+"""
+    score = SCORE.replace("    out: {SOX: m}\n", loop + "    out: {SOX: m}\n")
+
+    async def act(editor: Editor) -> None:
+        await editor.diagnostics(lambda found: not found)
+        assert "mass" in await editor.hovered("q(i): {MAS: {")
+        editor.type(editor.text.replace("{MAS: {M: 2g}}", "{MAS: {M: 2}}"))
+        assert {"2g", "2kg"} <= set(await editor.completed("{MAS: {M: 2"))
+        assert {"CEL", "MAS", "REF"} <= set(await editor.completed("q(i): {"))
+        editor.type(editor.text.replace("Z: 0Ns/m", "Z: 0Ns/m, "))
+        assert "rest" in await editor.completed("Z: 0Ns/m, ")
+
+    session(score, act)
+
+
 def test_a_line_that_is_no_yaml_yet_is_completed(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)

@@ -3,14 +3,14 @@
 An expression is replaced by the literal of its value, which is then read as if it had been
 written. Numbers are exact fractions and notes are semitones, so `3*100g` gives exactly the float
 of `300g`. No code is executed: there are only numbers, units, notes, names of `let:`, + - * /
-sqrt() and parentheses, bounded in length and depth.
+mod sqrt() and parentheses, bounded in length and depth.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -20,7 +20,7 @@ from ergon import _core
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import tuning
 from ergon.notation.text import document
-from ergon.notation.text.document import Document, Scalar
+from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
@@ -41,6 +41,7 @@ _WORD = re.compile(r"[A-Za-z_]\w*")
 _NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
 _ROOT = re.compile(r"sqrt\s*(?=\()")
 _SPACE = re.compile(r"\s*")
+_MOD = re.compile(r"\s*(mod)\b")
 _OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
 _BEGUN = re.compile(r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)")  # B+2, 3|1-gap
 _BAR_BEAT = re.compile(r"\s*\d+\|[\d./]+\s*")
@@ -137,10 +138,15 @@ class _Reader:
 
     def _product(self, depth: int) -> Amount:
         amount = self._single(depth)
-        while sign := self._sign("*/"):
-            place = self.at - 1
+        while sign := self._sign("*/") or self._mod():
+            place = self.at - len(sign)
             amount = self._checked(self._scaled(amount, self._single(depth), sign, place), place)
         return amount
+
+    def _mod(self) -> str:
+        match = _MOD.match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return match[1] if match else ""
 
     def _single(self, depth: int) -> Amount:
         start = self._space()
@@ -163,7 +169,9 @@ class _Reader:
 
     def _root(self, amount: Amount, place: int, length: int) -> Amount:
         if amount.unit:
-            message = f"cannot take the square root of {_called(amount)}; take that of a ratio, "
+            message = (
+                f"cannot take the square root of {unit_in_words(amount)}; take that of a ratio, "
+            )
             raise self._error(f"{message}sqrt(heavy/100g)", place, length)
         if amount.number < 0:
             raise self._error("cannot take the square root of a number below 0", place, length)
@@ -228,9 +236,9 @@ class _Reader:
             raise self._error("cannot add two notes; add semitones (7st)", place, 1)
         a, b = self._as_hertz(a, b), self._as_hertz(b, a)
         if a.unit != b.unit:
-            message = f"cannot add {_called(a)} and {_called(b)}"
+            message = f"cannot add {unit_in_words(a)} and {unit_in_words(b)}"
             if sign == "-":
-                message = f"cannot subtract {_called(b)} from {_called(a)}"
+                message = f"cannot subtract {unit_in_words(b)} from {unit_in_words(a)}"
             raise self._error(message, place, 1)
         return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
 
@@ -241,15 +249,18 @@ class _Reader:
             b = Amount(Fraction(_hertz(b)), "Hz")
         if sign == "*":
             if a.unit and b.unit:
-                message = (
-                    f"cannot multiply {_called(a)} by {_called(b)}; one must be a plain number"
-                )
+                message = f"cannot multiply {unit_in_words(a)} by {unit_in_words(b)}; "
+                message += "one must be a plain number"
                 raise self._error(message, place, 1)
             return Amount(a.number * b.number, a.unit or b.unit)
         if b.number == 0:
             raise self._error("this divides by zero", place, 1)
+        if sign == "mod":
+            if a.unit or b.unit:
+                raise self._error("mod takes plain numbers: i mod 3 is what i/3 leaves", place, 3)
+            return Amount(a.number % b.number, "")
         if b.unit and a.unit != b.unit:
-            message = f"cannot divide {_called(a)} by {_called(b)}"
+            message = f"cannot divide {unit_in_words(a)} by {unit_in_words(b)}"
             raise self._error(message, place, 1)
         return Amount(a.number / b.number, "" if b.unit else a.unit)
 
@@ -293,7 +304,8 @@ def _shifted(hertz: float, semitones: float) -> float:
     return hertz * _core.pow(2.0, semitones / 12.0)
 
 
-def _called(amount: Amount) -> str:
+def unit_in_words(amount: Amount) -> str:
+    """The unit of an amount, for messages."""
     if not amount.unit:
         return "a plain number"
     return "a note" if amount.unit == "note" else f"a value in {amount.unit}"
@@ -315,7 +327,7 @@ def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
         return True
     if re.fullmatch(r"\s*[a-z_]\w*\s*", text):
         return nearest(text.strip(), names) is not None
-    return bool(re.search(r"[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", text)) or bool(
+    return bool(re.search(r"\bmod\b|[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", text)) or bool(
         re.search(
             r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|\d[A-Za-z%]+/[\d.(]|[A-G][#b]?-?\d\s*[-+]\s*\d", text
         )
@@ -326,7 +338,7 @@ def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
 class NamedAmounts:
     """The named values of a document, and what is wrong with them."""
 
-    names: dict[str, Amount]
+    names: MutableMapping[str, Amount]
     wrong: list[tuple[Scalar, TextError]]
 
 
@@ -344,30 +356,45 @@ def named_amounts(source: Document) -> NamedAmounts:
 def _read(section: document.Mapping) -> NamedAmounts:
     named = NamedAmounts({}, [])
     for number, (word, (key, node)) in enumerate(section.entries.items()):
-        if number >= MAX_NAMES:
-            message = f"`let:` has more than {MAX_NAMES:,} names"
-            named.wrong.append((key, TextError(message, length=len(word), code="E105")))
+        if not add_named(named, number, word, key, node, section.entries):
             break
-        if not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
-            message = (
-                f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
-                "digits and _, and no unit"
-            )
-            named.wrong.append((key, TextError(message, length=len(word), code="E110")))
-            continue
-        if not isinstance(node, Scalar):
-            message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
-            named.wrong.append((key, TextError(message, length=len(word), code="E104")))
-            continue
-        if _BAR_BEAT.fullmatch(node.text):
-            message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
-            named.wrong.append((node, TextError(message, length=len(node.text), code="E201")))
-            continue
-        try:
-            named.names[word] = evaluate(node.text, named.names, section.entries)
-        except TextError as error:
-            named.wrong.append((node, error))
     return named
+
+
+def add_named(
+    named: NamedAmounts, number: int, word: str, key: Scalar, node: Node, later: Container[str]
+) -> bool:
+    """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
+
+    `number` of them were before it, and `later` are all that stand with it.
+    """
+    error: TextError | None = None
+    if number >= MAX_NAMES:
+        message = f"`let:` has more than {MAX_NAMES:,} names"
+        error = TextError(message, length=len(word), code="E105")
+    elif not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
+        message = (
+            f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
+            "digits and _, and no unit"
+        )
+        error = TextError(message, length=len(word), code="E110")
+    elif not isinstance(node, Scalar):
+        message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
+        error = TextError(message, length=len(word), code="E104")
+    if error is not None or not isinstance(node, Scalar):
+        assert error is not None
+        named.wrong.append((key, error))
+        return number < MAX_NAMES
+    if _BAR_BEAT.fullmatch(node.text):
+        message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
+        error = TextError(message, length=len(node.text), code="E201")
+        named.wrong.append((node, error))
+        return True
+    try:
+        named.names[word] = evaluate(node.text, named.names, later)
+    except TextError as problem:
+        named.wrong.append((node, problem))
+    return True
 
 
 def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
-from ergon.notation.tables import expressions
+from ergon.notation.tables import expressions, loops
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.text import document
 from ergon.notation.text.document import Node, Scalar
@@ -29,7 +29,7 @@ MISSING: Final = object()  # read, found wrong, reported
 MAX_NAME = 64  # characters: names are said aloud
 NAME = re.compile(r"[^\W\d][\w-]*")
 # The pattern by which an editor recognises an expression.
-EXPRESSION = r"[a-z_]\w*|.*\w *[*(].*|.* [-+] .*"
+EXPRESSION = r"[a-z_]\w*|.*\w *[*(].*|.* ([-+]|mod) .*"
 # NAME for editors, whose \w matches ASCII only.
 NAME_PATTERN = "^[A-Za-z_\u00aa-\uffff][\\w\u00aa-\uffff-]*$"
 
@@ -455,11 +455,15 @@ class _Entries:
 
 @dataclass(frozen=True)
 class NamesOf(Shape):
-    """Free names, each with the same shape; a broken one stays in the result as MISSING."""
+    """Free names, each with the same shape; a broken one stays in the result as MISSING.
+
+    If `has_loops`, loops and conditions may make them.
+    """
 
     item: Shape
     noun: str
     doc: str = ""
+    has_loops: bool = False
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
@@ -474,15 +478,19 @@ class NamesOf(Shape):
         entries = _Entries(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost = lost_indentation(node.entries, lambda _, word: word in fields)
-        for word, (key, child) in node.entries.items():
+        all_names = loops.written_out(node, context.collector) if self.has_loops else node
+        for word, entry in all_names.entries.items():
+            key, child = entry
             if lost is not None and word == lost[0]:
                 report_lost(context, *lost, node.entries[lost[1]][0])
                 result[word] = MISSING
                 break
-            if (line := node.lines.get(word)) is not None and known in line.values:
+            is_written = node.entries.get(word) is entry  # no loop makes it
+            line = node.lines.get(word) if is_written else None
+            if line is not None and known in line.values:
                 result[word] = line.values[known]
                 continue
-            if line is None and (before := entries.known(word)) is not None:
+            if is_written and line is None and (before := entries.known(word)) is not None:
                 result[word] = before
                 continue
             if not NAME.fullmatch(word) or len(word) > MAX_NAME:
@@ -497,28 +505,32 @@ class NamesOf(Shape):
             value = result[word] = self.item.read(child, "", inner)
             if context.collector.told > n_reported:
                 continue
-            if line is None:
-                entries.keep(word, value)
-            else:
+            if line is not None:
                 line.values[known] = value
+            elif is_written:
+                entries.keep(word, value)
         entries.hold()
         return result
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        return {
+        schema: dict[str, Any] = {
             "type": ["object", "null"],
             "propertyNames": {"pattern": NAME_PATTERN},
             "additionalProperties": self.item.schema(),
         }
+        if self.has_loops:
+            schema["propertyNames"] = {"pattern": f"{NAME_PATTERN}|{loops.PATTERN}"}
+            schema["patternProperties"] = {loops.PATTERN: {"type": "object"}}
+        return schema
 
     def words(self) -> str:
         """In words."""
         return f"names, each {self.item.words()}"
 
     def inner(self, name: str | int) -> Shape | None:
-        """Every name has the same shape."""
-        return self.item
+        """Every name has the same shape; below a loop stand names as beside it."""
+        return self if self.has_loops and loops.is_loop(str(name)) else self.item
 
 
 def merged(*schemas: dict[str, Any]) -> dict[str, Any]:

@@ -196,6 +196,8 @@ class Document:
     # The values that `let:` names, once read, and the node of `let:` if it is in another document.
     lets: Any = field(default=None, repr=False, compare=False)
     let: Node | None = field(default=None, repr=False, compare=False)
+    # How many nodes the loops of mappings write out, by where these begin.
+    loops: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
     _starts: list[int] = field(default_factory=list, repr=False)
     _tables: dict[int, Table] = field(default_factory=dict, repr=False)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ MAX_SHOWN = 20  # of each severity: more is a wall, not a help
 MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
 _MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
 _MAX_LISTED = 20  # names that are told where none is near
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _MAX_LINE = 160  # columns of source shown; longer lines are shown round the caret
 
 Severity = Literal["error", "warning", "note"]
@@ -83,7 +85,8 @@ class Collector:
         self._by_message: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
-        self.lacks_names = False  # a file that is used cannot be read: unknown names may be its own
+        # A file that is used, or a loop, cannot be read: unknown names may be its own.
+        self.lacks_names = False
 
     def error(
         self,
@@ -103,9 +106,9 @@ class Collector:
         if self.lacks_names and code == "E301":
             return
         message = printable(message)  # file names may hold terminal control characters
-        # A node is read once for each alias, note and copy. Its message names the owner up to the
-        # first colon, so the key leaves that part out.
-        key = (code, message.partition(": ")[2] or message, place)
+        # A node is read once for each alias, note, copy, and turn of a loop. Its message names the
+        # owner up to the first colon, and a loop changes numbers: the key leaves both out.
+        key = (code, _NUMBER.sub("0", message.partition(": ")[2] or message), place)
         if key in self._by_message:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)

@@ -1,0 +1,89 @@
+"""Conditions: values compared, such as `i < 12 and i mod 2 == 0`, joined by `and`, `or`, `not`."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from itertools import pairwise
+
+from ergon.notation.tables.expressions import Amount, evaluate, unit_in_words
+from ergon.notation.text.errors import TextError, quote
+
+_OR, _AND = re.compile(r"\bor\b"), re.compile(r"\band\b")
+_NOT = re.compile(r"\s*not\b")
+_SIGN = re.compile(r"<=|>=|==|!=|<|>|=")
+_COMPARISONS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+
+def is_true(text: str, start: int, names: Mapping[str, Amount]) -> bool:
+    """Whether the condition from `start` on holds; `or` joins what `and` joins, and of both the
+    second is asked only if it matters.
+
+    Raises TextError with the characters at fault.
+    """
+    return any(
+        all(
+            _holds(text, first, last, names)
+            for first, last in _parts(text, first_of_all, last_of_all, _AND)
+        )
+        for first_of_all, last_of_all in _parts(text, start, len(text), _OR)
+    )
+
+
+def _parts(text: str, start: int, end: int, between: re.Pattern[str]) -> Iterator[tuple[int, int]]:
+    """Where the parts of a text begin and end."""
+    for match in between.finditer(text, start, end):
+        yield start, match.start()
+        start = match.end()
+    yield start, end
+
+
+def _holds(text: str, start: int, end: int, names: Mapping[str, Amount]) -> bool:
+    """Whether comparisons of neighbours hold, `1 < i <= 5`, or do not after `not`."""
+    is_expected = True
+    while (match := _NOT.match(text, start, end)) is not None:
+        start, is_expected = match.end(), not is_expected
+    signs = list(_SIGN.finditer(text, start, end))
+    if not signs:
+        written = text[start:end].strip()
+        message = f"{quote(written)} compares nothing; write i < 12, i == 3 or i mod 2 == 0"
+        length = max(1, end - start)
+        raise TextError(message, offset=min(start, len(text) - 1), length=length, code="E113")
+    starts = [start, *(sign.end() for sign in signs)]
+    ends = [*(sign.start() for sign in signs), end]
+    amounts = [_amount(text, *span, names) for span in zip(starts, ends, strict=True)]
+    results = [
+        _compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)
+    ]
+    return all(results) == is_expected
+
+
+def _amount(text: str, start: int, end: int, names: Mapping[str, Amount]) -> Amount:
+    try:
+        return evaluate(text[start:end], names)
+    except TextError as error:
+        error.offset += start
+        raise
+
+
+def _compared(sign: re.Match[str], first: Amount, second: Amount) -> bool:
+    problem, suggestion = "", None
+    if sign[0] == "=":
+        problem, suggestion = "two values are compared by ==", "=="
+    elif first.unit != second.unit:
+        problem = f"cannot compare {unit_in_words(first)} and {unit_in_words(second)}"
+    if problem:
+        length = len(sign[0])
+        raise TextError(
+            problem, offset=sign.start(), length=length, suggestion=suggestion, code="E113"
+        )
+    return _COMPARISONS[sign[0]](first.number, second.number)

@@ -1,0 +1,323 @@
+"""Loops and conditions among names: `for i in 1..12:` and `if i < 12:`, with names below them.
+
+They are written out before their names are read: each turn of a loop copies the nodes below it,
+with the places that they have, into a document in which the variable is a value of `let:`. A name
+followed by an expression in parentheses, such as `m(i+1)`, becomes the name with its number, `m4`.
+No code is executed, and what may be written out is bounded.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import ChainMap
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from ergon.notation.tables.conditions import is_true
+from ergon.notation.tables.expressions import (
+    UNITS,
+    Amount,
+    NamedAmounts,
+    add_named,
+    evaluate,
+    named_amounts,
+)
+from ergon.notation.text import document
+from ergon.notation.text.document import Document, Node, Scalar
+from ergon.notation.text.errors import Collector, TextError, quote
+
+MAX_TURNS = 20_000  # of all loops of one mapping
+MAX_NODES = 500_000  # written out in one file
+MAX_INSIDE = 8  # loops and conditions in one another
+
+SYNTAX = "write `for i in 1..12:` or `if i < 12:`, with names below"
+# The names of loops and conditions, for editors.
+PATTERN = "^(for|if) "
+_HEAD = re.compile(r"(for|if)(\s.*)?", re.DOTALL)
+_FOR = re.compile(r"for\s+([A-Za-z_]\w*)\s+in\s+(.+?)\.\.(.+?)(?:\s+by\s+(.+))?", re.DOTALL)
+_NUMBERED = re.compile(r"((?<![\w-])[^\W\d](?:[\w-]{0,62}\w)?|(?<=[\w)])\.)\(")
+_TEXT_COST = 64  # characters of a text that count as another value
+# Words that laws and expressions have before parentheses.
+_FUNCTIONS = {"where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "and", "or", "not"}
+
+Entries = dict[str, tuple[Scalar, Node]]
+Names = ChainMap[str, Amount]
+
+
+def is_loop(word: str) -> bool:
+    """Whether a name is that of a loop or a condition."""
+    return _HEAD.fullmatch(word) is not None and " " in word
+
+
+def written_out(node: document.Mapping, collector: Collector) -> document.Mapping:
+    """The mapping with the names that its loops make, in their order; itself if it has none.
+
+    Mistakes are reported; names in a loop that cannot be read are left out.
+    """
+    if not any(map(is_loop, node.entries)):
+        return node
+    return _Writer(node, collector).mapping()
+
+
+class _Refused(Exception):
+    """Ends the writing of a mapping, after a report."""
+
+
+class _Writer:
+    """Writes the loops of one mapping out."""
+
+    def __init__(self, node: document.Mapping, collector: Collector) -> None:
+        self.node = node
+        self.collector = collector
+        self.entries: Entries = {}
+        self.made: dict[str, Scalar] = {}  # names that loops make
+        self.n_turns = 0
+        self.n_nodes = 0
+        loops = self.node.document.loops
+        self.n_others = sum(n for start, n in loops.items() if start != node.start)
+
+    def mapping(self) -> document.Mapping:
+        for line in self.node.lines.values():
+            line.node.document.let, line.node.document.lets = self.node.document.let, None
+        names = ChainMap(named_amounts(self.node.document).names)
+        try:
+            for word, (key, child) in self.node.entries.items():
+                if is_loop(word):
+                    self.loop(key, child, names, 1)
+                elif word in self.made:
+                    self.entries[word] = key, _merged(self.entries[word][1], child)
+                else:
+                    self.entries[word] = self.node.entries[word]
+        except _Refused:
+            pass
+        self.node.document.loops[self.node.start] = self.n_nodes
+        return replace(self.node, entries=self.entries)
+
+    def add(self, word: str, key: Scalar, child: Node) -> None:
+        """Add what a loop makes; what is written beside the loop, above or below, is an exception
+        from it.
+        """
+        if word in self.made:
+            message = f"{quote(word)} is already made on line {self.made[word].place.line}; "
+            message += "two modules need two names, such as m(i) in a loop"
+            self.collector.error("E102", message, key.place)
+            return
+        self.made[word] = key
+        if word in self.entries:
+            written_key, written = self.entries[word]
+            self.entries[word] = written_key, _merged(child, written)
+        else:
+            self.entries[word] = key, child
+
+    def loop(self, key: Scalar, child: Node, names: Names, depth: int) -> None:
+        """Write one loop or condition out."""
+        if depth > MAX_INSIDE:
+            self.refuse(f"loops stand at most {MAX_INSIDE} deep inside one another", key)
+        if not isinstance(child, document.Mapping):
+            message = f"below {quote(key.text)} names stand, each with what it is"
+            if isinstance(child, Scalar) and child.is_empty:
+                message = f"nothing is written below {quote(key.text)}; indent what belongs to it"
+            self.collector.error("E106", message, key.place)
+            self.collector.lacks_names = True
+            return
+        try:
+            scopes = list(self.turns(key.text, names))
+        except TextError as error:
+            self.report(error, key)
+            self.collector.lacks_names = True
+            return
+        self.n_turns += 0 if key.text.startswith("if") else len(scopes)
+        if self.n_turns > MAX_TURNS:
+            self.refuse(f"loops side by side have at most {MAX_TURNS:,} turns together", key)
+        for scope in scopes:
+            self.body(child, scope, depth)
+
+    def turns(self, text: str, names: Names) -> Iterator[Names]:
+        """The values that names have in each turn. Raises TextError."""
+        if text.startswith("if"):
+            if is_true(text, 2, names):
+                yield names
+            return
+        match = _FOR.fullmatch(text)
+        if match is None:
+            raise TextError(f"{quote(text)} is no loop; {SYNTAX}", length=len(text), code="E113")
+        variable = match[1]
+        if not variable[0].islower() or variable in UNITS:
+            message = f"{quote(variable)} cannot be the variable of a loop; "
+            message += "it begins with a small letter, and is no unit"
+            raise TextError(message, offset=match.start(1), length=len(variable), code="E110")
+        if variable in names:
+            message = f"{quote(variable)} is named already; a loop needs a variable of its own"
+            raise TextError(message, offset=match.start(1), length=len(variable), code="E102")
+        first, last = (_whole_number(match, group, names) for group in (2, 3))
+        step = 1 if match[4] is None else _whole_number(match, 4, names)
+        if step < 1:
+            message = "the step of a loop is 1 or more"
+            raise TextError(message, offset=match.start(4), length=len(match[4]), code="E202")
+        numbers = range(first, last + 1, step)
+        if len(numbers) > MAX_TURNS:
+            message = f"a loop has at most {MAX_TURNS:,} turns, not {len(numbers):,}"
+            raise TextError(message, offset=match.start(2), length=len(text), code="E105")
+        for number in numbers:
+            yield names.new_child({variable: Amount(Fraction(number), "")})
+
+    def body(self, body: document.Mapping, names: Names, depth: int) -> None:
+        """Write what stands below a loop out for one turn."""
+        copy = _Copy(self, names)
+        for word, (name, child) in body.entries.items():
+            if word == "let" and isinstance(child, document.Mapping):
+                copy = _Copy(self, self.named(child, copy.names))
+            elif is_loop(word):
+                self.loop(name, child, copy.names, depth + 1)
+            else:
+                name_copy = copy.scalar(name)
+                if "(" not in name_copy.text:  # else it was refused
+                    self.add(name_copy.text, name_copy, copy.node(child))
+
+    def named(self, section: document.Mapping, names: Names) -> Names:
+        """The values of a `let` below a loop, beside those that have names already."""
+        inner = NamedAmounts(names.new_child(), [])
+        for number, (word, (key, node)) in enumerate(section.entries.items()):
+            if word in names:
+                message = f"{quote(word)} is named already; give this value a name of its own"
+                self.collector.error("E102", message, key.place)
+                continue
+            add_named(inner, number, word, key, node, section.entries)
+        for scalar, error in inner.wrong:
+            self.report(error, scalar)
+        return ChainMap(inner.names)
+
+    def count(self, node: Node) -> None:
+        """Count a node that is written out, and the length of its text."""
+        self.n_nodes += 1
+        if isinstance(node, Scalar):
+            self.n_nodes += len(node.text) // _TEXT_COST
+        if self.n_nodes + self.n_others > MAX_NODES:
+            message = f"loops of this file write more than {MAX_NODES:,} values out"
+            self.refuse(message + "; take a STRING, a PLATE or a BANK for large bodies", node)
+
+    def report(self, error: TextError, node: Scalar) -> None:
+        """Report a mistake in a text."""
+        place = node.place_at(error.offset, error.length)
+        self.collector.error(error.code, error.message, place, suggestion=error.suggestion)
+
+    def refuse(self, message: str, node: Node) -> None:
+        self.collector.error("E105", message, node.place)
+        self.collector.lacks_names = True
+        raise _Refused
+
+
+def _merged(made: Node, written: Node) -> Node:
+    """A module of a loop with the fields of one of the same name and kind that is written beside
+    it; one of another kind stands in its place.
+    """
+    if not (isinstance(made, document.Mapping) and isinstance(written, document.Mapping)):
+        return written
+    if not written.entries.keys() <= made.entries.keys():
+        return written
+    entries = dict(made.entries)
+    for kind, (key, fields) in written.entries.items():
+        known = entries[kind][1]
+        if isinstance(known, document.Mapping) and isinstance(fields, document.Mapping):
+            fields = replace(fields, entries={**known.entries, **fields.entries})
+        entries[kind] = key, fields
+    return replace(written, entries=entries)
+
+
+class _Copy:
+    """Copies of nodes in which names have values; each has the place of what it is a copy of."""
+
+    def __init__(self, writer: _Writer, names: Names) -> None:
+        self.writer = writer
+        self.names = names
+        self._documents: dict[Document, Document] = {}
+
+    def node(self, node: Node) -> Node:
+        if isinstance(node, Scalar):
+            return self.scalar(node)
+        self.writer.count(node)
+        source = self._document(node.document)
+        if isinstance(node, document.Mapping):
+            entries: Entries = {}
+            for key, child in node.entries.values():
+                key_copy = self.scalar(key)
+                entries[key_copy.text] = key_copy, self.node(child)
+            return document.Mapping(source, node.start, node.end, entries)
+        assert isinstance(node, document.Sequence)
+        items = [self.node(item) for item in node.items]
+        return document.Sequence(source, node.start, node.end, items)
+
+    def scalar(self, node: Scalar) -> Scalar:
+        self.writer.count(node)
+        text = node.text
+        if "(" in text:
+            try:
+                text = _numbered(text, self.names)
+            except TextError as error:
+                self.writer.report(error, node)
+        return replace(node, document=self._document(node.document), text=text)
+
+    def _document(self, source: Document) -> Document:
+        copy = self._documents.get(source)
+        if copy is None:
+            named = NamedAmounts(self.names, [])
+            copy = self._documents[source] = replace(source, lets=named)
+        return copy
+
+
+def _numbered(text: str, names: Names) -> str:
+    """A text in which `m(i+1)` is replaced by `m4`. Raises TextError."""
+    pieces, offset = [], 0
+    while (match := _NUMBERED.search(text, offset)) is not None:
+        if match[1] in _FUNCTIONS:
+            pieces.append(text[offset : match.end()])
+            offset = match.end()
+            continue
+        end = _closing(text, match.end())
+        inside = text[match.end() : end]
+        number = _number_of_name(text, match, inside, names)
+        pieces.append(f"{text[offset : match.end() - 1]}{number}")
+        offset = end + 1
+    return "".join((*pieces, text[offset:]))
+
+
+def _number_of_name(text: str, match: re.Match[str], inside: str, names: Names) -> int:
+    try:
+        amount = evaluate(inside, names)
+    except TextError as error:
+        error.offset += match.end()
+        raise
+    number = amount.number
+    if amount.unit or number.denominator != 1 or number < 0:
+        written = text[match.start() : match.end() + len(inside) + 1]
+        message = f"the number of a name is a whole one, 0 or more, and {quote(written)} "
+        message += f"has {amount.literal}"
+        length = max(1, len(inside))
+        raise TextError(message, offset=match.end(), length=length, code="E202")
+    return int(number)
+
+
+def _closing(text: str, start: int) -> int:
+    """The index of the parenthesis that closes one before `start`. Raises TextError."""
+    depth = 1
+    for index in range(start, len(text)):
+        depth += (text[index] == "(") - (text[index] == ")")
+        if depth == 0:
+            return index
+    raise TextError("this parenthesis is never closed", offset=start - 1, code="E201")
+
+
+def _whole_number(match: re.Match[str], group: int, names: Names) -> int:
+    """The whole number that a part of `for i in 1..12 by 2` gives. Raises TextError."""
+    try:
+        amount = evaluate(match[group], names)
+    except TextError as error:
+        error.offset += match.start(group)
+        raise
+    if amount.unit or amount.number.denominator != 1:
+        message = f"a loop counts by whole numbers, and {quote(match[group].strip())} is "
+        message += amount.literal
+        length = len(match[group])
+        raise TextError(message, offset=match.start(group), length=length, code="E202")
+    return int(amount.number)
