@@ -273,6 +273,17 @@ class Set(BlockCommand):
 
 
 @dataclass(frozen=True, slots=True)
+class Retune(Command):
+    """`set vib.tuning edo 19`: move an instrument, or the score, to another tuning, gliding for the
+    length `over`; without fields to that of the score, or to equal steps.
+    """
+
+    target: str
+    fields: Mapping[str, str]
+    over: Length | None
+
+
+@dataclass(frozen=True, slots=True)
 class Couple(BlockCommand):
     """Join two keys by a REF: `stiffness` [N/m], `viscosity` [Ns/m]."""
 

@@ -14,6 +14,7 @@ from ergon.repl.language import (
     midi,
     mixing,
     phrases,
+    retuning,
     rhythms,
 )
 from ergon.repl.language import commands as c
@@ -173,6 +174,11 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("channel", "N", automating.CHANNEL, "channel", optional=True),
               Slot("start", "QUARTERS", automating.FILE_START, "start", optional=True),
               Slot("until", "WHERE", v.POSITION, "until", optional=True)),
+        _form("set", "set", "an instrument, or the score, goes by another tuning",
+              "set bell.tuning edo 19", retuning.retune,
+              Slot("target", "INSTRUMENT.tuning|tuning", retuning.TARGET),
+              Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", retuning.FIELDS,
+                   many=True), _OVER),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
               "set bell.m.K x1.5 over 2bar", forms.set_parameter,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),

@@ -15,6 +15,7 @@ from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import family_edits, midi_maps
 from ergon.repl.session import level_edits as level_edits
 from ergon.repl.session import phrase_edits as phrase_edits
+from ergon.repl.session import retuning_edits as retuning_edits
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
@@ -325,7 +326,7 @@ def _damp(command: c.Damp) -> VersionEdit:
     return lambda version, beat: replace(hush(version, beat), damp=command.time)
 
 
-READS_FILES = (c.Load, c.Reload, c.Scene, c.Use)
+READS_FILES = (c.Load, c.Reload, c.Retune, c.Scene, c.Use)
 
 
 # --- replies -------------------------------------------------------------------------------------

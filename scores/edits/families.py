@@ -26,13 +26,20 @@ def use(texts: Texts, family: str, file: str) -> tuple[Texts, dict[str, str]]:
         added = texts.append(("use",), edit.flow({family: file}))
     else:
         added = texts.put(("use", family), edit.quoted(file))
-    documents = replace(added, sealed=False).load().files
+    return with_files_read(added)
+
+
+def with_files_read(texts: Texts) -> tuple[Texts, dict[str, str]]:
+    """Texts with those of the files that they name and do not hold yet, and these files, which are
+    not of the library.
+    """
+    documents = replace(texts, sealed=False).load().files
     read = {
         name: document_read.text
         for name, document_read in documents.items()
         if name != texts.path and name not in texts.overlay and shipped(Path(name)) is None
     }
-    return replace(added, overlay={**read, **added.overlay}), read
+    return replace(texts, overlay={**read, **texts.overlay}), read
 
 
 def unplayed(piece: Piece) -> dict[str, str]:

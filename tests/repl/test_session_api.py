@@ -123,6 +123,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "set bell.m.K from tune.mid by cc 1/33 range 0.5..2": lambda s: s.set(
         "bell.m.K", from_="tune.mid", by="cc 1/33", range="0.5..2"
     ),
+    "set bell.tuning edo 19": lambda s: s.set("bell.tuning", "edo 19"),
     "set bell.m.f A3 C4 E4 every 1": lambda s: s.set("bell.m.f", "A3 C4 E4 every 1"),
     "lfo bell.m.K 0.8..1.2 period 4bar": lambda s: s.lfo("bell.m.K", "0.8..1.2 period 4bar"),
     "lfo bell.m.K off": lambda s: s.lfo("bell.m.K", "off"),

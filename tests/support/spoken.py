@@ -105,6 +105,8 @@ OTHERS = [
     ("play from B+2", c.Play(parse_position("B+2"))),
     ("stop at C", c.Stop(when=parse_position("C"))),
     ("set bell.m.K 900N/m in 2", c.Set("bell.m.K", 900.0, None, None, when=Length(beats=2))),
+    ("set bell.tuning edo 19 over 1bar", c.Retune("bell.tuning", {"edo": "19"}, Length(bars=1))),
+    ("set tuning off", c.Retune("tuning", {}, None)),
     ("set k1.M 350g", c.Set("k1.M", 0.35, None, None)),
     ("set gong.f A1", c.Set("gong.f", 55.0, None, None)),
     ("tempo 72", c.Tempo(72)),

@@ -1,0 +1,98 @@
+"""The words after `set vib.tuning`: another tuning of an instrument, or of the score."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ergon.notation.clock.positions import Length
+from ergon.notation.tables.shapes import Text
+from ergon.notation.tables.tuning_fields import TUNING
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import Retune, When, Word
+from ergon.repl.language.scope import Scope
+
+_WORD = re.compile(r"\S+")
+_EXAMPLES = {"edo": "19", "A4": "442Hz", "scale": "tune.scl", "keys": "tune.kbm", "root": "D4"}
+_NONE = "off"
+
+
+def _tunings(scope: Scope) -> dict[str, str]:
+    """What may be tuned: the score, and every instrument as a whole, each with a hint."""
+    names = scope.instruments
+    wholes = [name for name in names if name.rpartition(".")[0] not in names]
+    return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in wholes}
+
+
+def _target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    known = _tunings(scope)
+    if text not in known:
+        raise v.unknown_name(text, "a tuning", tuple(known))
+    return text
+
+
+def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
+    for target, hint in _tunings(context.scope).items():
+        yield v.Completion(target, f"the tuning {hint}" if target == "tuning" else hint)
+
+
+def _fields(text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
+    """The fields of a tuning; none for `off`. Raises TextError."""
+    words = [(match.start(), match.group()) for match in _WORD.finditer(text)]
+    if text.strip() == _NONE:
+        return {}
+    for name, pattern in TUNING.lone.items():
+        if len(words) == 1 and (match := re.fullmatch(pattern, words[0][1])):
+            return {name: match[1]}
+    fields: dict[str, str] = {}
+    for (start, name), (offset, word) in zip(words[::2], words[1::2], strict=False):
+        if name not in TUNING.by_name or name in fields:
+            known = ", ".join(TUNING.by_name)
+            message = f"{quote(name)} says nothing of a tuning; it has {known}, each once"
+            near = TUNING.meant.get(name) or nearest(name, TUNING.by_name)
+            raise TextError(message, offset=start, length=len(name), suggestion=near)
+        shape = TUNING.by_name[name].shape
+        assert isinstance(shape, Text)
+        try:
+            shape.parse(word)
+        except TextError as error:
+            error.offset += offset
+            raise
+        fields[name] = word
+    if len(words) % 2:
+        start, name = words[-1]
+        example = f"{name} {_EXAMPLES[name]}" if name in _EXAMPLES else "edo 19, A4 442Hz or off"
+        message = f"a value is missing after {quote(name)}, such as {example}"
+        raise TextError(message, offset=start, length=len(name))
+    return fields
+
+
+def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+    if len(context.before) % 2:
+        if (name := context.before[-1]) in _EXAMPLES:
+            yield v.Completion(_EXAMPLES[name], TUNING.by_name[name].doc)
+        return
+    for name, field in TUNING.by_name.items():
+        if name not in context.before:
+            yield v.Completion(name, field.doc)
+    if not context.before:
+        yield v.Completion(_NONE, "the tuning of the score, or equal steps")
+
+
+TARGET = v.Value("the tuning of an instrument, or of the score", _target, _targets)
+FIELDS = v.Value("a tuning, such as edo 19", _fields, _offers)
+
+
+def retune(
+    target: str,
+    fields: Mapping[str, str],
+    over: Length | None = None,
+    *,
+    when: When,
+    words: Mapping[str, Word],
+) -> Retune:
+    """`set vib.tuning edo 19 over 2s`."""
+    return Retune(target, fields, over, when=when, words=words)
