@@ -17,6 +17,7 @@ from .outcome import Refused
 
 _BYTES_MAX = 64 << 20
 _LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
+_MUSICXML = re.compile(rb"<score-(?:partwise|timewise)\b")
 _OURS = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
@@ -180,6 +181,17 @@ def _sofa(path: Path) -> Content:
     return Content("head (SOFA)", read, ["distances, and places of the listener and the ears"])
 
 
+def _xml(path: Path) -> Content | None:
+    """A score of MusicXML, loudspeakers, or a model of another program."""
+    return _musicxml(path) if _MUSICXML.search(_data(path)) else _layout(path)
+
+
+def _musicxml(path: Path) -> Content:
+    from .musicxml_info import musicxml
+
+    return musicxml(path)
+
+
 def _layout(path: Path) -> Content | None:
     from ergon.exchange.layout_files import FORMS, LayoutFileError
 
@@ -242,7 +254,9 @@ READERS: Mapping[str, Callable[[Path], Content | None]] = {
     ".scl": _scala,
     ".kbm": _scala,
     ".sofa": _sofa,
-    ".xml": _layout,
+    ".musicxml": _musicxml,
+    ".mxl": _musicxml,
+    ".xml": _xml,
     ".json": _layout,
     ".yaml": _yaml,
     ".yml": _yaml,

@@ -38,11 +38,11 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take, a MIDI file, a mesh, a layout, a pack or a score contains.
 
     A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
-    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels and
-    what they span. Of a MIDI file it says what is played and what is passed over. A .motion file is
-    what moved. Of a mesh (OBJ, glTF), a scale (.scl, .kbm), a head (SOFA), loudspeakers and a model
-    of another program it says what is read and what is passed over. Of a pack it lists the files.
-    Anything else is a score.
+    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels
+    and what they span. Of a MIDI file and of a score of MusicXML it says what is played and what
+    is passed over. A .motion file is what moved. Of a mesh (OBJ, glTF), a scale (.scl, .kbm), a
+    head (SOFA), loudspeakers and a model of another program it says what is read and what is
+    passed over. Of a pack it lists the files. Anything else is a score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES

@@ -62,8 +62,8 @@ def midi(console: Console, path: Path) -> None:
         name = f" {track.name}" if track.name else ""
         lines.append(f"  track {number}{name}: {_notes(track)}")
     words = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in tempos]
-    lines.append(f"  tempo: {_changes(words, '120 bpm, for the file says none')}")
-    lines.append(f"  meter: {_changes(meters, '4/4, for the file says none')}")
+    lines.append(f"  tempo: {changes(words, '120 bpm, for the file says none')}")
+    lines.append(f"  meter: {changes(meters, '4/4, for the file says none')}")
     lines.append(f"  understood: {', '.join(played) or 'nothing'}")
     lines.append(f"  passed over: {', '.join(left_out) or 'nothing'}")
     console.data("\n".join(printable(line[:_LINE_MAX]) for line in lines) + "\n")
@@ -113,7 +113,7 @@ def _understood(file: MidiSurvey) -> Iterator[str]:
         yield plural(file.n_meters, "meter")
 
 
-def _changes(changes: Sequence[tuple[float, str]], none: str) -> str:
+def changes(changes: Sequence[tuple[float, str]], none: str) -> str:
     """What holds from where on, counted in quarter notes."""
     if not changes:
         return none

@@ -25,10 +25,10 @@ def pack(console: Console, score_path: str, output: str | None, force: bool, tru
     that it uses, and the version of ergon. Every command that reads a score reads it, on any
     machine. The same files give the same bytes. `ergon info` lists what is in a pack.
     """
-    from ergon.api.packs import write_pack
+    from ergon.api import packs
 
     check_stdout(output, is_json=console.json)
-    done = write_pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
+    done = packs.pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
     files = done.pack.files
     if console.json:
         fields = {"bytes": done.size, "score": done.pack.score, "files": sorted(files)}

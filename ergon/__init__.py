@@ -4,7 +4,8 @@
 take the path of a score, and options. `open_session` plays a score that is changed while it
 plays; `fold_file` converts a sound file to other channels (headphones, stereo, Ambisonics,
 another room); `take_stats` measures the hands of a recording; `bell` finds the modes of a struck
-object; `sweep` renders variants of a score. All errors are an `ErgonError`. The page
+object; `sweep` renders variants of a score; `pack` writes a score with all that it reads into
+one file, `unpack` its files into a folder. All errors are an `ErgonError`. The page
 docs/library.md shows each.
 """
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
         RenderOptions,
         SessionOptions,
     )
+    from ergon.api.packs import PackedFile, pack, unpack
     from ergon.api.pictures import Picture
     from ergon.api.plan import Plan, plan
     from ergon.api.render import Render, render
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
+    from ergon.exchange.pack import Pack, PackError
     from ergon.exchange.safe import FileRefusedError
     from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.job import RenderedFile, RenderedFiles
@@ -79,6 +82,9 @@ __all__ = [
     "MovementStats",
     "NotTaken",
     "OptionError",
+    "Pack",
+    "PackError",
+    "PackedFile",
     "PartModes",
     "PartStats",
     "Picture",
@@ -113,6 +119,7 @@ __all__ = [
     "freeze",
     "modes",
     "open_session",
+    "pack",
     "plan",
     "render",
     "render_to_file",
@@ -120,6 +127,7 @@ __all__ = [
     "sweep",
     "take_stats",
     "tune",
+    "unpack",
 ]
 
 # The module of each name, imported at first use: `ergon --help` needs none of them.
@@ -148,6 +156,9 @@ _PLACES = {
     "MovementStats": "scores.gesture.movement",
     "NotTaken": "repl.session.api",
     "OptionError": "api.errors",
+    "Pack": "exchange.pack",
+    "PackError": "exchange.pack",
+    "PackedFile": "api.packs",
     "PartModes": "api.modes",
     "PartStats": "api.stats",
     "Picture": "api.pictures",
@@ -183,6 +194,7 @@ _PLACES = {
     "freeze": "api.freeze",
     "modes": "api.modes",
     "open_session": "api.open_session",
+    "pack": "api.packs",
     "plan": "api.plan",
     "render": "api.render",
     "render_to_file": "api.files",
@@ -190,6 +202,7 @@ _PLACES = {
     "sweep": "api.sweep",
     "take_stats": "api.take_stats",
     "tune": "api.tune",
+    "unpack": "api.packs",
 }
 
 

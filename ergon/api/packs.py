@@ -41,7 +41,7 @@ class PackedFile:
     size: int
 
 
-def write_pack(
+def pack(
     score: str | Path,
     out: str | Path | None = None,
     options: ReadOptions | None = None,
@@ -61,12 +61,12 @@ def write_pack(
         raise OptionError("output", "a score from stdin has no name for the pack; name one")
     target = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
     loaded = scores.read(score, options, report)
-    pack = _packed(str(score), loaded)
-    data = pack_bytes(pack)
-    _check_same(pack, loaded)
+    content = _packed(str(score), loaded)
+    data = pack_bytes(content)
+    _check_same(content, loaded)
     with open_for_writing(target, binary=True, force=force, inputs=loaded.inputs) as file:
         file.write(data)
-    return PackedFile(target, pack, len(data))
+    return PackedFile(target, content, len(data))
 
 
 @contextmanager

@@ -9,7 +9,31 @@ import numpy as np
 import pytest
 from commands import forked
 
+TUNE = (
+    '<score-partwise><work><work-title>Two bars</work-title></work><part-list><score-part id="P1">'
+    '<part-name>Bars</part-name></score-part><score-part id="P2"/></part-list><part id="P1">'
+    "<measure><attributes><divisions>2</divisions><time><beats>3</beats><beat-type>4</beat-type>"
+    '</time></attributes><direction><sound tempo="72"/></direction><direction><direction-type>'
+    "<dynamics><pp/></dynamics></direction-type></direction>"
+    "<note><pitch><step>D</step><alter>1</alter><octave>4</octave></pitch><duration>4</duration>"
+    "<notations><fermata/></notations></note>"
+    "<note><pitch><step>B</step><octave>4</octave></pitch><duration>2</duration></note></measure>"
+    "<measure><note><rest/><duration>6</duration></note></measure></part>"
+    '<part id="P2"><measure><note><rest/><duration>3</duration></note></measure>'
+    "<measure><note><rest/><duration>3</duration></note></measure></part></score-partwise>"
+)
+_TUNE_READ: dict[str, object] = {
+    "form": "score (MusicXML)",
+    "title": "Two bars",
+    "length": "6 quarters, 2 bars as played",
+    "part P1 (Bars)": "2 notes, D#4 to B4, strengths 0.14 to 0.14",
+    "part P2": "no notes",
+    "tempo": "72 bpm",
+    "meter": "3/4",
+}
 FILES: dict[str, str] = {
+    "tune.musicxml": TUNE,
+    "tune.xml": f"<?xml version='1.0'?>{TUNE}",
     "a.obj": "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nv 6 5 5\n"
     "f 1 2 3\nl 4 5\nvn 0 0 1\n",
     "a.scl": "! a.scl\nFifths\n2\n701.955\n2/1\n",
@@ -34,6 +58,8 @@ FILES: dict[str, str] = {
         ("iem.json", {"loudspeakers": 1, "outputs": "1 to 1"}, ["gains"]),
         ("ear.yaml", {"loudspeakers": 1}, ["output 4 (LFE1)", "gains"]),
         ("ours.yaml", {"loudspeakers": 2, "outputs": "1, 4"}, []),
+        ("tune.musicxml", _TUNE_READ, ["1 fermata"]),
+        ("tune.xml", _TUNE_READ, ["1 fermata"]),
     ],
 )
 def test_info_of_files(name: str, read: dict[str, object], passed: list[str], tmp_path: Path):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import ergon
 from ergon.cli import app
 from ergon.exchange.pack import BYTES_MAX, FILES_MAX, Pack, PackError, pack_bytes, read_pack
 from ergon.scores.reading.digest import digest_of
@@ -431,3 +432,34 @@ def test_pack_larger_than_the_bound(capsys: pytest.CaptureFixture[str]):
 def test_too_much_to_pack():
     with pytest.raises(PackError, match="256 MB"):
         pack_bytes(Pack("a.yaml", "1", {"a.yaml": bytes(BYTES_MAX)}))
+
+
+def test_packing_from_python_is_packing_by_the_command(capsys: pytest.CaptureFixture[str]):
+    data = packed(capsys)
+    done = ergon.pack("one/pieces/piece.yaml", "other.ergonpack")
+    assert Path("other.ergonpack").read_bytes() == data
+    assert done.size == len(data)
+    assert done.pack == read_pack(Path("piece.ergonpack"))
+
+
+def test_unpacked_score_renders_the_same_samples_from_python():
+    score = project()
+    done = ergon.pack(score, "piece.ergonpack")
+    expected = ergon.render(score).frames
+    unpacked = ergon.unpack(done.path, "copy")
+    assert unpacked.is_relative_to("copy")
+    assert (ergon.render(unpacked).frames == expected).all()
+    before = tree(Path("copy"))
+    with pytest.raises(ergon.ErgonError):
+        ergon.unpack(done.path, "copy")
+    assert tree(Path("copy")) == before
+
+
+def test_changed_pack_is_refused_from_python():
+    path = Path(ergon.pack(project(), "piece.ergonpack").path)
+    data = bytearray(path.read_bytes())
+    data[data.index(b"title: packed") + 7] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(ergon.PackError):
+        ergon.unpack(path, "copy")
+    assert not Path("copy").exists()

@@ -61,9 +61,7 @@ def _holds(text: str, start: int, end: int, names: Mapping[str, Amount]) -> bool
     starts = [start, *(sign.end() for sign in signs)]
     ends = [*(sign.start() for sign in signs), end]
     amounts = [_amount(text, *span, names) for span in zip(starts, ends, strict=True)]
-    results = [
-        _compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)
-    ]
+    results = [_compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)]
     return all(results) == is_expected
 
 

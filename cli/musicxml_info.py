@@ -1,0 +1,47 @@
+"""What `ergon info` says of a score of MusicXML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .console import plural
+from .file_info import Content
+from .midi_info import changes
+from .outcome import Refused
+
+_PARTS_MAX = 64  # parts in lines of their own
+
+
+def musicxml(path: Path) -> Content:
+    """The parts, tempos and meters of a file, and what no part of ergon plays."""
+    from ergon.scores.gesture.musicxml_file import XmlPart, read_score
+    from ergon.scores.gesture.take_file import TakeError
+
+    try:
+        score = read_score(path)
+    except TakeError as error:
+        raise Refused(error.message) from None
+
+    def notes_of(part: XmlPart) -> str:
+        if not part.notes:
+            return "no notes"
+        by_height = sorted(part.notes, key=lambda note: note.key)
+        low, high = by_height[0].word, by_height[-1].word
+        reach = low if low == high else f"{low} to {high}"
+        strengths = [note.strength for note in part.notes if note.strength is not None]
+        levels = f", strengths {min(strengths):.2g} to {max(strengths):.2g}" if strengths else ""
+        return f"{plural(len(part.notes), 'note')}, {reach}{levels}"
+
+    parts = {f"part {part.called}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
+    if extra := len(score.parts) - len(parts):
+        parts["and"] = plural(extra, "more part")
+    tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]
+    read = {
+        "title": score.title or "none",
+        "length": f"{score.length:g} quarters, {plural(score.n_measures, 'bar')} as played",
+        **parts,
+        "tempo": changes(tempos, "120 bpm, for the file says none"),
+        "meter": changes(score.meters, "4/4, for the file says none"),
+    }
+    passed = [plural(count, noun) for noun, count in sorted(score.passed.items()) if count]
+    return Content("score (MusicXML)", read, passed)
