@@ -2348,7 +2348,7 @@ def emulate(
     touch_gate: bool,
     watchdog: float,
     model: _Floats | None = None,
-    network: tuple[Network, int] | None = None,
+    network: tuple[Network, int, float, float] | None = None,
     noise: float = 0.0,
     force_step: float = 0.0,
     seed: int = 0,
@@ -2362,8 +2362,9 @@ def emulate(
     stiffness [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period;
     an empty path is a resting finger, a missing one an untouched key. With `model`, the
     parameters of `key_path`, each key moves by that model instead. With `network` (network,
-    index of a MAT), each key moves as the key of a score whose MAT of that index takes the
-    forces. `noise` [m] is the standard deviation of the sensor's noise, drawn by `seed`; forces
+    index of a MAT, constant force [N], delay of the motor [s]), each key moves as the key of a
+    score whose MAT of that index takes the forces. `noise` [m] is the standard deviation of the
+    sensor's noise, drawn by `seed`; forces
     are rounded to multiples of `force_step` [N].
 
     `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for

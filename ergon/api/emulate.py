@@ -172,7 +172,7 @@ def emulate(
         axes=axes,
         force_max=usual.force if options.force_max is None else options.force_max,
         model=_model(options),
-        network=None if options.calib is None else _measured(options.calib),
+        network=None if options.calib is None else _measured(options.calib, options.travel),
         force_step=options.force_step or 0.0,
         touch_gate=device == "firefader" if options.gate is None else options.gate,
         mass=options.mass,
@@ -230,12 +230,15 @@ def _model(options: EmulationOptions) -> NDArray[np.float64] | None:
     return np.array([*cel, weight, dry, rest, delay, *others, *modes])
 
 
-def _measured(calib: Path) -> tuple[_core.Network, int]:
-    """The network of a key from a calibration file, and the MAT that ergons strike."""
+def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
+    """The network of a key from a calibration file, the MAT that ergons strike, the constant force
+    there [N], and the delay of its motor [s].
+    """
     from ergon.instruments.assemble import Assembly
     from ergon.scores.reading.load import load
 
-    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}}}}}\n"
+    ends = f"travel: {-0.5 * travel!r}m..{0.5 * travel!r}m"
+    text = f"ergon: 1\nkeys: {{k: {{calib: {json.dumps(calib.name)}, {ends}}}}}\n"
     loaded = load(str(calib.parent / "emulated-key.yaml"), text=text)
     if loaded.piece is None:
         raise EmulationError(
@@ -245,7 +248,9 @@ def _measured(calib: Path) -> tuple[_core.Network, int]:
     assembly = Assembly()
     assembly.part(key.name, key.modules)
     assembly.joins(key.name, key.modules)
-    return assembly.network, assembly.mats[key.name, key.struck]
+    push = sum(module.fields["from"] for module in key.modules if module.kind == "ENF")
+    assert key.measured is not None
+    return assembly.network, assembly.mats[key.name, key.struck], push, key.measured[2] or 0.0
 
 
 def _transport(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]:

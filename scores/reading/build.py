@@ -92,7 +92,8 @@ def key(values: Values, files: Files) -> Key:
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
         if measured is not None and not values["simple"]:
-            modules = calibration.whole(modules[0], measured)
+            end = calibration.end_it_lies_on(values, measured)
+            modules = calibration.whole(modules[0], measured, end)
     travel = values["travel"]
     if travel is not None and not travel[0] <= values["X0"] <= travel[1]:
         message = f"{values.context.of('X0')}: the key begins outside its travel"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from math import log, pi
 
@@ -14,6 +15,9 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.sections import CALIBRATION
 
 _DECAY = 3.0 * log(10.0)  # σ·T60
+# The end of travel on which a key lies that no spring carries: its least stiffness [N/m], and how
+# far the weight presses it in at most [m].
+_END_STIFFNESS, _END_YIELDS = 20e3, 20e-6
 
 
 def of(values: Values, files: Files) -> Values | None:
@@ -33,8 +37,12 @@ def of(values: Values, files: Files) -> Values | None:
 def over(values: Values, measured: Values) -> Values:
     """The fields of a key, with measured ones where the key itself writes none.
 
-    A key begins at its measured rest position, unless it says otherwise.
+    A key begins at its measured rest position, unless it says otherwise. Without it the spring
+    carries the measured weight where both balance, or the key lies on the end of its travel.
     """
+    if measured.written("weight") and measured.written("rest"):
+        message = f"{measured.context.of('weight')}: `rest` is written too, where spring and "
+        measured.error("E111", f"{message}weight balance; keep one of the two", "weight")
     fields, nodes = dict(values.given), dict(values.nodes)
     has_place = values.context.place is not None
     names = {name: name for name in ("M", "K", "Z", "travel")}
@@ -45,11 +53,39 @@ def over(values: Values, measured: Values) -> Values:
         is_own = node is not None and has_place and _inside(node.place, values)
         if source in measured.given and not is_own:
             fields[name], nodes[name] = measured.given[source], measured.nodes[source]
-    return Values(values.record, values.node, values.context, fields, nodes, values.free)
+    complete = Values(values.record, values.node, values.context, fields, nodes, values.free)
+    if _has_weight(complete, measured):
+        end, stiffness = end_it_lies_on(complete, measured), complete["K"]
+        balance = -measured["weight"] / stiffness if end is None and stiffness else end
+        if balance is None:
+            message = f"{values.context.of('')}: no spring carries the weight of the measured key; "
+            values.error("E103", f"{message}write `travel`, on whose end it lies")
+        for name in ("X0",) if end is not None else ("rest", "X0"):
+            if name not in fields and balance is not None:
+                fields[name], nodes[name] = balance, measured.nodes["weight"]
+    return complete
 
 
-def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
-    """The modules of a key: its CEL, the modes that swing on it, and its dry friction."""
+def end_it_lies_on(values: Values, measured: Values) -> float | None:
+    """The end of travel [m] on which the weight of a key lies; None if its spring carries it."""
+    weight, stiffness, travel = measured["weight"], values["K"], values["travel"]
+    if travel is None or not _has_weight(values, measured):
+        return None
+    low, high = travel
+    if stiffness and low <= -weight / stiffness <= high:
+        return None
+    return float(low if weight > 0.0 else high)
+
+
+def _has_weight(values: Values, measured: Values) -> bool:
+    """Whether the measured weight is not yet part of a position of rest."""
+    return bool(measured["weight"]) and not values["simple"] and not values.written("rest")
+
+
+def whole(cel: Module, measured: Values, end: float | None = None) -> tuple[Module, ...]:
+    """The modules of a key: its CEL, the modes that swing on it, its dry friction, and its weight
+    if it lies on the `end` of its travel [m].
+    """
     modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
     mass = cel.fields["M"]
     if isinstance(mass, float) and modes:
@@ -65,6 +101,8 @@ def whole(cel: Module, measured: Values) -> tuple[Module, ...]:
     for number, mode in enumerate(modes, 1):
         modules += _mode(f"mode {number}", mode, cel)
     modules += _dry(measured)
+    if end is not None:
+        modules += _weight(measured, end, cel)
     return tuple(modules)
 
 
@@ -108,6 +146,35 @@ def _dry(measured: Values) -> tuple[Module, ...]:
         "speed": measured["static_speed"] or 0.001,
     }
     return with_ground_point(Module("dry", "DRY", fields, place))
+
+
+def _weight(measured: Values, end: float, cel: Module) -> tuple[Module, ...]:
+    """The weight of a key, and the end of travel on which it rests still: a critically damped
+    contact.
+    """
+    weight, place = measured["weight"], measured.place_of("weight")
+    pressed = abs(weight + (cel.fields["K"] or 0.0) * end)
+    stiffness = max(_END_STIFFNESS, pressed / _END_YIELDS)
+    touches = end + math.copysign(pressed / stiffness, weight)
+    key, stop = Name("", place), Name("end of travel", place)
+    contact = {
+        "between": (key, stop),
+        "K": stiffness,
+        "Z": 2.0 * math.sqrt(stiffness * cel.fields["M"]),
+        "gap": 0.0,
+        "side": "above" if weight > 0.0 else "below",
+        "contact": "plain",
+        "restitution": 1.0,
+        "exponent": 1.0,
+        "clamp": True,
+        "steps": 2,
+    }
+    push = {"to": key, "from": -weight, "at": None, "scale": 1.0}
+    return (
+        Module(stop, "SOL", {"X0": touches}, place),
+        Module("end of travel contact", "BUT", contact, place),
+        Module("weight", "ENF", push, place),
+    )
 
 
 def _inside(place: Place, values: Values) -> bool:

@@ -12,6 +12,7 @@ from ergon.instruments.model import Module
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.reading.piece import Key, Piece, Player
+from ergon.scores.staging.drives import drive
 from ergon.scores.staging.hands import Hands, Window
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.takes import Takes
@@ -247,6 +248,7 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
     assembly.network.listen("key", positions=[(struck, 1, 1.0)])
     timeline = _core.Timeline(assembly.network, piece.rate)
     hands = Hands(piece, timeline, Takes(piece, collector), collector)
+    drive(replace(piece, instruments={}), assembly, hands, {})
     hands.key(key.name, struck)
     return assembly.network, hands
 

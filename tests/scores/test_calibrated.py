@@ -120,9 +120,64 @@ def test_a_duet_is_told_what_was_measured(piece, monkeypatch: pytest.MonkeyPatch
     assert [hand.measured for hand in output] == [(pytest.approx(0.38), 1.2, 1e-3)]
 
 
+def played_positions(piece: Piece) -> np.ndarray:
+    """Positions of the key at each frame [m]."""
+    built = stage(piece)
+    sound = np.empty((built.n_frames, built.simulation.n_out))
+    built.simulation.process(sound)
+    return sound[:, 0]
+
+
+def test_a_spring_carries_the_weight_of_a_key_where_both_balance(piece):
+    """150 mN on 60 N/m are 2.5 mm: the key is the one that was measured there."""
+    by_weight = played_positions(piece(MEASURED.replace("rest: -2.5mm", "weight: 150mN")))
+    assert by_weight[0] == pytest.approx(-2.5e-3, abs=1e-12)
+    assert np.array_equal(by_weight, played_positions(piece()))
+
+
+HEAVY = "ergon: 1\nM: 400g\nK: {stiffness}\nZ: 1.2Ns/m\nweight: {weight}\ndry: 20mN\n"
+
+
+@pytest.mark.parametrize(("weight", "end"), [("150mN", -15e-3), ("-150mN", 15e-3)])
+def test_a_key_without_a_spring_falls_to_the_end_of_its_travel(piece, weight: str, end: float):
+    """Let go at rest it falls by the closed form of a constant force against a damper, and stays
+    on the end.
+    """
+    measured = HEAVY.format(stiffness="0N/m", weight=weight) + "travel: -15mm..15mm\n"
+    x = played_positions(piece(measured))
+    assert x[0] == pytest.approx(end, abs=1e-9)
+    let_go = round(0.375 * 44100)
+    assert x[let_go] == pytest.approx(-2e-3, abs=1e-6)
+    t = np.arange(4410) / 44100
+    settling, speed = 0.4 / 1.2, math.copysign((0.15 - 0.02) / 1.2, end)
+    fallen = speed * (t - settling * (1.0 - np.exp(-t / settling)))
+    assert x[let_go : let_go + 4410] - x[let_go] == pytest.approx(fallen, abs=3e-6)
+    assert np.ptp(x[-2000:]) < 1e-9
+    # Friction of 20 mN holds it within 1 µm of the place where the end carries the weight.
+    assert x[-1] == pytest.approx(end, abs=1.1e-6)
+
+
+def test_a_weak_spring_leaves_a_heavy_key_on_the_end(piece):
+    measured = HEAVY.format(stiffness="3N/m", weight="150mN") + "travel: -15mm..15mm\n"
+    cel, *_, weight = piece(measured).keys["k"].modules
+    assert (cel.fields["X0"], cel.fields["rest"]) == (-15e-3, 0.0)
+    assert (weight.kind, weight.fields["from"]) == ("ENF", -0.15)
+
+
+def test_a_stand_in_of_a_heavy_key_falls_as_the_key_does(piece):
+    """The path of a part on a real key comes from the key alone: its weight is in it."""
+    measured = HEAVY.format(stiffness="0N/m", weight="150mN") + "travel: -15mm..15mm\n"
+    text = piece(measured, hand=", hand: live")
+    (hand,) = stage(text, real={"ada": None}).live
+    written = played_positions(piece(measured))[:: hand.tick_frames]
+    n = min(len(written), len(hand.standin))
+    assert np.abs(hand.standin[:n] - written[:n]).max() < 2e-6
+
+
 @pytest.mark.parametrize(
     ("before", "after", "code"),
     [
+        ("static: 80mN", "weight: 150mN", "E111"),
         ("M: 20g, f", "M: 500g, f", "E202"),
         ("static: 80mN", "static: 30mN\npresliding: 1kN/m", "E111"),
     ],
@@ -134,3 +189,14 @@ def test_what_no_key_can_be_is_told_at_its_place(
     text = SCORE.format(more="", how="", hand="")
     result = load(str(tmp_path / "score.yaml"), text=text).diagnostics
     assert [(one.code, Path(one.place.file).name) for one in result] == [(code, "key.yaml")]
+
+
+def test_a_weight_that_nothing_carries_is_told_with_what_to_write(tmp_path: Path):
+    (tmp_path / "key.yaml").write_text(HEAVY.format(stiffness="0N/m", weight="150mN"))
+    text = SCORE.format(more="", how="", hand="")
+    (mistake,) = load(str(tmp_path / "score.yaml"), text=text).diagnostics
+    assert mistake.code == "E103"
+    assert "write `travel`" in mistake.message
+    assert load(
+        str(tmp_path / "score.yaml"), text=text.replace("key.yaml", "key.yaml, travel: -9mm..9mm")
+    ).piece

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::time::Duration;
 
 use ergon_engine::key_model::KeyModel;
+use ergon_engine::simulation::Motor;
 use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -50,7 +51,7 @@ pub(crate) fn emulate(
     touch_gate: bool,
     watchdog: f64,
     model: Option<PyReadonlyArray1<'_, f64>>,
-    network: Option<(PyRef<'_, Network>, usize)>,
+    network: Option<(PyRef<'_, Network>, usize, f64, f64)>,
     noise: f64,
     force_step: f64,
     seed: u64,
@@ -87,7 +88,9 @@ pub(crate) fn emulate(
         axes,
         key,
         model,
-        network: network.map(|(network, struck)| (network.0.clone(), struck)),
+        network: network.map(|(network, struck, push, delay)| {
+            (network.0.clone(), struck, Motor { delay, push })
+        }),
         rate,
         hands: paths.iter().map(|path| hand_on_path(path, hand)).collect(),
         seconds,

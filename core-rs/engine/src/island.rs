@@ -37,7 +37,7 @@ pub(crate) mod written_hand;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
-pub use emulated_key::EmulatedKey;
+pub use emulated_key::{EmulatedKey, Motor};
 pub(crate) use energy_account::Gain;
 pub use fault::{Fault, OnFault};
 pub use ledger::Energy;

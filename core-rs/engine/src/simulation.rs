@@ -25,7 +25,7 @@ use crate::plan::{self, IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
-pub use crate::island::{EmulatedKey, Energy, Fault, OnFault, Options, Record};
+pub use crate::island::{EmulatedKey, Energy, Fault, Motor, OnFault, Options, Record};
 pub use look::{Contact, Glance, How, Look, Oscillation, Point, Push, SeenBody};
 pub use stored::StorableIsland;
 pub use takeover::Takeover;

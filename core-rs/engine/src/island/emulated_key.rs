@@ -3,25 +3,28 @@
 use super::voices::free_key;
 use super::written_hand::free::{FreeKey, FreeMotion};
 use crate::kernel::Laws;
+use crate::maths::floor;
 use crate::network::{Error, Network};
 use crate::state::Target;
-use crate::timeline::{Key, Timeline};
+use crate::timeline::{Drive, DriveKind, Key, Source, Timeline};
 use crate::units::Rate;
 
 /// A key on its own, stepped frame by frame.
+///
+/// Its motor's force acts after a delay, a hand's force at once, and a constant force always.
 ///
 /// It moves as the free copy of a key that gestures strike, and as the key in a scene does under the same forces.
 ///
 /// ```
 /// use ergon_engine::network::Tie;
-/// use ergon_engine::simulation::EmulatedKey;
+/// use ergon_engine::simulation::{EmulatedKey, Motor};
 /// use ergon_engine::{Network, Rate};
 ///
 /// let mut network = Network::new();
 /// let tie = Tie::Physical { k: 60.0, z: 1.2 };
 /// let key = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0)?;
-/// let mut key = EmulatedKey::new(&network, key, Rate::new(1000.0)?)?;
-/// (0..5000).for_each(|_| key.step(0.6));
+/// let mut key = EmulatedKey::new(&network, key, Rate::new(1000.0)?, Motor::default())?;
+/// (0..5000).for_each(|_| key.step(0.6, 0.0));
 /// assert!((key.position() - 0.01).abs() < 1e-4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -32,6 +35,18 @@ pub struct EmulatedKey {
     laws: Laws,
     targets: Vec<Target>,
     frame: u64,
+    /// The last forces of the motor, the newest last, and the share of the oldest in the force that acts.
+    sent: Vec<f64>,
+    before: f64,
+}
+
+/// How the motor of an emulated key pushes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motor {
+    /// Time until a force acts [s].
+    pub delay: f64,
+    /// Constant force on the key, without delay [N]: its weight is below zero.
+    pub push: f64,
 }
 
 impl EmulatedKey {
@@ -39,14 +54,27 @@ impl EmulatedKey {
     ///
     /// # Errors
     /// [`Error`] if that MAT is neither a MAS nor a CEL, or the key is unstable at this rate.
-    pub fn new(network: &Network, struck: usize, rate: Rate) -> Result<Self, Error> {
+    pub fn new(network: &Network, struck: usize, rate: Rate, motor: Motor) -> Result<Self, Error> {
         let key = Key {
             name: network.mat_name(struck),
             struck,
         };
-        let (free, motion) = free_key(network, &Timeline::new(rate), &key, &[])?;
+        let mut timeline = Timeline::new(rate);
+        if motor.push != 0.0 {
+            timeline.drives.push(Drive {
+                mat: struck,
+                kind: DriveKind::Force,
+                source: Source::Constant(motor.push),
+                own: true,
+            });
+        }
+        let (free, motion) = free_key(network, &timeline, &key, &[])?;
         free.scheme.certify(network)?;
+        let late = motor.delay.max(0.0) * rate.hertz();
+        let full_frames = floor(late);
         Ok(Self {
+            sent: vec![0.0; full_frames as usize + 2],
+            before: late - full_frames,
             laws: Laws::new(&free.scheme),
             targets: Vec::new(),
             frame: 0,
@@ -66,11 +94,95 @@ impl EmulatedKey {
         (body.x[struck], body.d[struck]) = (x, 0.0);
     }
 
-    /// Compute one frame under a force [N].
-    pub fn step(&mut self, force: f64) {
+    /// Compute one frame under a force of the motor, which acts after its delay, and one of a hand [N].
+    pub fn step(&mut self, force: f64, hand: f64) {
+        self.sent.rotate_left(1);
+        let newest = self.sent.len() - 1;
+        self.sent[newest] = force;
+        // Without a fraction of a frame the force is what was sent, to the last bit.
+        let late = if self.before > 0.0 {
+            self.before * self.sent[0] + (1.0 - self.before) * self.sent[1]
+        } else {
+            self.sent[1]
+        };
+        let force = late + hand;
         let (free, motion, n) = (&self.free, &mut self.motion, self.frame);
         free.forces(motion, n, &mut self.laws, &mut self.targets);
         free.strike_and_move(motion, n, force, &mut self.targets);
         self.frame += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::Tie;
+
+    const RATE: f64 = 1000.0;
+
+    fn key(motor: Motor) -> EmulatedKey {
+        let mut network = Network::new();
+        let tie = Tie::Physical { k: 0.0, z: 0.0 };
+        let struck = network.cel("key", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+        EmulatedKey::new(&network, struck, Rate::new(RATE).unwrap(), motor).unwrap()
+    }
+
+    /// Positions under a force of the motor that changes at every frame.
+    fn path(motor: Motor) -> Vec<f64> {
+        let mut key = key(motor);
+        let frames = 0..60;
+        frames
+            .map(|n| {
+                key.step(f64::from(n % 7) - 2.5, 0.0);
+                key.position()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_delayed_motor_pushes_frames_later() {
+        let at_once = path(Motor::default());
+        let late = |frames: f64| {
+            path(Motor {
+                delay: frames / RATE,
+                push: 0.0,
+            })
+        };
+        assert_eq!(late(3.0)[3..], at_once[..57]);
+        let (two, three, between) = (late(2.0), late(3.0), late(2.25));
+        for ((a, b), x) in two.iter().zip(&three).zip(&between) {
+            assert!((0.75 * a + 0.25 * b - x).abs() < 1e-15);
+        }
+    }
+
+    /// A hand acts at once, whatever the motor does.
+    #[test]
+    fn a_hand_is_not_delayed() {
+        let mut delayed = key(Motor {
+            delay: 0.01,
+            push: 0.0,
+        });
+        let mut plain = key(Motor::default());
+        for _ in 0..20 {
+            delayed.step(0.0, 0.3);
+            plain.step(0.3, 0.0);
+            assert_eq!(delayed.position(), plain.position());
+        }
+    }
+
+    /// A free mass under a constant force: x = F t²/2M, which the steps meet at half frames.
+    #[test]
+    fn a_weight_lets_a_free_key_fall() {
+        let mut key = key(Motor {
+            delay: 0.005,
+            push: -0.2,
+        });
+        (0..200).for_each(|_| key.step(0.0, 0.0));
+        let fallen = -0.2 * 200.0 * 201.0 / (2.0 * 0.4 * RATE * RATE);
+        assert!(
+            (key.position() - fallen).abs() < 1e-12,
+            "{}",
+            key.position()
+        );
     }
 }

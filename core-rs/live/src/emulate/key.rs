@@ -84,7 +84,7 @@ impl KeyMotion {
                 motion.position()
             }
             Self::Network(key) => {
-                key.step(force + pull);
+                key.step(force, pull);
                 key.position()
             }
         };

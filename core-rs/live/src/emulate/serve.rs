@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use ergon_engine::key_model::KeyModel;
 use ergon_engine::network::Network;
-use ergon_engine::simulation::EmulatedKey;
+use ergon_engine::simulation::{EmulatedKey, Motor};
 use ergon_engine::units::Rate;
 
 use super::firmware::{Board, Firmware};
@@ -29,8 +29,8 @@ pub struct Options {
     pub key: Key,
     /// The model by which the keys move, if they are not CELs.
     pub model: Option<KeyModel>,
-    /// The network by which the keys move instead, as the key of a score, and the MAT that takes the forces.
-    pub network: Option<(Network, usize)>,
+    /// The network by which the keys move instead, as the key of a score, the MAT that takes the forces, and its motor.
+    pub network: Option<(Network, usize, Motor)>,
     /// Rate of the periods [Hz].
     pub rate: f64,
     /// Hands on the keys; keys beyond the end are free.
@@ -51,9 +51,9 @@ impl Options {
         if let Some(model) = &self.model {
             keys = keys.with_model(model)?;
         }
-        if let Some((network, struck)) = &self.network {
+        if let Some((network, struck, motor)) = &self.network {
             let rate = Rate::new(self.rate)?;
-            keys = keys.with_network(EmulatedKey::new(network, *struck, rate)?);
+            keys = keys.with_network(EmulatedKey::new(network, *struck, rate, *motor)?);
         }
         Ok(Firmware::new(self.board, keys))
     }
