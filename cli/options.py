@@ -239,4 +239,4 @@ view_at = declared(PerformanceOptions, "view_at")
 # Sound output of a performance.
 sound = declared(PerformanceOptions, "audio audio_in block ahead gain to head")
 # Real hands of a performance, and limits that protect them.
-hands = declared(PerformanceOptions, "live unchecked force_max")
+hands = declared(PerformanceOptions, "live drive unchecked force_max")

@@ -2067,6 +2067,7 @@ class LiveHand(NamedTuple):
     response: _Floats  # ReachableNetwork.response of the piece, (n_ticks,), or empty
     # Of the key as measured: mass [kg], damping [N·s/m] and, if known, delay [s].
     measured: tuple[float, float, float | None] | None
+    forces: _Floats  # that drive the key along `standin` [N], (n_ticks,), or empty
 
 class AxisCalibration(NamedTuple):
     """The calibration of an axis of a device; its units are m or rad."""
@@ -2270,6 +2271,7 @@ class Performance:
         gain: float | None = None,
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
+        forces: Sequence[_Floats] = ...,
         guidance: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
@@ -2284,10 +2286,11 @@ class Performance:
         `simulation`, whose `start` is `at`, takes over from `old`, a simulation by the plan that
         plays until then; without `old` it begins anew. `mixer` takes gains and filters over.
         `gains` are (group, gain). `standins`: for each hand new stand-in positions from this
-        tick on [m], (n_ticks,); an empty array keeps the old ones. `guidance`: for each hand
-        (ticks after the change, factor of K, factor of Z). `bounds`: for each hand (ticks after
-        the change, greatest factor of the piece's force); the force falls before a lower bound
-        and rises after a higher one. `damp`: as in Simulation.damp; 0 removes it. Raises
+        tick on [m], (n_ticks,); an empty array keeps the old ones. `forces`: for each hand the
+        forces that drive its key along them [N]. `guidance`: for each hand (ticks after the
+        change, factor of K, factor of Z). `bounds`: for each hand (ticks after the change,
+        greatest factor of the piece's force); the force falls before a lower bound and rises
+        after a higher one. `damp`: as in Simulation.damp; 0 removes it. Raises
         EngineError.
         """
     def revoke(self, frame: int) -> None:

@@ -17,16 +17,18 @@ if TYPE_CHECKING:
     from ergon.live.led_hands import LedHands
     from ergon.scores.reading.piece import Key, Piece
 
+    from .options import PerformanceOptions
+
 _STIFFEST = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
 
 
-def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
-    """Devices of `PLAYER=DEVICE` texts, each under a player's key. Raises OptionError."""
+def boards_of(piece: Piece, options: PerformanceOptions) -> list[Board]:
+    """Devices of `--live` and `--drive`, each under a player's key. Raises OptionError."""
     from ergon.live.boards import BoardError, boards, device_urls, parse_live_options
     from ergon.live.led_address import is_led, parse_led_address
 
     try:
-        asked = parse_live_options(live)
+        asked = parse_live_options((*options.live, *options.drive))
         for name in asked:
             if name not in piece.players:
                 raise OptionError("live", no_player_message(piece, name))
@@ -37,6 +39,36 @@ def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
         return opened
     except BoardError as error:
         raise OptionError("live", str(error)) from None
+
+
+def driven_players(
+    piece: Piece, options: PerformanceOptions, boards: Sequence[Board]
+) -> frozenset[str]:
+    """The players whose real keys their parts drive. Raises OptionError."""
+    from ergon.live.led_address import is_led
+
+    driven = frozenset(text.partition("=")[0] for text in options.drive)
+    with_part = {play.player for play in piece.parts}
+    for board in boards:
+        for _, name in board.axes:
+            player = piece.players[name]
+            if name not in driven:
+                continue
+            key = piece.keys[player.key]
+            if is_led(board.url):
+                reason = f"{board.url} has no motor that could move a key; --live {name}=… plays it"
+            elif key.measured is None or (len(key.modules) > 1 and key.struck):
+                reason = (
+                    f"the key {player.key} is not measured, so nobody knows by which force it "
+                    f"moves; measure it with `ergon metrology {board.url}`, and write "
+                    f"`calib: FILE` in the key"
+                )
+            elif name not in with_part and not player.standin:
+                reason = f"{name} has no written part and no stand-in that could drive the key"
+            else:
+                continue
+            raise OptionError("drive", reason, value=name)
+    return driven
 
 
 def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands:

@@ -19,7 +19,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_board, led_hands
+from .hands import boards_of, calibrated_board, driven_players, led_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -65,7 +65,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     is_seen = sees_all(options)
     first = _beginning(path, options, report)
     version, piece = first.version, first.version.piece
-    boards = boards_of(piece, options.live)
+    boards = boards_of(piece, options)
+    driven = driven_players(piece, options, boards)
     real = {player: None for board in boards for _, player in board.axes}
     folder, frozen = _frozen(version, first.frozen, real, options, report)
     boards = [calibrated_board(board, options.unchecked, report) for board in boards]
@@ -86,7 +87,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     try:
         hands = free_path(journal.path.with_suffix(".take")) if real else None
         about = {"journal": journal.path.name}
-        config = replace(config, record=hands, about=about, pages=pages, boards=led.boards)
+        config = replace(
+            config, record=hands, about=about, pages=pages, boards=led.boards, driven=driven
+        )
         make, opening = _engine(
             version, first.clock, first.past, config, folder, report, is_seen=is_seen
         )
@@ -105,6 +108,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 past=first.past,
                 frozen=frozen,
                 is_seen=is_seen,
+                driven=driven,
             )
     except BaseException:
         journal.close()

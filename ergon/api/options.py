@@ -240,6 +240,12 @@ class PerformanceOptions:
         "such as remi=page:; repeatable.",
         metavar="PLAYER=DEVICE",
     )
+    drive: Sequence[str] = option(
+        (),
+        "Move the real key along the player's written part, by the force that the calibration of "
+        "the key in the score says; otherwise as --live; repeatable.",
+        metavar="PLAYER=DEVICE",
+    )
     unchecked: bool = option(False, "Do not try the direction of each motor before it plays.")
     force_max: float | None = option(None, "Largest force on a hand [N].", Number(0, 200, "FORCE"))
     audio: str = option(

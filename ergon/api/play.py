@@ -17,7 +17,14 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_board, guide_stiffnesses, led_hands, no_player_message
+from .hands import (
+    boards_of,
+    calibrated_board,
+    driven_players,
+    guide_stiffnesses,
+    led_hands,
+    no_player_message,
+)
 from .options import PlayOptions
 from .osc import osc_of
 from .pages import pages_of, sees_all
@@ -61,7 +68,8 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     written = scores.piece_of(loaded)
     piece = _standing_in(written, options.standin)
     loaded = replace(loaded, piece=piece)
-    boards = boards_of(piece, options.live)
+    boards = boards_of(piece, options)
+    driven = driven_players(piece, options, boards)
     real = {player: None for board in boards for _, player in board.axes}
     osc = osc_of(options.osc, options.osc_to, report)
     frozen = None
@@ -83,7 +91,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, Path(options.frozen))
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
-    config = _config(piece, stage, boards, options, stems, report)
+    config = replace(_config(piece, stage, boards, options, stems, report), driven=driven)
     hands = led_hands(piece, boards, report)
     try:
         pages = pages_of(options, report, hands.page_leads)

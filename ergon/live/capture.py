@@ -45,7 +45,7 @@ def capture(
         tick_frames=every,
         audio="null",
         n_frames=None if seconds is None else max(1, round(seconds * _RATE / every)) * every,
-        hands=[_core.LiveHand(still, 1.0, None, np.zeros(0), None) for _ in axes],
+        hands=[_core.LiveHand(still, 1.0, None, np.zeros(0), None, np.zeros(0)) for _ in axes],
         boards=[
             _core.LiveBoard(
                 board.url,

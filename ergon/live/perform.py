@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,12 @@ from .boards import Board
 from .force_bounds import force_response
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ergon.exchange.frozen import VerifiedStem
+    from ergon.scores.reading.piece import Key
+    from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 
     from .pages import Pages
@@ -26,6 +32,8 @@ DEFAULT_TICK_FRAMES = 64
 # Guidance of a hand: a spring against which the hand can hold, and a damper that lets it settle
 # [N/m, N·s/m].
 GUIDANCE_MAX = (120.0, 1.0)
+# Natural frequency of a driven key on the spring that brings it back to its written path [Hz].
+DRIFT_RETURN = 1.0
 _BARS_MAX = 100_000
 
 
@@ -42,6 +50,7 @@ class PlaybackConfig:
     end: int | None = None  # the frame of the piece at which it stops before its end
     boards: Sequence[Board] = ()
     guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
+    driven: Collection[str] = ()  # players whose real keys their parts move
     force_max: float | None = None
     ahead: int | None = None
     audio_in: str = "auto"
@@ -84,11 +93,12 @@ def perform(
         _core.LiveHand(
             hand.standin,
             hand.reach,
-            _guidance_spring(config, hand.player),
+            _guidance_spring(config, hand.player, stage.piece.keys[hand.key]),
             force_response(stage.network, hand, stage.rate, hand.reach, mine)
             if hand in mine
             else np.zeros(0),
             stage.piece.keys[hand.key].measured,
+            _written_forces(stage, config, hand, tick),
         )
         for hand in stage.live
     ]
@@ -155,7 +165,29 @@ def bar_frames(stage: Stage, start: int, stop: int) -> list[int]:
     return frames
 
 
-def _guidance_spring(config: PlaybackConfig, player: str) -> _core.GuidanceSpring | None:
+def _written_forces(
+    stage: Stage, config: PlaybackConfig, hand: LiveHand, tick: int
+) -> NDArray[np.float64]:
+    """The forces of the part on a real key that it drives; in a session they come section by
+    section.
+    """
+    import numpy as np
+
+    if hand.player not in config.driven or config.loose:
+        return np.zeros(0)
+    from ergon.scores.staging.driving import written_forces
+
+    piece = stage.piece
+    return written_forces(piece, piece.players[hand.player], tick, hand.standin)
+
+
+def _guidance_spring(config: PlaybackConfig, player: str, key: Key) -> _core.GuidanceSpring | None:
+    if player in config.driven:
+        from ergon.scores.staging.driving import moving_mass
+
+        # Critically damped: it brings back what drifts, and a hand wins against it.
+        mass, omega = moving_mass(key), 2.0 * math.pi * DRIFT_RETURN
+        return _core.GuidanceSpring(mass * omega * omega, 2.0 * mass * omega, config.loose)
     if config.loose:
         return _core.GuidanceSpring(*GUIDANCE_MAX, True)
     stiffness = config.guides.get(player)

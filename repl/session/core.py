@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -83,6 +83,7 @@ class SessionCore:
         past: PastVersions | None = None,
         frozen: tuple[LoadedPart, ...] = (),
         is_seen: bool = False,
+        driven: Collection[str] = (),
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
@@ -91,7 +92,7 @@ class SessionCore:
         version. A session that `watches` reloads the score when it is saved elsewhere. `past` is
         the history of a resumed session, whose version 0 is `version`. `frozen` parts are played
         from their samples until the score changes them. If it `is_seen`, parts that are not
-        heard are computed too.
+        heard are computed too. Written parts move the real keys of `driven` players.
         """
         version = replace(version, base=version.base or version.texts)
         running = stage_first(version, clock or Clock(), real or {}, store, frozen, is_seen=is_seen)
@@ -111,7 +112,7 @@ class SessionCore:
         self.cancelled: list[WaitingLine] = []
         self.captures = Captures(hands)
         self.sound_file = SoundFile()
-        self.guidance = Guidance(self.schedule)
+        self.guidance = Guidance(self.schedule, frozenset(driven))
         self.computing = computing.Computing()
         self.watch = FileWatch(version.texts) if watches else None
         self.stops = Stops(self.schedule, self.computing, self.log, self.queue, self.drop)
@@ -162,7 +163,7 @@ class SessionCore:
         """Make a version by the edits of commands, and queue it."""
         for command in commands:
             if isinstance(command, Guide):
-                check_guide(command, self.schedule)
+                check_guide(command, self.schedule, self.guidance.driven)
         when: When = next((c.when for c in commands if c.when is not None), None)
         if when is None and all(isinstance(command, DefineBlock) for command in commands):
             when = NOW  # nothing is heard of it

@@ -53,12 +53,13 @@ class Change:
 class GuidedPath:
     """A path that guides a hand: `path` (n_ticks,) [m] has the position at each tick.
 
-    `steps` are (tick, share of stiffness, share of viscosity): from that tick on these shares
-    hold, 0 to 1.
+    `forces` (n_ticks,) [N] drive a real key along it; empty: none do. `steps` are (tick, share of
+    stiffness, share of viscosity): from that tick on these shares hold, 0 to 1.
     """
 
     path: NDArray[np.float64]
     steps: Sequence[tuple[int, float, float]]
+    forces: NDArray[np.float64] | tuple[()] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,9 @@ from ergon.live.perform import GUIDANCE_MAX
 from ergon.repl.session.engine import GuidedPath
 from ergon.repl.session.making_time import MakingTime
 from ergon.repl.session.version import HandGuide, NotTakenError
+from ergon.scores.staging.driving import delay_of
 from ergon.scores.staging.live import leading
+from ergon.scores.staging.tick_forces import TickForces
 
 if TYPE_CHECKING:
     from ergon.repl.language.commands import Guide
@@ -47,11 +49,13 @@ def guide_of(command: Guide) -> HandGuide:
     return HandGuide(command.by, share, viscosity / thickest)
 
 
-def check_guide(command: Guide, schedule: Schedule) -> None:
+def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()) -> None:
     """Refuse a guide unless the hand is real and its guide is a written part. Raises
     NotTakenError.
     """
     player, by = command.player, command.by
+    if player in driven:
+        raise NotTakenError(f"the written part of {player} drives this key already (--drive)")
     if player not in schedule.real:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
     if by is None:
@@ -71,6 +75,7 @@ class Guidance:
     """Sends the engine the paths of guided hands, section by section, as the version plays."""
 
     schedule: Schedule
+    driven: frozenset[str] = frozenset()  # players whose real keys their own parts move
     _running: RunningVersion | None = None  # the version whose paths were sent
     _remake_at: int = 0  # the frame at which the next paths are made
     _guided: frozenset[str] = frozenset()
@@ -91,6 +96,9 @@ class Guidance:
             for player, guide in running.version.guides.items()
             if player in schedule.real and {player, guide.by} <= players.keys()
         }
+        guides |= {
+            player: HandGuide(player, 1.0, 1.0) for player in players if player in self.driven
+        }
         is_over = bool(guides) and schedule.engine.frame >= self._remake_at
         if running is self._running and not is_over:
             return None
@@ -106,7 +114,7 @@ class Guidance:
         ticks = range(frame // every, frame // every + int(_PATH_SECONDS * rate) // every)
         paths = dict(self._release_paths(guides))
         paths |= {
-            player: _guided_path(running, player, guide, ticks, every)
+            player: _guided_path(running, player, guide, ticks, every, drives=player in self.driven)
             for player, guide in guides.items()
         }
         self._remake_at = frame + int(_PATH_SECONDS / 2 * rate)
@@ -118,7 +126,7 @@ class Guidance:
         import numpy as np
 
         for player in self._guided - guides.keys():
-            yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
+            yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),), np.zeros(1))
 
     def send(self, frame: int, paths: Mapping[str, GuidedPath]) -> None:
         """Send paths to the engine; where its queue is full, `paths_due` makes them again."""
@@ -134,13 +142,23 @@ class Guidance:
 
 
 def _guided_path(
-    running: RunningVersion, player: str, guide: HandGuide, ticks: range, every: int
+    running: RunningVersion,
+    player: str,
+    guide: HandGuide,
+    ticks: range,
+    every: int,
+    *,
+    drives: bool,
 ) -> GuidedPath:
     """The path of a guided player in the next ticks, within the travel of its own key."""
     import numpy as np
 
     piece, period = running.version.piece, every / running.stage.rate
-    path, plays = leading(piece, guide.by, running.spans, every, ticks)
+    forces = None
+    if drives:
+        delay = delay_of(piece.keys[piece.players[player].key])
+        forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
+    path, plays = leading(piece, guide.by, running.spans, every, ticks, forces)
     travel = piece.keys[piece.players[player].key].travel
     if travel is not None:
         np.clip(path, *travel, out=path)
@@ -154,7 +172,8 @@ def _guided_path(
     steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
-    return GuidedPath(path, (now, *(step for step in steps[first + 1 :] if step[0] <= len(path))))
+    until_end = (step for step in steps[first + 1 :] if step[0] <= len(path))
+    return GuidedPath(path, (now, *until_end), () if forces is None else forces.newtons)
 
 
 def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -126,6 +126,7 @@ class LiveEngine:
         return self._performance.change(
             frame,
             standins=[one.path for one in guided],
+            forces=[np.asarray(one.forces, dtype=float) for one in guided],
             guidance=[one.steps for one in guided],
         )
 

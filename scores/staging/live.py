@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon.scores.staging.tick_forces import TickForces
+
     # Players whose hands are real, with the position at every tick (n_ticks,) [m] if it is known.
     Real = Mapping[str, NDArray[np.float64] | None]
 
@@ -183,11 +185,7 @@ def standin(
     """Positions of the key at every tick if the player's part, or its stand-in, plays alone [m]."""
     import numpy as np
 
-    alone = _alone(piece, player)
-    network, hands = _key(alone, player, collector)
-    hands.play_parts(alone)
-    if not alone.parts and player.standin:
-        hands.standin(player)
+    network, hands = played_alone(piece, player, collector)
     # A part that is shifted to before the beginning has ended when the piece begins.
     end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
     n_ticks = int(end * piece.rate) // tick_frames + 2
@@ -213,12 +211,28 @@ def standin(
     return path
 
 
+def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
+    """The network of a player's key, its position as output, and the part or stand-in on it."""
+    alone = _alone(piece, player)
+    network, hands = _key(alone, player, collector)
+    hands.play_parts(alone)
+    if not alone.parts and player.standin:
+        hands.standin(player)
+    return network, hands
+
+
 def leading(
-    piece: Piece, name: str, spans: Sequence[tuple[Piece, Window]], tick_frames: int, ticks: range
+    piece: Piece,
+    name: str,
+    spans: Sequence[tuple[Piece, Window]],
+    tick_frames: int,
+    ticks: range,
+    forces: TickForces | None = None,
 ) -> tuple[NDArray[np.float64], list[tuple[float, float]]]:
     """Positions of a player's key while stretches of this and other pieces play, its part alone.
 
-    At each of the `ticks` (n_ticks,) [m], with the start and end [s] of each gesture.
+    At each of the `ticks` (n_ticks,) [m], with the start and end [s] of each gesture. The mean
+    `forces` of its ergons in these ticks are added.
     """
     collector = Collector()
     first = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
@@ -233,8 +247,13 @@ def leading(
         span_hands = hands.other(alone, window._replace(until=until, after=after))
         span_hands.play_parts(alone)
     start = first * tick_frames
-    simulation = _core.Simulation(network, hands.timeline, start=start, on_fault="mute")
+    simulation = _core.Simulation(
+        network, hands.timeline, start=start, record=forces is not None, on_fault="mute"
+    )
     path = _path(simulation, tick_frames, ticks.stop - first)[ticks.start - first :]
+    if forces is not None:
+        _path(simulation, tick_frames, forces.late)
+        forces.add(simulation)
     return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
 
 

@@ -187,7 +187,9 @@ static ARGUMENTS: [Class; 8] = [
     Class::new(
         "LiveHand",
         "A hand of a performance.",
-        &["standin", "reach", "guidance", "response", "measured"],
+        &[
+            "standin", "reach", "guidance", "response", "measured", "forces",
+        ],
     ),
     Class::new(
         "GuidanceSpring",

@@ -38,6 +38,7 @@ type HandTuple<'py> = (
     Option<(f64, f64, bool)>,
     PyReadonlyArray1<'py, f64>,
     Option<(f64, f64, Option<f64>)>,
+    PyReadonlyArray1<'py, f64>,
 );
 /// (ticks after the change, factor of the stiffness, factor of the viscosity)
 type StepTuple = (u64, f64, f64);
@@ -86,9 +87,10 @@ impl Performance {
         record_in: Option<PathBuf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
-        let hand = |(standin, reach, guidance, response, measured): &HandTuple<'_>| {
+        let hand = |(standin, reach, guidance, response, measured, forces): &HandTuple<'_>| {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
+                forces: forces.as_slice()?.to_vec(),
                 reach: *reach,
                 guidance: guidance.map(|(k, z, loose)| Guidance { k, z, loose }),
                 response: response.as_slice()?.to_vec(),
@@ -309,7 +311,7 @@ impl Performance {
     /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -322,6 +324,7 @@ impl Performance {
         gain: Option<f64>,
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
+        forces: Vec<PyReadonlyArray1<'_, f64>>,
         guidance: Option<Vec<Vec<StepTuple>>>,
         bounds: Option<Vec<Vec<BoundTuple>>>,
         damp: Option<f64>,
@@ -331,17 +334,16 @@ impl Performance {
         }
         let new = simulation.map(|new| &new.0);
         let old = old.map(|old| &old.0);
-        let slices = standins.as_ref().map(|all| {
-            let slice = |one: &PyReadonlyArray1<'_, f64>| Ok(one.as_slice()?.to_vec());
-            all.iter().map(slice).collect::<PyResult<_>>()
-        });
+        let slice = |values: &PyReadonlyArray1<'_, f64>| Ok(values.as_slice()?.to_vec());
+        let slices = |all: &Vec<_>| all.iter().map(slice).collect::<PyResult<Vec<_>>>();
         let mut change = perform::Change {
             simulation: None,
             mixer: mixer.map(|mixer| mixer.0.clone()),
             gains,
             gain,
             bars,
-            standins: slices.transpose()?,
+            standins: standins.as_ref().map(slices).transpose()?,
+            forces: slices(&forces)?,
             guidance_steps: guidance.map(|all| all.into_iter().map(steps).collect()),
             bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
             damp: match damp {

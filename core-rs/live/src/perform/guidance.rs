@@ -1,6 +1,7 @@
 //! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by
-//! tick.
+//! tick. For a key that its part drives it holds what drifts, beside the force of the part.
 
+use super::hand::WrittenMotion;
 use crate::safety::unit;
 
 /// Time of a fade of the guidance, and of its crossfade to another path [s].
@@ -177,13 +178,18 @@ impl GuidanceState {
         }
     }
 
-    /// The force [N] on a hand at `x` [m] that moves at `v` [m/s], while its part is at `part` [m].
-    pub(super) fn force(&self, part: f64, x: f64, v: f64) -> f64 {
+    /// The force [N] on a hand at `x` [m] that moves at `v` [m/s]. Later stages multiply all forces by `scale`; that of
+    /// the part is in no loop, so it is not to become weaker.
+    pub(super) fn force(&self, part: WrittenMotion, x: f64, v: f64, scale: f64) -> f64 {
         let Some(guidance) = self.guidance else {
             return 0.0;
         };
-        let goal = part + self.left;
-        self.share.k * guidance.k * (goal - x) - self.share.z * guidance.z * v
+        let pull = self.share.k * guidance.k * (part.x + self.left - x)
+            - self.share.z * guidance.z * (v - part.v);
+        if part.force == 0.0 || scale <= 0.0 {
+            return pull;
+        }
+        pull + self.share.k * part.force / scale
     }
 }
 
@@ -214,17 +220,44 @@ mod tests {
         }
     }
 
+    fn part(hand: &Hand, tick: u64) -> WrittenMotion {
+        hand.written_motion(tick, PERIOD, true)
+    }
+
+    /// What drives a key is in full where the forces of the piece are scaled, and fades with the spring.
+    #[test]
+    fn a_driven_key_gets_the_force_of_its_part() {
+        let driven = Hand {
+            forces: vec![0.4],
+            ..hand(true)
+        };
+        let mut guidance = GuidanceState::new(driven.guidance, PERIOD);
+        let at_part = |guidance: &GuidanceState| {
+            let motion = part(&driven, 50);
+            0.25 * guidance.force(motion, motion.x, motion.v, 0.25)
+        };
+        assert_eq!(at_part(&guidance), 0.0);
+        guidance.steps = vec![GuidanceStep {
+            at: 0,
+            share: GuidanceShare { k: 1.0, z: 1.0 },
+        }];
+        guidance.begin(0);
+        (0..500).for_each(|tick| guidance.tick(tick));
+        assert!((at_part(&guidance) - 0.4).abs() < 1e-12);
+        assert_eq!(
+            guidance.force(part(&driven, 50), 0.0, 0.0, 0.0),
+            100.0 * 5e-3
+        );
+    }
+
     #[test]
     fn a_guide_pulls_towards_the_part_and_brakes() {
         let hand = hand(false);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
         for tick in [0, 9] {
             guidance.tick(tick);
-            assert_eq!(
-                guidance.force(hand.standin_position(9), 2e-3, 0.0),
-                100.0 * 3e-3
-            );
-            assert_eq!(guidance.force(hand.standin_position(0), 0.0, 0.5), -1.0);
+            assert_eq!(guidance.force(part(&hand, 9), 2e-3, 0.0, 1.0), 100.0 * 3e-3);
+            assert_eq!(guidance.force(part(&hand, 0), 0.0, 0.5, 1.0), -1.0);
         }
     }
 
@@ -238,17 +271,17 @@ mod tests {
         let (mut last, mut full) = (0.0, 0);
         for tick in 50..2_000 {
             guidance.tick(tick);
-            let force = guidance.force(hand.standin_position(tick), 0.0, 0.0);
+            let force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
             // The steepest slope of a smooth fade over 200 ticks.
             assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
             if !(150..1_250).contains(&tick) {
                 assert_eq!(force, 0.0, "tick {tick}");
-                assert_eq!(guidance.force(hand.standin_position(tick), 0.0, 1.0), 0.0);
+                assert_eq!(guidance.force(part(&hand, tick), 0.0, 1.0, 1.0), 0.0);
             }
             if (350..1_050).contains(&tick) {
                 assert_eq!(force, 0.5 * 100.0 * 5e-3);
                 assert_eq!(
-                    guidance.force(hand.standin_position(tick), 5e-3, 1.0),
+                    guidance.force(part(&hand, tick), 5e-3, 1.0, 1.0),
                     -0.25 * 2.0
                 );
                 full += 1;
@@ -272,7 +305,7 @@ mod tests {
                 guidance.change(before, hand.standin_position(tick));
             }
             guidance.tick(tick);
-            let force = guidance.force(hand.standin_position(tick), 0.0, 0.0);
+            let force = guidance.force(part(&hand, tick), 0.0, 0.0, 1.0);
             assert!(f64::abs(force - last) < 0.75 * 1.9 / 200.0, "tick {tick}");
             last = force;
         }
@@ -290,13 +323,13 @@ mod tests {
         guidance.steps = vec![GuidanceStep { at: 0, share }];
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
-        assert_eq!(guidance.force(hand.standin_position(500), 0.0, 1.0), 0.0);
+        assert_eq!(guidance.force(part(&hand, 500), 0.0, 1.0, 1.0), 0.0);
         let share = GuidanceShare { k: 7.0, z: 9.0 };
         guidance.steps = vec![GuidanceStep { at: 0, share }];
         guidance.begin(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
         assert_eq!(
-            guidance.force(hand.standin_position(1_000), 0.0, 0.0),
+            guidance.force(part(&hand, 1_000), 0.0, 0.0, 1.0),
             100.0 * 5e-3
         );
     }

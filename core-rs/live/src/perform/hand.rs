@@ -15,6 +15,9 @@ const MAX_SLOPE: f64 = 1.875;
 pub struct Hand {
     /// Position at each tick while no person plays [m of the key]; the last one holds.
     pub standin: Vec<f64>,
+    /// Force that moves the measured key along these positions, in each tick that begins at one of them [N]; the last
+    /// one holds. Empty: nothing drives the key.
+    pub forces: Vec<f64>,
     /// Tick of the first of these positions.
     pub since: u64,
     /// Factor from the travel of the key to that in the piece, and from the force of the piece to that on the key.
@@ -26,6 +29,17 @@ pub struct Hand {
     pub response: Vec<f64>,
     /// The measured key, if there is a calibration.
     pub measured: Option<MeasuredKey>,
+}
+
+/// What a part asks of the key in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct WrittenMotion {
+    /// Position [m].
+    pub(super) x: f64,
+    /// Velocity [m/s]; zero where nothing drives the key, so that a guidance brakes.
+    pub(super) v: f64,
+    /// Force that moves a free key so [N].
+    pub(super) force: f64,
 }
 
 /// Who moves a key, and the state of the transition from the source before.
@@ -45,9 +59,33 @@ pub(super) struct HandSource {
 impl Hand {
     /// Position of the stand-in at a tick [m].
     pub(super) fn standin_position(&self, tick: u64) -> f64 {
+        self.latest(&self.standin, tick)
+    }
+
+    /// The written motion for a force that is sent in `tick`, in ticks of `period` [s]: the newest position is of the
+    /// tick before. In lockstep the force acts from that position on, else from the next one on.
+    pub(super) fn written_motion(&self, tick: u64, period: f64, lockstep: bool) -> WrittenMotion {
+        if self.forces.is_empty() {
+            let x = self.standin_position(tick);
+            return WrittenMotion {
+                x,
+                ..WrittenMotion::default()
+            };
+        }
+        let newest = tick.saturating_sub(1);
+        let x = self.standin_position(newest);
+        WrittenMotion {
+            x,
+            v: (x - self.standin_position(newest.saturating_sub(1))) / period,
+            force: self.latest(&self.forces, if lockstep { newest } else { tick }),
+        }
+    }
+
+    /// The value of a tick; the last one holds.
+    fn latest(&self, values: &[f64], tick: u64) -> f64 {
         let index = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
-        let last = self.standin.len().saturating_sub(1);
-        self.standin.get(index.min(last)).copied().unwrap_or(0.0)
+        let last = values.len().saturating_sub(1);
+        values.get(index.min(last)).copied().unwrap_or(0.0)
     }
 }
 
@@ -84,6 +122,31 @@ impl HandSource {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A driven key: its position is compared with that of the same tick, and the force that is sent acts in the tick
+    /// after it, or a tick later where the device does not wait for it.
+    #[test]
+    fn a_written_force_belongs_to_the_tick_in_which_it_acts() {
+        let hand = Hand {
+            standin: vec![0.0, 1e-3, 3e-3],
+            forces: vec![0.1, 0.2, 0.3],
+            since: 10,
+            ..Hand::default()
+        };
+        let motion = |tick, lockstep| hand.written_motion(tick, 1e-3, lockstep);
+        let third = motion(12, true);
+        assert_eq!((third.x, third.force), (1e-3, 0.2));
+        assert!((third.v - 1.0).abs() < 1e-12);
+        assert_eq!(motion(12, false).force, 0.3);
+        let over = motion(20, true);
+        assert_eq!((over.x, over.v, over.force), (3e-3, 0.0, 0.3));
+        let guided = Hand {
+            forces: Vec::new(),
+            ..hand
+        };
+        let motion = guided.written_motion(11, 1e-3, true);
+        assert_eq!((motion.x, motion.v, motion.force), (1e-3, 0.0, 0.0));
+    }
 
     #[test]
     fn a_change_of_hands_never_jumps() {

@@ -30,6 +30,8 @@ pub struct Change {
     pub bars: Option<Vec<u64>>,
     /// Stand-in positions of each hand, at each tick from the change on [m]; an empty list keeps the old ones.
     pub standins: Option<Vec<Vec<f64>>>,
+    /// With `standins`: for each hand the forces that drive its key along them [N].
+    pub forces: Vec<Vec<f64>>,
     /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
     pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// Bounds of the force on each hand; a hand without bounds keeps its scale.
@@ -138,14 +140,21 @@ impl Player {
         }
         if let Some(standins) = &mut change.standins {
             let sources = self.sources.iter_mut().zip(&mut self.guidance);
-            for ((hand, standin), (source, guidance)) in
-                stage.hands.iter_mut().zip(standins).zip(sources)
+            for (index, ((hand, standin), (source, guidance))) in stage
+                .hands
+                .iter_mut()
+                .zip(standins)
+                .zip(sources)
+                .enumerate()
             {
                 if standin.is_empty() {
                     continue;
                 }
                 let before = hand.standin_position(self.tick);
                 std::mem::swap(&mut hand.standin, standin);
+                if let Some(forces) = change.forces.get_mut(index) {
+                    std::mem::swap(&mut hand.forces, forces);
+                }
                 hand.since = self.tick;
                 let now = hand.standin_position(self.tick);
                 guidance.change(before, now);

@@ -32,7 +32,8 @@ impl Player {
         if std::mem::take(&mut self.has_positions) {
             return;
         }
-        let rate = 1.0 / self.clock.period();
+        let period = self.clock.period();
+        let rate = 1.0 / period;
         for hand in 0..self.sources.len() {
             let Some((slot, axis)) = self.axis_of[hand] else {
                 continue;
@@ -40,8 +41,10 @@ impl Player {
             let (stage_hand, source) = (&self.stage.hands[hand], &self.sources[hand]);
             let force = if source.real {
                 let v = (source.x - self.previous[hand]) * rate;
-                let guidance =
-                    self.guidance[hand].force(stage_hand.standin_position(self.tick), source.x, v);
+                let lockstep = !self.slots[slot].is_on_the_clock();
+                let part = stage_hand.written_motion(self.tick, period, lockstep);
+                let scale = self.scales[hand].now();
+                let guidance = self.guidance[hand].force(part, source.x, v, scale);
                 (self.piece_forces[hand] + guidance) * source.progress()
             } else {
                 0.0

@@ -1,0 +1,60 @@
+"""The forces that drive a real key along a written part: the part's ergons on the measured key."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ergon import _core
+from ergon.notation.text.errors import Collector
+from ergon.scores.staging.live import played_alone
+from ergon.scores.staging.tick_forces import TickForces
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ergon.scores.reading.piece import Key, Piece, Player
+
+# Ticks that are computed between two readings of the ergons.
+_BLOCK_TICKS = 1024
+
+
+def written_forces(
+    piece: Piece, player: Player, tick_frames: int, standin: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Forces that move the measured key of a player along `standin` (n_ticks,) [m]; (n_ticks,) [N].
+
+    The last one holds the key where the part ends.
+    """
+    key = piece.keys[player.key]
+    network, hands = played_alone(piece, player, Collector())
+    simulation = _core.Simulation(network, hands.timeline, record=True)
+    period = tick_frames / piece.rate
+    forces = TickForces(period, delay_of(key), 0, np.zeros(len(standin)))
+    frames = np.zeros((_BLOCK_TICKS * tick_frames, 1))
+    for _ in range(0, len(standin) + forces.late, _BLOCK_TICKS):
+        simulation.process(frames)
+        forces.add(simulation)
+    forces.newtons[max(0, len(standin) - forces.late) :] = holding_force(key, float(standin[-1]))
+    return forces.newtons
+
+
+def delay_of(key: Key) -> float:
+    """The measured delay of a key's motor [s]; 0 if it is not known."""
+    return 0.0 if key.measured is None else key.measured[2] or 0.0
+
+
+def holding_force(key: Key, x: float) -> float:
+    """The force [N] that holds a measured key at `x` [m]; 0 where its dry friction does."""
+    modules = {module.name: module.fields for module in key.modules}
+    cel = modules[key.struck]
+    force = (cel["K"] or 0.0) * (x - (cel["rest"] or 0.0))
+    force -= modules["weight"]["from"] if "weight" in modules else 0.0
+    friction = modules["dry"]["F"] if "dry" in modules else 0.0
+    return 0.0 if abs(force) <= friction else force
+
+
+def moving_mass(key: Key) -> float:
+    """The mass of a measured key with the modes that swing on it [kg]."""
+    return float(sum(module.fields["M"] for module in key.modules if "M" in module.fields))
