@@ -52,7 +52,7 @@ COMMANDS: Table = {
     "plot": "Draw a gesture as written and as played, in the terminal or as SVG.",
     "chart": "Draw the error of every method against its cost, for a score.",
     "stability": "Draw where a method fails, as predicted and as measured.",
-    "devices": "List loudspeakers and keys, and the URL of each.",
+    "devices": "List loudspeakers and keys, the URL of each, and what it could be.",
     "doctor": "Measure whether this machine is fit to play.",
     "emulate": "Emulate a force-feedback device, for trying scores and drivers.",
     "metrology": "Measure what a real key is made of.",

@@ -28,7 +28,7 @@ _SERVICE = "haply:ws://127.0.0.1:10001"
 @click.option("--probe", is_flag=True, help="Open what looks like a board, and ask.")
 @options.speaking
 def devices(console: Console, probe: bool) -> None:
-    """List loudspeakers and keys, and the URL of each.
+    """List loudspeakers and keys, the URL of each, and what it could be.
 
     Nothing is opened, unless --probe asks for it: many boards start anew when their port is opened.
     """
@@ -37,6 +37,7 @@ def devices(console: Console, probe: bool) -> None:
     _sound(console)
     _named(console)
     _ports(console, probe)
+    _hands(console)
 
 
 def _sound(console: Console) -> None:
@@ -53,6 +54,7 @@ def _sound(console: Console) -> None:
 def _named(console: Console) -> None:
     from ergon.live.boards import BoardError, config_path, device_urls, resolve
     from ergon.live.calibration import known_axes
+    from ergon.live.hand_sources import uses_of
 
     try:
         table = device_urls()
@@ -60,11 +62,12 @@ def _named(console: Console) -> None:
             url, _ = resolve(text, {})
             tested = sorted(known_axes(url))
             if console.json:
-                console.record("device", name=name, url=text, tested=tested)
+                uses = list(uses_of(url))
+                console.record("device", name=name, url=text, tested=tested, uses=uses)
             else:
                 axes = ", ".join(map(str, tested))
                 ready = f"axis {axes} tested" if tested else "not tested yet"
-                console.data(f"device  {name:12} {text} ({ready})\n")
+                console.data(f"device  {name:12} {text}  {_words(uses_of(url))} ({ready})\n")
         if not table and not console.json:
             console.data(f"device  none has a name yet; write names into {config_path()}\n")
     except BoardError as error:
@@ -72,21 +75,45 @@ def _named(console: Console) -> None:
 
 
 def _ports(console: Console, probe: bool) -> None:
+    from ergon.live.hand_sources import uses_of
     from ergon.live.ports import ports
 
     for port in ports():
         answers = _probed(port) if probe else {}
         if console.json:
+            uses = sorted({use for url in port.urls for use in uses_of(url)})
+            urls = list(port.urls)
             console.record(
-                "port", path=port.path, name=port.name, urls=list(port.urls), answers=answers
+                "port", path=port.path, name=port.name, urls=urls, answers=answers, uses=uses
             )
             continue
         console.data(f"port    {port.path:12} {port.name or 'unknown'}\n")
         for url in port.urls:
-            answer = f": {answers[url]}" if url in answers else ""
-            console.data(f"{'':20} {url}{answer}\n")
+            answer = f", {answers[url]}" if url in answers else ""
+            console.data(f"{'':20} {url}  {_words(uses_of(url))}{answer}\n")
     if not console.json:
-        console.data(f"service {'haply':12} {_SERVICE}, where Haply's Inverse Service runs\n")
+        where = f"{_SERVICE}  {_words(uses_of(_SERVICE))}, where Haply's Inverse Service runs"
+        console.data(f"service {'haply':12} {where}\n")
+
+
+def _hands(console: Console) -> None:
+    """What moves keys without a force, and the meaning of the words."""
+    from ergon.live.hand_sources import USES, hand_sources
+
+    for source in hand_sources():
+        if console.json:
+            uses, kind = list(source.uses), source.kind
+            console.record("hand", kind=kind, url=source.url, name=source.name, uses=uses)
+        else:
+            line = f"{source.url}  {_words(source.uses)}: {source.name}"
+            console.data(f"hand    {source.kind:12} {line}\n")
+    if not console.json:
+        for use, meaning in USES.items():
+            console.data(f"        {use:12} {meaning}\n")
+
+
+def _words(uses: tuple[str, ...]) -> str:
+    return " or ".join(uses)
 
 
 def _probed(port: Port) -> dict[str, str]:

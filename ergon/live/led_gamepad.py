@@ -69,11 +69,16 @@ def events(data: bytes) -> Iterator[tuple[int, int, float]]:
             yield code, value, seconds + 1e-6 * micro
 
 
+def gamepads() -> list[Path]:
+    """The gamepads of this machine, by names that stay."""
+    return sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
+
+
 def pad_path(named: str) -> Path:
     """The device of a gamepad: the path `named`, or the only one there is. Raises BoardError."""
     if named:
         return Path(named)
-    pads = sorted(_PADS.glob(_PAD_NAMES)) if _PADS.is_dir() else []
+    pads = gamepads()
     if len(pads) == 1:
         return pads[0]
     there = ", ".join(map(str, pads)) or "none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -169,6 +170,18 @@ def _failures(rtmidi: Any) -> tuple[type[Exception], ...]:
 def _close(port: Any) -> None:
     port.close_port()
     port.delete()  # only this closes a virtual port
+
+
+def input_names() -> list[str]:
+    """The names of this machine's MIDI inputs; opens none. Raises MidiError."""
+    rtmidi = _rtmidi()
+    names: list[str] = []
+    for system in rtmidi.get_compiled_api():
+        with contextlib.suppress(rtmidi.RtMidiError, NotImplementedError):
+            port = rtmidi.MidiIn(system)
+            names += [str(name) for name in port.get_ports()]
+            port.delete()
+    return names
 
 
 def _open_port(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:

@@ -133,14 +133,19 @@ def test_devices_lists_sound_names_and_ports(
     assert by(rows, "device") == {
         **{"v": 1, "event": "device", "name": "left", "url": "firefader:/dev/ttyACM0#1"},
         "tested": [1],
+        "uses": ["force"],
     }
+    assert [row["uses"] for row in rows if row["event"] == "port"] == [["force"], [], ["force"]]
+    hands = {row["kind"]: row["uses"] for row in rows if row["event"] == "hand"}
+    assert hands["page"] == hands["keys"] == ["hand"]
+    assert hands["osc"] == hands["midi"] == ["input", "hand"]
     assert [(r["path"], r["name"], r["urls"]) for r in rows if r["event"] == "port"] == [
         ("/dev/ttyACM0", "Teensy USB Serial 77", [f"frame:{folder}/by-id/usb-Teensy_77"]),
         ("/dev/ttyS0", "", []),
         ("/dev/ttyUSB0", "FTDI FT232R", ["firefader:/dev/ttyUSB0"]),
     ]
     assert app.run(["devices"]) == 0
-    assert "left         firefader:/dev/ttyACM0#1 (axis 1 tested)" in capsys.readouterr().out
+    assert "left         firefader:/dev/ttyACM0#1  force (axis 1 tested)" in capsys.readouterr().out
 
 
 def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.MonkeyPatch):

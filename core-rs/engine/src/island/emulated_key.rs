@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// A free mass under a constant force: x = F t²/2M, which the steps meet at half frames.
+    /// A free mass under a constant force from rest: x = F t²/2M.
     #[test]
     fn a_weight_lets_a_free_key_fall() {
         let mut key = key(Motor {
@@ -178,7 +178,7 @@ mod tests {
             push: -0.2,
         });
         (0..200).for_each(|_| key.step(0.0, 0.0));
-        let fallen = -0.2 * 200.0 * 201.0 / (2.0 * 0.4 * RATE * RATE);
+        let fallen = -0.2 * 200.0 * 200.0 / (2.0 * 0.4 * RATE * RATE);
         assert!(
             (key.position() - fallen).abs() < 1e-12,
             "{}",
