@@ -247,7 +247,24 @@ def _model(path: Path) -> Content:
     return Content(f"model ({model.dialect})", read, [*passed, "comments and what is only shown"])
 
 
+def _gms(path: Path) -> Content:
+    """The chunks of a GMS file, which is an IFF file; what their bytes mean is not public."""
+    from ergon.exchange.iff import NotIffError, chunks
+
+    try:
+        walked = chunks(_data(path))
+    except NotIffError as error:
+        raise Refused(f"{path}: {error}") from None
+    read = {
+        f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
+        for number, chunk in enumerate(walked, 1)
+    }
+    why = "what the bytes in these chunks mean: ACROE's public description has no table of them"
+    return Content("gestures and motion (GMS, an IFF file)", read, [why])
+
+
 READERS: Mapping[str, Callable[[Path], Content | None]] = {
+    ".gms": _gms,
     ".obj": _obj,
     ".gltf": _gltf,
     ".glb": _gltf,

@@ -207,6 +207,12 @@ class ShownPerformance:
                 or f"{sound_input.lost} frames were lost, for the disk was too slow"
             )
             self._console.warn(f"the recording of the input: {why}")
+        if status.dropped:
+            dropped = status.dropped / self._stage.rate
+            self._console.warn(
+                f"{dropped:.3f} s of sound were computed but not heard, because the output took "
+                "them too late; a larger --ahead helps, and a recording of the hands renders all"
+            )
         if status.missed:
             missed = status.missed / self._stage.rate
             self._console.warn(

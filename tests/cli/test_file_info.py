@@ -7,7 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 from commands import forked
+
+from ergon.exchange.iff import chunks
 
 TUNE = (
     '<score-partwise><work><work-title>Two bars</work-title></work><part-list><score-part id="P1">'
@@ -101,3 +104,34 @@ def test_info_names_arrays_that_are_not_played(tmp_path: Path):
     done = forked(["info", "a.npz"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "passed over: array about, which is not a row of numbers" in done.stdout
+
+
+def test_info_of_a_gms_file_lists_its_chunks(tmp_path: Path):
+    """GMS is an IFF file; chunks of odd size are followed by a byte, and groups hold chunks."""
+    inner = b"LIST" + (4 + 8 + 3 + 1).to_bytes(4, "big") + b"UNIT" + b"NAME\0\0\0\3abc\0"
+    body = b"GMS " + inner + b"DATA\0\0\0\2xy"
+    (tmp_path / "a.gms").write_bytes(b"FORM" + len(body).to_bytes(4, "big") + body)
+    done = forked(["info", "a.gms"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = [line.strip() for line in done.stdout.splitlines()[1:-1]]
+    assert rows == [
+        "0.1 FORM GMS: 38 bytes",
+        "1.2 LIST UNIT: 16 bytes",
+        "2.3 NAME: 3 bytes",
+        "1.4 DATA: 2 bytes",
+    ]
+    (tmp_path / "a.gms").write_bytes(b"FORM" + len(body).to_bytes(4, "big") + body[:-1])
+    done = forked(["info", "a.gms"], tmp_path)
+    assert done.returncode == 2
+    assert "the chunk FORM has 38 bytes, and 37 follow" in done.stderr
+
+
+def test_chunks_are_those_that_libsndfile_writes(tmp_path: Path):
+    """An AIFF file is an IFF file, written here by another program."""
+    soundfile.write(tmp_path / "a.aiff", np.zeros((100, 1)), 8000, "PCM_S8")
+    walked = chunks((tmp_path / "a.aiff").read_bytes())
+    assert (walked[0].name, walked[0].group) == ("FORM", "AIFF")
+    sizes = {chunk.name: chunk.size for chunk in walked[1:]}
+    assert sizes["COMM"] == 18
+    assert sizes["SSND"] == 8 + 100
+    assert {chunk.depth for chunk in walked[1:]} == {1}
