@@ -110,12 +110,12 @@ def test_a_driven_key_of_another_mass_drifts_little(tmp_path: Path, ratio: float
 
 
 def test_a_driven_key_that_is_played_renders_from_its_take(tmp_path: Path):
-    heard = tmp_path / "heard.wav"
-    options = ("--audio", f"file:{heard}", "--gain", "60dB")
+    played_file = tmp_path / "heard.wav"
+    options = ("--audio", f"file:{played_file}", "--gain", "60dB")
     driven(tmp_path, RealKey(), RealKey(mass=0.42), options=options, gap="6mm")
     assert not (recorded(tmp_path / "hand.take").flags() & STAND_IN).any()
-    assert np.abs(sound(heard)).max() > 1e-3
-    assert np.array_equal(rendered(tmp_path / "score.yaml", tmp_path / "hand.take"), sound(heard))
+    assert np.abs(sound(played_file)).max() > 1e-3
+    assert np.array_equal(rendered(tmp_path / "score.yaml", tmp_path / "hand.take"), sound(played_file))
 
 
 def test_a_hand_that_holds_a_driven_key_wins(tmp_path: Path):

@@ -9,11 +9,11 @@ from pathlib import Path
 import browser
 import numpy as np
 import pytest
-from duets import recorded, said, sound
+from duets import duet, recorded, said, sound
 from hands_page import HandsPage
 from patience import until
 
-from ergon import _core
+from ergon import _core, scores
 from ergon.api.options import PlayOptions
 from ergon.api.play import PreparedPlay, begin, prepare
 from ergon.common.report import Report
@@ -116,6 +116,35 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     expected = sound(Path("expected.wav"))[: len(played)]
     assert np.max(np.abs(played)) > 1e-4
     assert np.array_equal(played, expected)
+
+
+@pytest.mark.slow
+def test_the_bundled_duet_is_rehearsed_by_a_pointer(chromium: browser.Browser, work_folder: Path):
+    """As a user does it: the command, its page, a recording, and the render of it, bit for bit."""
+    score = Path(scores.__file__).parent / "library" / "duet.yaml"
+    arguments = ("--live", "remi=page:", "--record", "hand.take", "--audio", "file:heard.wav")
+    # A busy machine takes frames late: what waits for the file may be long.
+    more = ("--gain", "0dB", "--ahead", "65536", "--until", "4|1")
+    with duet(score, *arguments, *more) as playing, chromium.page(WIDTH, HEIGHT) as page:
+        address = re.search(r"http\S+hands\.html", playing.until("hands.html alone"))
+        assert address is not None
+        hands = HandsPage(page, address[0].removesuffix("hands.html"), lanes=1)
+        x, y = hands.middle(0)
+        hands.mouse("mousePressed", x, y)
+        step = 0
+        while playing.process.poll() is None:
+            hands.mouse("mouseMoved", x, y - 80 * np.sin(2 * np.pi * step / 60))
+            step += 1
+        assert page.errors == []
+        assert playing.end() == 0, playing.told
+    take = recorded(Path("hand.take"))
+    assert np.ptp(take.positions()) > 5e-3
+    render = ("render", score, "--hands", "hand.take", "--to", "4|1", "--bits", "float")
+    code, words = said(*render, "-o", "expected.wav")
+    assert code == 0, words
+    listened = sound(Path("heard.wav"))[:-FADED]
+    assert np.abs(listened).max() > 1e-3
+    assert np.array_equal(listened, sound(Path("expected.wav"))[: len(listened)])
 
 
 def test_two_fingers_play_two_keys_at_once(chromium: browser.Browser, work_folder: Path):

@@ -9,11 +9,11 @@ from patience import until
 class HandsPage:
     """The page with its lanes."""
 
-    def __init__(self, page: browser.Page, url: str) -> None:
+    def __init__(self, page: browser.Page, url: str, lanes: int = 2) -> None:
         self.page = page
         self.show()
         page.call("Page.navigate", url=f"{url}hands.html")
-        until(lambda: len(self.sentences()) == 2, "two lanes")
+        until(lambda: len(self.sentences()) == lanes, f"{lanes} lanes")
         until(lambda: all("stand-in" in text for text in self.sentences()), "a connection")
 
     def show(self) -> None:

@@ -141,14 +141,14 @@ mod tests {
 
     #[test]
     fn a_delayed_motor_pushes_frames_later() {
-        let at_once = path(Motor::default());
+        let undelayed = path(Motor::default());
         let late = |frames: f64| {
             path(Motor {
                 delay: frames / RATE,
                 push: 0.0,
             })
         };
-        assert_eq!(late(3.0)[3..], at_once[..57]);
+        assert_eq!(late(3.0)[3..], undelayed[..57]);
         let (two, three, between) = (late(2.0), late(3.0), late(2.25));
         for ((a, b), x) in two.iter().zip(&three).zip(&between) {
             assert!((0.75 * a + 0.25 * b - x).abs() < 1e-15);

@@ -1,7 +1,6 @@
 //! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by
 //! tick. For a key that its part drives it holds what drifts, beside the force of the part.
 
-use super::hand::WrittenMotion;
 use crate::safety::unit;
 
 /// Time of a fade of the guidance, and of its crossfade to another path [s].
@@ -25,6 +24,17 @@ pub struct GuidanceShare {
     pub k: f64,
     /// Factor of its viscosity.
     pub z: f64,
+}
+
+/// What a part asks of the key in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct WrittenMotion {
+    /// Position [m].
+    pub(super) x: f64,
+    /// Velocity [m/s]; zero where nothing drives the key, so that a guidance brakes.
+    pub(super) v: f64,
+    /// Force that moves a free key so [N].
+    pub(super) force: f64,
 }
 
 /// The factors of a loose [`Guidance`] from one tick on.
@@ -232,18 +242,18 @@ mod tests {
             ..hand(true)
         };
         let mut guidance = GuidanceState::new(driven.guidance, PERIOD);
-        let at_part = |guidance: &GuidanceState| {
+        let part_force = |guidance: &GuidanceState| {
             let motion = part(&driven, 50);
             0.25 * guidance.force(motion, motion.x, motion.v, 0.25)
         };
-        assert_eq!(at_part(&guidance), 0.0);
+        assert_eq!(part_force(&guidance), 0.0);
         guidance.steps = vec![GuidanceStep {
             at: 0,
             share: GuidanceShare { k: 1.0, z: 1.0 },
         }];
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
-        assert!((at_part(&guidance) - 0.4).abs() < 1e-12);
+        assert!((part_force(&guidance) - 0.4).abs() < 1e-12);
         assert_eq!(
             guidance.force(part(&driven, 50), 0.0, 0.0, 0.0),
             100.0 * 5e-3

@@ -1,6 +1,6 @@
 //! A hand while it plays, moved by a person or by its stand-in, and the transition between them.
 
-use super::guidance::{Guidance, smooth};
+use super::guidance::{Guidance, WrittenMotion, smooth};
 use super::hand_limit::MeasuredKey;
 
 /// Largest motion of the key in one tick of a transition [m].
@@ -29,17 +29,6 @@ pub struct Hand {
     pub response: Vec<f64>,
     /// The measured key, if there is a calibration.
     pub measured: Option<MeasuredKey>,
-}
-
-/// What a part asks of the key in a tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct WrittenMotion {
-    /// Position [m].
-    pub(super) x: f64,
-    /// Velocity [m/s]; zero where nothing drives the key, so that a guidance brakes.
-    pub(super) v: f64,
-    /// Force that moves a free key so [N].
-    pub(super) force: f64,
 }
 
 /// Who moves a key, and the state of the transition from the source before.
