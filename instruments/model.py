@@ -179,7 +179,8 @@ class Act:
 
     `reach` [N·s] is the impulse of its softest and of its hardest stroke. `modules` are there once
     a line plays it. `targets` is what is struck, once the names are looked up. `holds` last as long
-    as a note; so does what is struck, if it `is_drawn`.
+    as a note; so does what is struck, if it `is_drawn`. `lasts` is how long a stroke is [s]; None:
+    as long as the engine says.
     """
 
     name: str
@@ -190,6 +191,7 @@ class Act:
     targets: tuple[Target, ...] = ()
     holds: tuple[Hold, ...] = ()
     is_drawn: bool = False
+    lasts: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

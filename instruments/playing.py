@@ -48,6 +48,7 @@ def play_table(module: Record) -> NamesOf:
             "modules that are there once a line plays it",
         ),
         Field("release", RELEASE, "what the end of a note does", shown="nothing"),
+        Field("lasts", k.CONTACT_TIME, "how long a stroke lasts; 0s: an instant", shown="0.19ms"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )
     return NamesOf(Record("act", "a way in which an instrument is played", fields), "act")
@@ -85,6 +86,7 @@ def acts(
                 brought,
                 holds=(*_release(body), *holds),
                 is_drawn=bool(pressing) and pressing[0].mass in places,
+                lasts=body["lasts"],
             )
         )
     return tuple(result)

@@ -353,7 +353,7 @@ class SteppedEngine:
             self._mixer = mixer
         self._simulation = new
         new.damp(change.damp)
-        for act in self._acts:  # it knows nothing of strikes that wait for their frame
+        for act in self._acts if change.resets else ():  # nothing was taken over
             act(new)
 
     def silences(self) -> Sequence[tuple[int, bool]]:

@@ -303,7 +303,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
 
 def _common_fields(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
     """The fields that strikes of every kind may have."""
-    names = ("at", "until", "every", "times", "mass", "speed")
+    names = ("at", "until", "every", "times", "mass", "speed", "lasts")
     levels = v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,)))
     fields = {name: v[name] for name in names}
     return {"name": v.context.name, "to": to, "place": v.place, "levels": levels, **fields}
@@ -313,6 +313,8 @@ def _check_force(values: Values) -> None:
     """Check that strikes have `impulse`, both `mass` and `speed`, or neither; reports errors."""
     if values.written("impulse"):
         _has_single(values, ("impulse",), ("mass", "speed"))
+    if values.written("lasts"):
+        _has_single(values, ("lasts",), ("mass", "speed"))
     if len(force_fields := values.written("mass", "speed")) == 1:
         values.error("E103", f"{values.context.of('')} needs both mass and speed", force_fields[0])
 
@@ -361,6 +363,7 @@ def melody(values: Values, hits: tuple[Hit, ...], length: Length | None) -> Stri
         place=v.place,
         hits=hits,
         length=length,
+        lasts=v["lasts"],
     )
 
 

@@ -135,9 +135,11 @@ def _chunks(value: Any) -> Iterator[bytes]:
         skipped = _NOT_VALUES.get(type(value), ())
         yield b"{" + _HASHED_AS.get(type(value), type(value).__name__).encode()
         for f in fields(value):
-            is_omitted = f.metadata.get("hash_omits_empty") and not getattr(value, f.name)
+            inner = getattr(value, f.name)
+            is_omitted = (f.metadata.get("hash_omits_empty") and not inner) or (
+                f.metadata.get("hash_omits_none") and inner is None
+            )
             if f.name not in skipped and not is_omitted:
-                inner = getattr(value, f.name)
                 field_name = _HASHED_FIELDS.get((type(value), f.name))
                 yield f".{field_name or f.name}=".encode()
                 if field_name:

@@ -31,13 +31,14 @@ from ergon.scores.reading.phrase_do import phrase_do
 from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes
 
-_PASSING = ("to", "at", "for", "every", "times", "until", "chance", "impulse", "mass", "speed")
+_STRENGTH = ("impulse", "lasts")
+_PASSING = ("to", "at", "for", "every", "times", "until", "chance", "mass", "speed", *_STRENGTH)
 _FIELDS_BY_KIND = {
-    "entries": ("entries", "to", "impulse", "until"),
-    "play": ("play", "to", "impulse", "at", "every", "times", "until", "transpose", "do"),
+    "entries": ("entries", "to", "until", *_STRENGTH),
+    "play": ("play", "to", "at", "every", "times", "until", "transpose", "do", *_STRENGTH),
     "sweep": ("sweep", *_PASSING),
     "path": ("path", "width", *_PASSING),
-    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "skip", "cycle", "impulse", "do"),
+    "rhythm": ("rhythm", "to", "at", "for", "until", "times", "skip", "cycle", "do", *_STRENGTH),
 }
 _NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm", "at")}
 _NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))

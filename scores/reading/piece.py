@@ -32,6 +32,7 @@ from ergon.scores.reading.tones import Echo, Tone
 # Fields that were added later: a digest omits them if empty, so that digests of older scores do not
 # change.
 OMIT_EMPTY = {"hash_omits_empty": True}
+OMIT_NONE = {"hash_omits_none": True}
 _ROUNDING = 1e-9  # tolerance for rounding of a number of frames
 
 REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
@@ -255,6 +256,8 @@ class Strikes:
     along: tuple[float, ...] = field(default=(), metadata=OMIT_EMPTY)
     reaches: Mapping[str, Reach] = field(default_factory=dict, metadata=OMIT_EMPTY)
     rhythm: Rhythm | None = field(default=None, metadata=OMIT_EMPTY)
+    # How long each strike lasts [s]; None: as long as the engine says.
+    lasts: float | None = field(default=None, metadata=OMIT_NONE)
     # The ratio by which a session scales the impulses, 0 where it mutes them; None: as written.
     session_gain: float | None = field(default=None, metadata=OMIT_EMPTY)
     glides: tuple[NoteGlide, ...] = field(default=(), metadata=OMIT_EMPTY)

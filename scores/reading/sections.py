@@ -249,6 +249,9 @@ STRIKES = Record(
         ),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
+        Field(
+            "lasts", k.CONTACT_TIME, "how long each strike lasts; 0s: an instant", shown="0.19ms"
+        ),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
     meant={"repeat": "times"},

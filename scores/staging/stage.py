@@ -333,9 +333,18 @@ def _add_strike_points(piece: Piece, ready: PreparedPiece, going: StageTakeover)
             first = assembly.mats.get((part, module))
             if first is not None:  # it may be left out of the network
                 mat = ready.network.centre(first) if member < 0 else first + member
-                ready.timeline.strike_point(mat, number)
+                lasts = _contact_time(piece, part, module)
+                ready.timeline.strike_point(mat, number, lasts=lasts)
     except _core.EngineError as error:
         raise refused(piece, ready.collector, error) from error
+
+
+def _contact_time(piece: Piece, part: str, module: str) -> float | None:
+    """How long a stroke on a module lasts, if its instrument says so [s]."""
+    instrument = piece.instruments.get(part)
+    acts = () if instrument is None else instrument.acts
+    struck = (act for act in acts if any(target.module == module for target in act.targets))
+    return next((act.lasts for act in struck), None)
 
 
 def _report_unused_rates(piece: Piece, plan: _core.Plan, collector: Collector) -> None:

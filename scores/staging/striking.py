@@ -92,6 +92,7 @@ class Striking:
                     ),
                     seed=piece.seed,
                     name=strikes.name,
+                    lasts=self._lasts(*self.mats[:1]),
                     source=self.source,
                     within=self.within,
                 )
@@ -263,7 +264,8 @@ class Striking:
 
     def _push(self, mat: int, instant: float, impulse: float) -> None:
         if self._is_inside(instant):
-            self.timeline.strike(mat, instant, impulse=impulse, source=self.source)
+            lasts = self._lasts(mat)
+            self.timeline.strike(mat, instant, impulse=impulse, lasts=lasts, source=self.source)
 
     def _hold(self, mat: int, span: Span, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
@@ -280,6 +282,24 @@ class Striking:
     def _is_drawn(self, mat: int) -> bool:
         """Whether what strikes a MAT lasts as long as the note."""
         return mat in self._held_mats and self._held_mats[mat].is_drawn
+
+    def _lasts(self, mat: int | None = None) -> float | None:
+        """How long a strike lasts [s]: as the strikes say, or else what is struck."""
+        written = self.strikes.lasts
+        return self._contact_times.get(mat) if written is None else written
+
+    @cached_property
+    def _contact_times(self) -> Mapping[int | None, float]:
+        """How long a strike on each MAT lasts whose instrument says so [s]."""
+        instruments = map(self.piece.instruments.get, self.strikes.parts)
+        acts = [act for each in instruments if each is not None for act in each.acts]
+        return {
+            mat: act.lasts
+            for act in acts
+            if act.lasts is not None
+            for target in act.targets
+            for mat in self._members(target)
+        }
 
     @cached_property
     def _held_mats(self) -> Mapping[int, _Holds]:

@@ -36,7 +36,7 @@ instruments:
 strikes:
   a: {to: [wire.s.3, wire.s.9], at: 10ms, impulse: 1mNs}
   b: {to: [mesh.n], at: 0s, impulse: 1mNs}
-  c: {to: [bell.b.rim], at: 50ms, every: 50ms, times: 2, impulse: 2mNs}
+  c: {to: [bell.b.rim], at: 50ms, every: 50ms, times: 2, impulse: 2mNs, lasts: 0s}
   d: {to: [sky.c.all], at: 20ms, impulse: 1mNs}
 render: {tail: 0.2s}
 """

@@ -75,7 +75,9 @@ def test_another_rate_is_the_same_instrument(rate: int):
 
 def test_an_impulse_moves_a_cell_by_its_mass():
     """p/(mω) e^-σt sin ωt, from the sample of the instant on."""
-    out = heard(staged(BELL % "" + "strikes: {s: {to: b, at: 10ms, impulse: 2mNs}}\n"), 2000)[:, 0]
+    out = heard(
+        staged(BELL % "" + "strikes: {s: {to: b, at: 10ms, impulse: 2mNs, lasts: 0s}}\n"), 2000
+    )[:, 0]
     sigma, omega, t = 3.0 * math.log(10.0), 2.0 * math.pi * 300.0, np.arange(2000) / RATE - 0.01
     wanted = 2e-3 / (2e-3 * omega) * np.exp(-sigma * t) * np.sin(omega * t)
     assert np.abs(out - np.where(t >= 0.0, wanted, 0.0)).max() < 1e-10

@@ -106,6 +106,30 @@ def test_stroke_line_with_other_words(session):
     assert _strikes(session) == []
 
 
+def test_stroke_goes_on_in_a_version_that_begins_while_it_lasts(tmp_path):
+    text = SCORE.replace("f: A4, t60: 50ms", "f: A4, t60: 1s").replace(
+        "{impulse: 1mNs..4mNs}", "{impulse: 1mNs..4mNs, lasts: 40ms}"
+    )
+    sounds = []
+    for number, edit in enumerate(("", "set drum.rim.M x1.5 now")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        with closing(Stepped(text, folder)) as session:
+            session.ok("play")
+            session.run(0.1)
+            session.ok("hear bar C4 f")
+            session.run(0.01)
+            if edit:
+                session.ok(edit)
+            session.run(0.2)
+            session.close()
+            assert np.array_equal(session.again(), session.sound)
+            sounds.append(session.sound[:, 0])
+    plain, edited = sounds
+    assert np.abs(plain).max() > 1e-8
+    assert np.array_equal(plain, edited)
+
+
 def test_hear_lifts_damper(tmp_path):
     with closing(Stepped(DAMPED, tmp_path)) as session:
         session.ok("hear bar C4 f")

@@ -99,6 +99,14 @@ impl Timeline {
             .collect()
     }
 
+    /// The impulses, each at one instant, of which the strikes on a MAT consist; an ergon brings mass times speed.
+    fn impulses_on(&self, mat: usize) -> Vec<Impulse> {
+        let impulses = self.inner.impulses_on(mat).into_iter();
+        impulses
+            .map(|(at, impulse)| Impulse { at, impulse })
+            .collect()
+    }
+
     /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
     #[pyo3(signature = (key, take, at, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
     #[allow(clippy::too_many_arguments)]
@@ -130,8 +138,9 @@ impl Timeline {
             .map_err(|error| from_gesture("take", &error))
     }
 
-    /// A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s].
-    #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, source=0))]
+    /// A strike on a MAT at `at` [s]: an impulse [N·s] that lasts `lasts` [s] (None: as long as the engine says), or a
+    /// mass [kg] that arrives at a speed [m/s].
+    #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, lasts=Some(0.0), source=0))]
     #[allow(clippy::too_many_arguments)]
     fn strike(
         &mut self,
@@ -140,13 +149,15 @@ impl Timeline {
         impulse: Option<f64>,
         mass: Option<f64>,
         speed: Option<f64>,
+        lasts: Option<f64>,
         source: u32,
     ) -> PyResult<()> {
         work::poll(0)?;
         self.check_mat("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
-                self.inner.strike(&self.network, mat, at, impulse, source)
+                self.inner
+                    .strike(&self.network, mat, at, impulse, lasts, source)
             }
             (None, Some(mass), Some(speed)) => {
                 self.inner
@@ -163,7 +174,7 @@ impl Timeline {
     }
 
     /// Strikes on each MAT by a Poisson process of its own; their number.
-    #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, source=0, within=(f64::NEG_INFINITY, f64::INFINITY)))]
+    #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, lasts=Some(0.0), source=0, within=(f64::NEG_INFINITY, f64::INFINITY)))]
     #[allow(clippy::too_many_arguments)]
     fn rain(
         &mut self,
@@ -175,6 +186,7 @@ impl Timeline {
         impulse: (f64, f64),
         seed: i128,
         name: &str,
+        lasts: Option<f64>,
         source: u32,
         within: (f64, f64),
     ) -> PyResult<u64> {
@@ -186,6 +198,7 @@ impl Timeline {
                 start,
                 stop,
                 impulse,
+                lasts,
                 within,
                 source,
             };
@@ -340,11 +353,12 @@ impl Timeline {
             .map_err(|error| module_error("drive", error))
     }
 
-    /// Let `Simulation.strike` strike a MAT, which it calls by the number `point`.
-    fn strike_point(&mut self, mat: usize, point: u32) -> PyResult<()> {
+    /// Let `Simulation.strike` strike a MAT, which it calls by the number `point`; each strike lasts as in `strike`.
+    #[pyo3(signature = (mat, point, *, lasts=Some(0.0)))]
+    fn strike_point(&mut self, mat: usize, point: u32, lasts: Option<f64>) -> PyResult<()> {
         self.check_mat("strike_point", mat)?;
         self.inner
-            .strike_point(&self.network, mat, point)
+            .strike_point(&self.network, mat, point, lasts)
             .map_err(|error| module_error("strike_point", error))
     }
 

@@ -34,7 +34,7 @@ pub(crate) fn sound() -> Result<Vec<f64>, Box<dyn Error>> {
 
     let rate = Rate::new(44_100.0)?;
     let mut timeline = Timeline::new(rate);
-    timeline.strike(&network, first + 7, 0.01, 1e-3, 0)?; // 1 mN·s after 10 ms
+    timeline.strike(&network, first + 7, 0.01, 1e-3, Some(0.0), 0)?; // 1 mN·s after 10 ms
 
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
     let options = Options {

@@ -127,8 +127,8 @@ struct Hands {
     layers: Vec<f64>,
     stream: Stream,
     hand_states: Vec<real_hands::HandState>,
-    /// Impulses that act in the next step [N·s]   (n_strike_points)
-    impulses: Vec<f64>,
+    /// What live strikes have still to do   (n_strike_points)
+    pending: Vec<live_strikes::Pending>,
     /// What each input received: samples or told values   (n_sound_drives)
     played: Vec<sounds_in::Played>,
 }

@@ -36,7 +36,7 @@
 //!
 //! let rate = Rate::new(44_100.0)?;
 //! let mut timeline = Timeline::new(rate);
-//! timeline.strike(&network, first + 7, 0.01, 1e-3, 0)?; // 1 mN·s after 10 ms
+//! timeline.strike(&network, first + 7, 0.01, 1e-3, None, 0)?; // 1 mN·s after 10 ms
 //!
 //! let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
 //! let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };

@@ -166,7 +166,7 @@ impl Default for Known<'_> {
 /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
 /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
 /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-/// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+/// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
 /// # let network = Arc::new(network);
 /// use ergon_engine::{Budget, Plan};
 ///
@@ -408,7 +408,7 @@ impl Plan {
     /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
     /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// use ergon_engine::{Budget, Plan};
     ///

@@ -59,7 +59,7 @@ pub struct Simulation {
 /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
 /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
 /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-/// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+/// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
 /// # let network = Arc::new(network);
 /// # use ergon_engine::{OnFault, Options};
 /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
@@ -376,7 +376,7 @@ impl Simulation {
     /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
     /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, Options};
     /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
@@ -457,7 +457,7 @@ impl Simulation {
     /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
     /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// use ergon_engine::{OnFault, Options, Simulation};
     ///
@@ -570,7 +570,7 @@ impl Simulation {
     /// # let bell = network.cel("bell", 0.002, Tie::Tuned { f: 440.0, t60: Some(1.0) }, 0.0, 0.0, 0.0)?;
     /// # network.listen("bell", vec![Term::Position { first: bell, len: 1, weight: 1.0 }])?;
     /// # let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// # timeline.strike(&network, bell, 0.0, 1e-3, 0)?;
+    /// # timeline.strike(&network, bell, 0.0, 1e-3, None, 0)?;
     /// # let network = Arc::new(network);
     /// # use ergon_engine::{OnFault, Options};
     /// # let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };

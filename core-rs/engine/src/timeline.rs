@@ -6,6 +6,7 @@ mod gate;
 mod glide;
 mod hand;
 mod lead;
+mod pulse;
 mod push;
 mod sound_in;
 
@@ -26,11 +27,12 @@ pub use glide::Ties;
 pub use hand::{Hand, HandWay};
 pub use lead::Factors;
 pub(crate) use lead::{Lead, first, greatest, next_change};
+pub(crate) use pulse::Instants;
 pub(crate) use push::{Push, pushes};
 pub use sound_in::{Conditioner, InputSource, SoundIn, SoundInSettings};
 
-/// Most strikes of one piece: 24 bytes each, two pushes of 40 bytes, and as much again for sorting.
-const STRIKES_MAX: u64 = 5_000_000;
+/// Most strikes of one piece: 32 bytes each, nine pushes of 40 bytes, and as much again for sorting.
+const STRIKES_MAX: u64 = 2_000_000;
 
 /// A rain: random strikes on some MATs.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +45,8 @@ pub struct Rain {
     pub stop: f64,
     /// Weakest and strongest impulse [N·s].
     pub impulse: (f64, f64),
+    /// How long each strike lasts [s]; none: as [`Timeline::strike`].
+    pub lasts: Option<f64>,
     /// Strikes outside these two instants [s] are drawn but left out.
     pub within: (f64, f64),
     /// Place in the score.
@@ -58,6 +62,9 @@ pub enum StrikeError {
     /// An instant before the piece.
     #[error("a strike must be at 0 s or later, not at {0} s")]
     Before(f64),
+    /// A strike that is too long [s].
+    #[error("a strike lasts 0 to {} ms, not {} ms", 1e3 * pulse::LASTS_MAX, 1e3 * .0)]
+    Lasts(f64),
     /// A MAT that no strike moves.
     #[error("{0} is fixed, so no strike can move it; strike a mass that moves")]
     Fixed(String),
@@ -89,6 +96,8 @@ pub(crate) struct Strike {
     pub(crate) at: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
+    /// How long it lasts, in 1/44,100 s; 1: it acts at one instant.
+    pub(crate) frames: u32,
     /// [N·s]
     pub(crate) impulse: f64,
 }
@@ -265,17 +274,38 @@ impl Timeline {
     /// Instants [s] and impulses [N·s] of the strikes on a MAT, in order; the impulse of an ergon is its mass times its
     /// speed.
     pub fn strikes_on(&self, mat: usize) -> Vec<(f64, f64)> {
-        let strikes = self.strikes.iter();
-        let strikes = strikes.map(|strike| (strike.mat, strike.at, strike.impulse));
-        let ergons = self.ergons.iter();
-        let ergons = ergons.map(|ergon| (ergon.mat, ergon.at, ergon.mass * ergon.speed));
-        let on_mat = strikes.chain(ergons).filter(|one| one.0 as usize == mat);
-        let mut on_this_mat: Vec<_> = on_mat.map(|(_, at, impulse)| (at, impulse)).collect();
-        on_this_mat.sort_by(|a, b| a.0.total_cmp(&b.0));
-        on_this_mat
+        self.on_mat(mat, |strike| vec![(strike.at, strike.impulse)])
     }
 
-    /// Strike a MAT by `impulse` [N·s] at the instant `time` [s]; `source`: place in the score.
+    fn on_mat(
+        &self,
+        mat: usize,
+        impulses_of: impl Fn(&Strike) -> Vec<(f64, f64)>,
+    ) -> Vec<(f64, f64)> {
+        let strikes = self
+            .strikes
+            .iter()
+            .filter(|strike| strike.mat as usize == mat);
+        let ergons = self
+            .ergons
+            .iter()
+            .filter(|strike| strike.mat as usize == mat);
+        let ergons = ergons.map(|ergon| (ergon.at, ergon.mass * ergon.speed));
+        let mut impulses: Vec<_> = strikes.flat_map(impulses_of).chain(ergons).collect();
+        impulses.sort_by(|a, b| a.0.total_cmp(&b.0));
+        impulses
+    }
+
+    /// Instants [s] and impulses [N·s] of which the strikes on a MAT consist, in order; the impulse of an ergon is its
+    /// mass times its speed.
+    pub fn impulses_on(&self, mat: usize) -> Vec<(f64, f64)> {
+        self.on_mat(mat, |strike| self.impulses_of(strike).collect())
+    }
+
+    /// Strike a MAT by `impulse` [N·s] from the instant `time` [s] on; `source`: place in the score.
+    ///
+    /// The force rises from 0 and falls to 0 over `lasts` [s], as Blackman's window, whatever the rate; a strike
+    /// of less than 57 µs acts at one instant. Without `lasts` it is 0.19 ms, under `ca` one instant.
     ///
     /// ```
     /// use ergon_engine::{Network, Rate, Timeline};
@@ -284,22 +314,24 @@ impl Timeline {
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let wall = network.sol("wall", 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// timeline.strike(&network, m, 0.5, 1e-3, 0)?; // 1 mN·s at 0.5 s
-    /// assert!(timeline.strike(&network, wall, 0.5, 1e-3, 0).is_err());
+    /// timeline.strike(&network, m, 0.5, 1e-3, None, 0)?; // 1 mN·s at 0.5 s
+    /// assert!(timeline.strike(&network, wall, 0.5, 1e-3, None, 0).is_err());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
-    /// [`StrikeError`] if the MAT is fixed, the instant is negative, a number is not finite, or there are too many
-    /// strikes.
+    /// [`StrikeError`] if the MAT is fixed, the instant is negative, a number is not finite, it lasts longer than
+    /// 50 ms, or there are too many strikes.
     pub fn strike(
         &mut self,
         network: &Network,
         mat: usize,
         time: f64,
         impulse: f64,
+        lasts: Option<f64>,
         source: u32,
     ) -> Result<(), StrikeError> {
+        let frames = self.frames_of(network, mat, lasts)?;
         finite("impulse", impulse)?;
         instant(time)?;
         movable(network, mat)?;
@@ -311,10 +343,28 @@ impl Timeline {
                 at: time,
                 mat: mat as u32,
                 source,
+                frames,
                 impulse,
             });
         }
         Ok(())
+    }
+
+    /// How long a strike of `lasts` [s] on a MAT lasts, in 1/44,100 s.
+    fn frames_of(
+        &self,
+        network: &Network,
+        mat: usize,
+        lasts: Option<f64>,
+    ) -> Result<u32, StrikeError> {
+        let part = network.mats().part[mat] as usize;
+        let is_discrete = network.parts()[part].ca_rate.is_some();
+        let lasts = lasts.unwrap_or(if is_discrete { 0.0 } else { pulse::CONTACT });
+        if (0.0..=pulse::LASTS_MAX).contains(&lasts) {
+            Ok(pulse::n_parts(lasts))
+        } else {
+            Err(StrikeError::Lasts(lasts))
+        }
     }
 
     /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with impulses [N·s]
@@ -328,7 +378,7 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), within: (0.0, 5.0), source: 0 };
+    /// let rain = Rain { rate: 20.0, start: 0.0, stop: 5.0, impulse: (1e-4, 1e-3), lasts: None, within: (0.0, 5.0), source: 0 };
     /// let n_strikes = timeline.rain(&network, &[m], &rain, |member| Chance::new(7, "strikes", "sky", member, 0))?;
     /// assert!((50..150).contains(&n_strikes));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -364,7 +414,7 @@ impl Timeline {
             while let Some(instant) = times.next() {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
                 if (rain.within.0..rain.within.1).contains(&instant) {
-                    self.strike(network, mat, instant, impulse, rain.source)?;
+                    self.strike(network, mat, instant, impulse, rain.lasts, rain.source)?;
                     n_strikes += 1;
                 }
             }
@@ -401,25 +451,28 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let a MAT be struck by impulses that are given while it plays; `point` identifies it in
+    /// Let a MAT be struck while it plays, by impulses that last as in [`Timeline::strike`]; `point` identifies it in
     /// [`Simulation::strike`](crate::simulation::Simulation::strike).
     ///
     /// # Errors
-    /// [`StrikeError`] if the MAT is fixed.
+    /// [`StrikeError`] if the MAT is fixed, or for a length as in [`Timeline::strike`].
     pub fn strike_point(
         &mut self,
         network: &Network,
         mat: usize,
         point: u32,
+        lasts: Option<f64>,
     ) -> Result<(), StrikeError> {
         movable(network, mat)?;
-        self.drive(mat, DriveKind::Force, Source::Strikes(point), false)
+        let frames = self.frames_of(network, mat, lasts)?;
+        let source = Source::Strikes { point, frames };
+        self.drive(mat, DriveKind::Force, source, false)
     }
 
     /// The points that may be struck while it plays, each with its MAT.
     pub fn strike_points(&self) -> impl Iterator<Item = (u32, usize)> {
         self.drives.iter().filter_map(|drive| match drive.source {
-            Source::Strikes(point) => Some((point, drive.mat)),
+            Source::Strikes { point, .. } => Some((point, drive.mat)),
             _ => None,
         })
     }

@@ -142,7 +142,9 @@ fn a_slow_key_does_not_allocate() {
         let gesture = Gesture::written(key, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
-    timeline.strike(&network, struck, 0.23, 0.01, 0).unwrap();
+    timeline
+        .strike(&network, struck, 0.23, 0.01, Some(0.0), 0)
+        .unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
     assert!(plan.rows().iter().any(|row| row.what
         == Computed::Slow {
@@ -219,7 +221,7 @@ fn what_comes_to_rest_and_wakes_does_not_allocate() {
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.open();
     timeline.key("key", key);
-    timeline.strike_point(&network, gong + 30, 7).unwrap();
+    timeline.strike_point(&network, gong + 30, 7, None).unwrap();
     let network = Arc::new(network);
     for budget in [Budget::default(), Budget::Method(Method::Ca)] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
@@ -267,7 +269,9 @@ fn finer_frames_do_not_allocate() {
     network.listen("gong", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.open();
-    timeline.strike(&network, 5, 0.0, 1.0, 0).unwrap();
+    timeline
+        .strike(&network, 5, 0.0, 1.0, Some(0.0), 0)
+        .unwrap();
     let network = Arc::new(network);
     for method in [Method::Ca, Method::Ca2p] {
         let budget = Budget::Method(method);

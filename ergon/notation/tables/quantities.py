@@ -111,6 +111,9 @@ DURATION = _dimension(
 INSTANT = _dimension(
     "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare=False
 )
+CONTACT_TIME = _dimension(
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2ms", "not negative", bare=False, high=0.05
+)
 # The highest level that a session takes, from a line or from the network: a slip of the finger must
 # not hurt the ears [dB].
 LOUDEST_DB = 24.0

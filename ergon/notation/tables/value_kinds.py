@@ -167,6 +167,7 @@ HERTZ = quantity(q.FREQUENCY)
 RATE = quantity(q.RATE)
 TICK_RATE = quantity(q.TICK_RATE)
 DURATION = quantity(q.DURATION)
+CONTACT_TIME = quantity(q.CONTACT_TIME, "a time from 0s to 50ms, such as 2ms")
 PAUSE = quantity(q.INSTANT)  # a duration that may be none
 TAIL = Text(
     lambda text: "auto" if text.strip() == "auto" else q.quantity(text, q.INSTANT),

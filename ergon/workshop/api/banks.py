@@ -82,7 +82,7 @@ def _inputs(
     inputs = []
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
-        if slot is not None and (strikes := ready.timeline.strikes_on(mat)):
+        if slot is not None and (strikes := ready.timeline.impulses_on(mat)):
             each = [(one.at, one.impulse) for one in strikes]
             inputs.append((part_modes.masses[slot], part_modes.shapes[:, slot], each))
     known = {name for name, _, _ in inputs}

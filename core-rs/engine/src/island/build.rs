@@ -9,7 +9,7 @@ use super::fault::Mutes;
 use super::fine::Fine;
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
-use super::live_strikes::strike_points;
+use super::live_strikes::{Pending, strike_points};
 use super::origin::{positions, start};
 use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
@@ -85,7 +85,7 @@ impl Island {
             Ledger::new(scheme, &timeline.gates, &mut matter.body)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
-        let strike_points = strike_points(&timeline.drives);
+        let strike_points = strike_points(timeline);
         let (sound_drives, played) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
         let touches = |mat| matter.fine.as_ref().map_or(0, |fine| fine.touches(mat));
@@ -109,7 +109,7 @@ impl Island {
                 layers: vec![0.0; timeline.keys.len()],
                 stream: Stream::new(options.record),
                 hand_states: vec![HandState::default(); hand_bindings.len()],
-                impulses: vec![0.0; strike_points.len()],
+                pending: Pending::none(&strike_points),
                 played,
             },
             watch: Watch {

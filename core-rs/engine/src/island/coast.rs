@@ -36,7 +36,7 @@ impl Island {
             && scheme.exact.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
-        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes(_));
+        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
         let is_left = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|own| own.layer);
@@ -77,9 +77,8 @@ impl Island {
         let voices = state.hands.voices.iter().zip(&script.voices);
         let voices =
             voices.map(|(voice, own)| voice.idle_until(own, &script.gestures).unwrap_or(n));
-        let pending = state.hands.impulses.iter().any(|&impulse| impulse != 0.0);
         let events = push.into_iter().chain(ergon).chain(voices);
-        let events = events.chain(pending.then_some(n));
+        let events = events.chain(state.hands.is_struck().then_some(n));
         let quiet = events.map(|frame_now| frame_now.saturating_sub(n) as usize);
         let modals = state
             .matter

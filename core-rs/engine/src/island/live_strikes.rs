@@ -1,8 +1,9 @@
-//! Live strikes on an island: impulses that arrive while it plays, each applied in the next step.
+//! Live strikes on an island: impulses that arrive while it plays, each applied from the next step on.
 
+use crate::archive::state;
 use crate::scheme::Scheme;
 use crate::state::Body;
-use crate::timeline::{Drive, Source};
+use crate::timeline::{Drive, Source, Timeline};
 
 /// A MAT that may be struck while it plays.
 #[derive(Clone, Debug)]
@@ -10,47 +11,100 @@ pub(super) struct StrikePoint {
     mat: usize,
     /// Number of the point in the scene.
     point: u32,
+    /// Share of an impulse in each step from the next one on   (n_steps)
+    shares: Vec<f64>,
 }
 
+/// The impulses that a point has still to receive.
+#[derive(Clone, Debug)]
+pub(super) struct Pending {
+    /// In each step from the next one on [N·s]   (n_steps)
+    impulses: Vec<f64>,
+    /// Steps until the last of them.
+    n_left: usize,
+}
+
+state!(Pending { impulses, n_left });
+
 /// The strike points among drives.
-pub(super) fn strike_points(drives: &[Drive]) -> Vec<StrikePoint> {
+pub(super) fn strike_points(timeline: &Timeline) -> Vec<StrikePoint> {
     let strike_point = |drive: &Drive| match drive.source {
-        Source::Strikes(point) => Some(StrikePoint {
+        Source::Strikes { point, frames } => Some(StrikePoint {
             mat: drive.mat,
             point,
+            shares: timeline.steps_of_strike(frames),
         }),
         _ => None,
     };
-    drives.iter().filter_map(strike_point).collect()
+    timeline.drives.iter().filter_map(strike_point).collect()
 }
 
-/// Adds the forces of the impulses [N·s] to this step. A muted MAT takes none.
+impl Pending {
+    /// For each point.
+    pub(super) fn none(strike_points: &[StrikePoint]) -> Vec<Self> {
+        let none = |point: &StrikePoint| Self {
+            impulses: vec![0.0; point.shares.len()],
+            n_left: 0,
+        };
+        strike_points.iter().map(none).collect()
+    }
+
+    /// Whether anything acts in the next step or later.
+    pub(super) fn is_some(&self) -> bool {
+        self.n_left > 0
+    }
+
+    fn add(&mut self, shares: &[f64], impulse: f64) {
+        if impulse != 0.0 {
+            let pending = self.impulses.iter_mut().zip(shares);
+            pending.for_each(|(pending, share)| *pending += share * impulse);
+            self.n_left = shares.len();
+        }
+    }
+
+    /// The impulse of this step [N·s].
+    fn next(&mut self) -> f64 {
+        let next = self.impulses[0];
+        self.impulses.copy_within(1.., 0);
+        if let Some(last) = self.impulses.last_mut() {
+            *last = 0.0;
+        }
+        self.n_left -= 1;
+        next
+    }
+}
+
+/// Adds the forces of the impulses to this step. A muted MAT takes none.
 pub(super) fn apply(
     strike_points: &[StrikePoint],
-    impulses: &mut [f64],
+    pending: &mut [Pending],
     scheme: &Scheme,
     body: &mut Body,
 ) {
-    for (strike_point, impulse) in strike_points.iter().zip(impulses) {
-        let impulse = std::mem::take(impulse);
+    let pending = strike_points.iter().zip(pending);
+    for (strike_point, pending) in pending.filter(|(_, pending)| pending.is_some()) {
+        let impulse = pending.next();
         if impulse != 0.0 && scheme.w[strike_point.mat] != 0.0 {
             body.push(strike_point.mat, impulse * scheme.rate);
         }
     }
 }
 
+impl super::Hands {
+    /// Whether live strikes act in the next step or later.
+    pub(super) fn is_struck(&self) -> bool {
+        self.pending.iter().any(Pending::is_some)
+    }
+}
+
 impl super::Island {
-    /// Strike a point of the scene by an impulse [N·s] in the next step; false if the point is not in this island.
+    /// Strike a point of the scene by an impulse [N·s] from the next step on; false if the point is not in this island.
     pub(crate) fn strike(&mut self, point: u32, impulse: f64) -> bool {
         let mut is_here = false;
-        for (strike, pending) in self
-            .script
-            .strike_points
-            .iter()
-            .zip(&mut self.state.hands.impulses)
-        {
-            if strike.point == point {
-                *pending += impulse;
+        let points = self.script.strike_points.iter();
+        for (strike_point, pending) in points.zip(&mut self.state.hands.pending) {
+            if strike_point.point == point {
+                pending.add(&strike_point.shares, impulse);
                 is_here = true;
             }
         }
@@ -58,5 +112,23 @@ impl super::Island {
             self.wake();
         }
         is_here
+    }
+
+    /// Take over what the points of another island have still to receive, where it has the same points.
+    pub(crate) fn continue_strikes(&mut self, old: &Self) {
+        let strikes = old
+            .script
+            .strike_points
+            .iter()
+            .zip(&old.state.hands.pending);
+        for (theirs, rest) in strikes.filter(|(_, rest)| rest.is_some()) {
+            let points = self.script.strike_points.iter();
+            for (ours, pending) in points.zip(&mut self.state.hands.pending) {
+                if ours.point == theirs.point && ours.shares.len() == theirs.shares.len() {
+                    pending.impulses.copy_from_slice(&rest.impulses);
+                    pending.n_left = rest.n_left;
+                }
+            }
+        }
     }
 }

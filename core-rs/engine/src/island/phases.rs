@@ -91,11 +91,11 @@ impl Frame<'_, '_> {
         }
         sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
         if let Some(rise) = &mut watch.rise
-            && hands.impulses.iter().any(|&impulse| impulse != 0.0)
+            && hands.is_struck()
         {
             rise.restart();
         }
-        live_strikes::apply(&script.strike_points, &mut hands.impulses, scheme, body);
+        live_strikes::apply(&script.strike_points, &mut hands.pending, scheme, body);
         kernel::proxies::note(scheme, body);
         kernel::proxies::divide(scheme, body);
         if let Some(fine) = fine {

@@ -293,8 +293,11 @@ impl Island {
         let (script, state) = (&*self.script, &self.state);
         // The future of hands and takes is not looked at.
         let is_known =
-            |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes(_));
-        if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() {
+            |drive: &Drive| matches!(drive.source, Source::Constant(_) | Source::Strikes { .. });
+        if !script.drives.iter().all(is_known)
+            || !script.hand_bindings.is_empty()
+            || state.hands.is_struck()
+        {
             return n;
         }
         let bodies = state.matter.bodies.iter().map(inside::RunningBody::every);

@@ -59,7 +59,16 @@ impl Archived for State {
             ..
         } = self;
         state_of!(matter, archive, body, bodies, fine)?;
-        state_of!(hands, archive, voices, pushed, ergons, layers, hand_states)?;
+        state_of!(
+            hands,
+            archive,
+            voices,
+            pushed,
+            ergons,
+            layers,
+            hand_states,
+            pending
+        )?;
         state_of!(values, archive, gates, damped)?;
         state_of!(watch, archive, mutes, guard, gains, rise)?;
         state_of!(self, archive, frame)

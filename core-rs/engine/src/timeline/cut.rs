@@ -1,6 +1,7 @@
 //! A timeline whose events end at a frame: for a piece that is hushed or stopped while it plays.
 
-use super::{GRID, Gate, Glide, Lead, Timeline};
+use super::pulse::PARTS_A_SECOND;
+use super::{GRID, Gate, Glide, Lead, Strike, Timeline};
 
 /// Instants that differ by less are one [s]: rounding, not music.
 const SAME: f64 = 1e-9;
@@ -20,8 +21,8 @@ impl Timeline {
     /// let mut network = Network::new();
     /// let m = network.mas("m", 1e-3, 0.0, 0.0)?;
     /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
-    /// timeline.strike(&network, m, 0.9999, 1e-3, 0)?;
-    /// timeline.strike(&network, m, 1.0, 1e-3, 0)?;
+    /// timeline.strike(&network, m, 0.9999, 1e-3, None, 0)?;
+    /// timeline.strike(&network, m, 1.0, 1e-3, None, 0)?;
     /// let cut = timeline.cut(44_100, &[], false); // at 1 s
     /// assert_eq!(cut.strikes_on(m), [(0.9999, 1e-3)]);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -30,8 +31,11 @@ impl Timeline {
         let rate = self.rate.hertz();
         let instant = frame as f64 / rate;
         let is_before = |t: f64| t < instant - SAME;
-        // A strike acts within its frame and the next one, or within a step of a part that is stepped less often.
-        let since = frame.saturating_sub(GRID) as f64 / rate;
+        // A strike acts as long as it lasts, and a frame or a step of a part that is stepped less often.
+        let since = |strike: &Strike| {
+            let lasts = f64::from(strike.frames) / PARTS_A_SECOND;
+            frame.saturating_sub(GRID) as f64 / rate - lasts
+        };
         let gestures = gestures
             .iter()
             .filter_map(|&index| self.gestures.get(index));
@@ -46,7 +50,7 @@ impl Timeline {
             keys: self.keys.clone(),
             gestures: gestures.cloned().collect(),
             strikes: strikes
-                .filter(|strike| strike.at >= since && is_before(strike.at))
+                .filter(|strike| strike.at >= since(strike) && is_before(strike.at))
                 .copied()
                 .collect(),
             ergons: ergons.copied().collect(),

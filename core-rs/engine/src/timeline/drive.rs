@@ -33,9 +33,14 @@ pub enum Source {
     Take(Placed),
     /// A real hand.
     Hand(Hand),
-    /// Impulses given by [`Simulation::strike`](crate::simulation::Simulation::strike) while it plays; the number
-    /// identifies the point. Without an impulse the force is 0.
-    Strikes(u32),
+    /// Impulses that [`Simulation::strike`](crate::simulation::Simulation::strike) sends while it plays. Without an
+    /// impulse the force is 0.
+    Strikes {
+        /// Number of the point.
+        point: u32,
+        /// How long each strike lasts, in 1/44,100 s; 1: it acts at one instant.
+        frames: u32,
+    },
     /// An input: its values times `scale`.
     SoundIn {
         /// The input.
@@ -50,7 +55,7 @@ pub enum Source {
 impl Drive {
     /// Whether it is a force that may act at any time; strikes are events.
     pub(crate) fn pushes(&self) -> bool {
-        self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes(_))
+        self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
     }
 
     /// Value at frame `n` [m or N].
@@ -59,7 +64,7 @@ impl Drive {
             Source::Constant(value) => *value,
             Source::Take(path) => path.at(n as f64 / rate).0,
             Source::Hand(hand) => hand.at(n),
-            Source::Strikes(_) => 0.0,
+            Source::Strikes { .. } => 0.0,
             Source::SoundIn {
                 sound,
                 scale,

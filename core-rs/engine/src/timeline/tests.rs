@@ -147,7 +147,9 @@ fn the_end_of_time_is_no_beginning() {
     let mut timeline = timeline(192_000.0);
     timeline.couple(&network(), 0, 1e300, None).unwrap();
     assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
-    timeline.strike(&network(), 0, 1e300, 1.0, 0).unwrap();
+    timeline
+        .strike(&network(), 0, 1e300, 1.0, Some(0.0), 0)
+        .unwrap();
     timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
     let pushes = pushes(&network(), &timeline, |_| true);
     assert!(pushes.iter().all(|push| push.frame > 1 << 40));
@@ -176,7 +178,7 @@ fn a_strike_keeps_its_impulse_and_its_instant() {
     for position in [0.0, 0.25, 0.5, 7.999_9] {
         let mut timeline = timeline(1_000.0);
         timeline
-            .strike(&network, 0, position * 1e-3, 2e-3, 9)
+            .strike(&network, 0, position * 1e-3, 2e-3, Some(0.0), 9)
             .unwrap();
         let pushes = pushes(&network, &timeline, |_| true);
         let sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
@@ -188,15 +190,50 @@ fn a_strike_keeps_its_impulse_and_its_instant() {
     }
 }
 
+/// The force of a strike is the same at any rate, and has its whole impulse.
+#[test]
+fn parts_of_a_strike_at_other_rates() {
+    let mut timeline = timeline(44_100.0);
+    for begin in [0.0, 0.0123, 7.5] {
+        timeline.strikes.clear();
+        timeline
+            .strike(&network(), 0, begin, 2e-3, None, 0)
+            .unwrap();
+        let instants = |timeline: &Timeline| -> Vec<(f64, f64)> {
+            let parts = timeline.parts(&timeline.strikes[0], Instants::Exact);
+            let instant = |frame: u64, alpha: f64| (frame as f64 + alpha) / timeline.rate.hertz();
+            parts
+                .map(|part| (instant(part.frame, part.alpha), part.impulse))
+                .collect()
+        };
+        let expected = instants(&timeline);
+        assert_eq!(expected.len(), 7); // 0.19 ms are 8 frames
+        assert!((expected.iter().map(|part| part.1).sum::<f64>() - 2e-3).abs() < 1e-17);
+        assert!(expected[0].0 > begin && expected[6].0 < begin + 0.19e-3);
+        for other in [timeline.faster(4), timeline.slower(2)]
+            .into_iter()
+            .flatten()
+        {
+            for (part, theirs) in expected.iter().zip(instants(&other)) {
+                assert!((part.0 - theirs.0).abs() < 1e-12 && part.1 == theirs.1);
+            }
+        }
+    }
+}
+
 #[test]
 fn on_a_key_and_under_ca_a_strike_is_one_step() {
     let mut network = network();
     network.part("ca", Some(Rate::new(44_100.0).unwrap()));
     let discrete = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     let mut timeline = timeline(1_000.0);
-    timeline.strike(&network, discrete, 0.4e-3, 1.0, 0).unwrap();
+    timeline
+        .strike(&network, discrete, 0.4e-3, 1.0, Some(0.0), 0)
+        .unwrap();
     timeline.key("k", 2);
-    timeline.strike(&network, 2, 0.6e-3, 1.0, 0).unwrap();
+    timeline
+        .strike(&network, 2, 0.6e-3, 1.0, Some(0.0), 0)
+        .unwrap();
     let seen: Vec<_> = pushes(&network, &timeline, |_| true)
         .iter()
         .map(|push| (push.frame, push.force))
@@ -210,18 +247,22 @@ fn a_strike_that_is_none_is_refused() {
     let mut timeline = timeline(44_100.0);
     for position in [-1e-9, f64::NAN, f64::INFINITY] {
         assert!(matches!(
-            timeline.strike(&network, 0, position, 1.0, 0),
+            timeline.strike(&network, 0, position, 1.0, Some(0.0), 0),
             Err(StrikeError::Before(_))
         ));
         assert!(timeline.ergon(&network, 0, position, 1.0, 1.0, 0).is_err());
     }
-    assert!(timeline.strike(&network, 0, 0.0, f64::NAN, 0).is_err());
+    assert!(
+        timeline
+            .strike(&network, 0, 0.0, f64::NAN, Some(0.0), 0)
+            .is_err()
+    );
     for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         assert!(timeline.ergon(&network, 0, 0.0, mass, speed, 0).is_err());
     }
     let fixed = StrikeError::Fixed("p.d".to_owned());
     assert_eq!(
-        timeline.strike(&network, 3, 0.0, 1.0, 0),
+        timeline.strike(&network, 3, 0.0, 1.0, Some(0.0), 0),
         Err(fixed.clone())
     );
     assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed));
@@ -242,6 +283,7 @@ fn an_endless_rain_is_refused_at_once() {
     let mut timeline = timeline(44_100.0);
     let rain = Rain {
         rate: 1.0,
+        lasts: Some(0.0),
         start: 0.0,
         stop: 1.0,
         impulse: (0.0, 0.0),
@@ -387,7 +429,7 @@ fn cut_drops_events_from_its_frame() {
     timeline.open();
     let instants = [0.2, 0.999, 1.0 - 1e-12, 1.0, 1.5];
     for t in instants {
-        timeline.strike(&network, 0, t, 1.0, 7).unwrap();
+        timeline.strike(&network, 0, t, 1.0, Some(0.0), 7).unwrap();
         timeline.ergon(&network, 1, t, 1.0, 1.0, 7).unwrap();
     }
     let key = timeline.key("p", 2);

@@ -86,14 +86,16 @@ fn plan(below: f64, contacts: Contacts) -> Arc<Plan> {
         weight: 1.0,
     };
     network.listen("force", vec![force]).unwrap();
-    for (mat, instant, impulse) in [
-        (9, 0.2, 3e-3),
-        (hammer, 0.3, 4e-3),
-        (hammer, 0.300_01, 4e-3),
-        (reed, 0.31, 1e-3),
-        (9, 0.45, -2e-3),
+    for (mat, instant, impulse, lasts) in [
+        (9, 0.2, 3e-3, Some(0.0)),
+        (hammer, 0.3, 4e-3, None),
+        (hammer, 0.300_01, 4e-3, None),
+        (reed, 0.31, 1e-3, Some(5e-3)),
+        (9, 0.45, -2e-3, None),
     ] {
-        timeline.strike(&network, mat, instant, impulse, 0).unwrap();
+        timeline
+            .strike(&network, mat, instant, impulse, lasts, 0)
+            .unwrap();
     }
     planned(network, &timeline, contacts)
 }
@@ -178,7 +180,7 @@ fn keyed(gap: f64, contacts: Contacts) -> Arc<Plan> {
     }
     for (mat, position, impulse) in [(reeds[1], 0.3, 2e-3), (hammer, 0.6, 4e-3)] {
         timeline
-            .strike(&network, mat, position, impulse, 0)
+            .strike(&network, mat, position, impulse, None, 0)
             .unwrap();
     }
     planned(network, &timeline, contacts)

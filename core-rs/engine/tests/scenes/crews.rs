@@ -33,7 +33,7 @@ fn struck([gong, bell]: [f64; 2], method: Method, impulse: f64) -> Arc<Plan> {
             .unwrap();
         listen(&mut network, part, first + 9);
         timeline
-            .strike(&network, first + 5, 1e-3, impulse, 0)
+            .strike(&network, first + 5, 1e-3, impulse, Some(0.0), 0)
             .unwrap();
     }
     Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Method(method), None).unwrap())

@@ -137,7 +137,9 @@ fn nothing_moves_a_muted_part() {
         .drive(mass, DriveKind::Force, Source::Constant(1.0), true)
         .unwrap();
     for position in [0.05, 0.15, 0.25] {
-        timeline.strike(&network, mass, position, 1.0, 0).unwrap();
+        timeline
+            .strike(&network, mass, position, 1.0, Some(0.0), 0)
+            .unwrap();
         timeline
             .ergon(&network, mass, position, 1e-3, 1e3, 0)
             .unwrap();

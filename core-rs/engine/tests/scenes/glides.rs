@@ -214,7 +214,9 @@ fn string(k: f64, n: usize) -> Network {
 
 fn struck(network: &Network) -> Timeline {
     let mut timeline = begin();
-    timeline.strike(network, 3, 0.01, 1e-3, 0).unwrap();
+    timeline
+        .strike(network, 3, 0.01, 1e-3, Some(0.0), 0)
+        .unwrap();
     timeline
 }
 

@@ -27,8 +27,10 @@ fn it_closes_for_every_kind_of_link() {
                 if gated {
                     timeline.couple(network, link, 0.05, Some(0.12)).unwrap();
                 }
-                for (at, impulse) in [(0.01, 3e-3), (0.06, -4e-3), (0.11, 4e-3)] {
-                    timeline.strike(network, b, at, impulse, 0).unwrap();
+                for (instant, impulse) in [(0.01, 3e-3), (0.06, -4e-3), (0.11, 4e-3)] {
+                    timeline
+                        .strike(network, b, instant, impulse, Some(0.0), 0)
+                        .unwrap();
                 }
                 let energy = ledger(&scene);
                 assert!(energy.flow > 1e-5, "{energy:?}");

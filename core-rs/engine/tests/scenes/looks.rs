@@ -86,7 +86,14 @@ fn scene(discrete: bool) -> (Arc<Network>, Timeline) {
         for k in 0..4_u32 {
             let position = 1e-3 + 0.013 * f64::from(k) + 1e-4 * i as f64;
             timeline
-                .strike(&network, mat, position, 2e-3 * f64::from(k + 1), 0)
+                .strike(
+                    &network,
+                    mat,
+                    position,
+                    2e-3 * f64::from(k + 1),
+                    Some(0.0),
+                    0,
+                )
                 .unwrap();
         }
     }

@@ -63,8 +63,10 @@ fn discrete() -> (Network, Timeline) {
     network.listen("right", vec![point(7, 2, -0.5)]).unwrap();
     network.listen("all", vec![point(0, 12, 0.1)]).unwrap();
     let mut timeline = Timeline::new(rate);
-    for (mat, at, impulse) in [(1, 0.0, 1e-6), (5, 0.01, -2e-6), (1, 0.0100001, 3e-6)] {
-        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+    for (mat, instant, impulse) in [(1, 0.0, 1e-6), (5, 0.01, -2e-6), (1, 0.0100001, 3e-6)] {
+        timeline
+            .strike(&network, mat, instant, impulse, Some(0.0), 0)
+            .unwrap();
     }
     (network, timeline)
 }
@@ -144,7 +146,9 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
                 }],
             )
             .unwrap();
-        timeline.strike(&network, 4, 0.015, 2e-6, 0).unwrap();
+        timeline
+            .strike(&network, 4, 0.015, 2e-6, Some(0.0), 0)
+            .unwrap();
         let network = Arc::new(network);
         let options = Options {
             ledger: false,

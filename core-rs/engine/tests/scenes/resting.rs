@@ -132,19 +132,19 @@ fn timeline(network: &Network) -> Timeline {
     let gong = mat(network, "gong.") + 12;
     for frame in [begins + 256.0, begins + 512.0 - 1.0, begins + 768.5] {
         timeline
-            .strike(network, gong, seconds(frame), 3e-3, 0)
+            .strike(network, gong, seconds(frame), 3e-3, Some(0.0), 0)
             .unwrap();
     }
     let chain = position("chains.c1");
     timeline
-        .strike(network, chain, seconds(begins + 0.5), 1e-4, 0)
+        .strike(network, chain, seconds(begins + 0.5), 1e-4, Some(0.0), 0)
         .unwrap();
     timeline
         .ergon(network, chain, seconds(begins + 700.0), 1e-4, 1.0, 0)
         .unwrap();
     let lever = position("lever.m");
     timeline
-        .strike(network, lever, seconds(begins + 3.0), 2e-3, 0)
+        .strike(network, lever, seconds(begins + 3.0), 2e-3, Some(0.0), 0)
         .unwrap();
     let couple = (0..network.n_lia()).find(|&link| network.link_name(link) == "chains.couple");
     let (from, to) = (seconds(9_000.0), seconds(begins + 6_000.0));
@@ -277,7 +277,7 @@ fn a_live_strike_wakes_what_it_strikes_in_its_frame() {
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
     let gong = mat(&network, "gong.") + 12;
-    open.strike_point(&network, gong, GONG).unwrap();
+    open.strike_point(&network, gong, GONG, Some(0.0)).unwrap();
     for budget in [Budget::Error(-70.0), Budget::Method(Method::Ca)] {
         let plan = Arc::new(Plan::new(network.clone(), &open, &budget, None).unwrap());
         for frame in [4_096, 4_097, 5_000] {
@@ -322,8 +322,10 @@ fn what_has_stopped_rests_again() {
     network.listen("sled", term(sled, 1)).unwrap();
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    for at in [0.1, 4.0] {
-        timeline.strike(&network, sled, at, 1e-2, 0).unwrap();
+    for instant in [0.1, 4.0] {
+        timeline
+            .strike(&network, sled, instant, 1e-2, Some(0.0), 0)
+            .unwrap();
     }
     let mut rested = Simulation::new(network, &timeline, options(OnFault::Stop)).unwrap();
     let mut reference = rested.fork();

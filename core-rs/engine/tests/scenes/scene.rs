@@ -241,7 +241,7 @@ impl Scene {
             let network = &self.network;
             let timeline = &mut self.timeline;
             timeline
-                .strike(network, bell, position, speed * 1e-7, i as u32)
+                .strike(network, bell, position, speed * 1e-7, Some(0.0), i as u32)
                 .unwrap();
             timeline
                 .ergon(network, bell, position + 0.01, 1e-7, speed, i as u32)
@@ -249,6 +249,7 @@ impl Scene {
         }
         let rain = Rain {
             rate: 40.0,
+            lasts: Some(0.0),
             start: 0.0,
             stop: 0.15,
             impulse: (-1e-5, 1e-5),

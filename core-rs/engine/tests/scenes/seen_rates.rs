@@ -64,9 +64,13 @@ fn network(is_heard: bool) -> Arc<Network> {
 
 fn at(rate: f64, network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(rate).unwrap());
-    timeline.strike(network, 0, 0.01, 1e-3, 0).unwrap();
+    timeline
+        .strike(network, 0, 0.01, 1e-3, Some(0.0), 0)
+        .unwrap();
     // The bob of the pendulum, along z, between two steps.
-    timeline.strike(network, 6, 0.051_3, 2e-3, 0).unwrap();
+    timeline
+        .strike(network, 6, 0.051_3, 2e-3, Some(0.0), 0)
+        .unwrap();
     timeline
 }
 
@@ -271,7 +275,9 @@ fn what_no_slow_step_bears_goes_as_often_as_it_needs() {
     }
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    timeline.strike(&network, 0, 0.01, 1e-3, 0).unwrap();
+    timeline
+        .strike(&network, 0, 0.01, 1e-3, Some(0.0), 0)
+        .unwrap();
     let known = Known {
         seen: &rows,
         seen_every: EVERY,

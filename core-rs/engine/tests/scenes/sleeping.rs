@@ -87,8 +87,10 @@ fn peak(sound: &[f64]) -> f64 {
 /// Strikes at 0.05 s and 2.2 s.
 fn strikes(network: &Network, hammer: usize) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    for (index, at) in [(0, 0.05), (1, 2.2)] {
-        timeline.strike(network, hammer, at, 0.01, index).unwrap();
+    for (index, instant) in [(0, 0.05), (1, 2.2)] {
+        timeline
+            .strike(network, hammer, instant, 0.01, Some(0.0), index)
+            .unwrap();
     }
     timeline
 }
@@ -122,7 +124,7 @@ fn sleep_ends_with_a_strike_between_frames() {
     for (index, frame) in [(0, 2_000.0), (1, 80_000.5)] {
         let position = frame / RATE;
         timeline
-            .strike(&network, hammer, position, 0.01, index)
+            .strike(&network, hammer, position, 0.01, Some(0.0), index)
             .unwrap();
     }
     let plan = Plan::new(network.clone(), &timeline, &Budget::default(), None).unwrap();
@@ -171,7 +173,8 @@ fn sleep_ends_with_a_live_strike() {
     let (network, hammer) = drum(1e9);
     let mut open = Timeline::new(Rate::new(RATE).unwrap());
     open.open();
-    open.strike_point(&network, hammer, SKIN).unwrap();
+    open.strike_point(&network, hammer, SKIN, Some(0.0))
+        .unwrap();
     let mut asleep = simulation(&network, &open);
     assert!(asleep.strike(SKIN, 0.01));
     play(&mut asleep, N, &[128]);
@@ -210,7 +213,9 @@ fn sleep_leaves_what_grows_by_itself() {
     network.listen("pair", term(grown)).unwrap();
     let network = Arc::new(network);
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
-    timeline.strike(&network, struck, 0.0, 1e-3, 0).unwrap();
+    timeline
+        .strike(&network, struck, 0.0, 1e-3, Some(0.0), 0)
+        .unwrap();
     let mut simulation = simulation(&network, &timeline);
     let sound = numbers(&play(&mut simulation, 2 * N, &[512]));
     assert!(peak(&sound[N..]) > 1e-5, "{}", peak(&sound[N..]));

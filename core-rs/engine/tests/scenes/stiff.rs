@@ -74,7 +74,9 @@ fn string(law: &LawText<'_>) -> Network {
 fn struck(network: &Network, impulse: f64, times: f64) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(HERTZ * times).unwrap());
     timeline.open();
-    timeline.strike(network, 5, 0.01, impulse, 0).unwrap();
+    timeline
+        .strike(network, 5, 0.01, impulse, Some(0.0), 0)
+        .unwrap();
     timeline
 }
 

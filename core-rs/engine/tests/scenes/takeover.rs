@@ -183,7 +183,14 @@ fn timeline(network: &Network, until: f64) -> Timeline {
             let (mat, position) = (mat(network, name), t + 1e-4 * i as f64);
             let impulse = if name == "lever.m" { 2e-3 } else { 3e-5 };
             timeline
-                .strike(network, mat, position, impulse * other(position), 0)
+                .strike(
+                    network,
+                    mat,
+                    position,
+                    impulse * other(position),
+                    Some(0.0),
+                    0,
+                )
                 .unwrap();
         }
         let cell = mat(network, "sky.c11");
@@ -494,8 +501,12 @@ fn masses_go_on_by_name() {
         network.listen("all", vec![term]).unwrap();
         let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
         timeline.open();
-        timeline.strike(&network, a, 1e-3, 1e-3, 0).unwrap();
-        timeline.strike(&network, b, 2e-3, 1e-3, 0).unwrap();
+        timeline
+            .strike(&network, a, 1e-3, 1e-3, Some(0.0), 0)
+            .unwrap();
+        timeline
+            .strike(&network, b, 2e-3, 1e-3, Some(0.0), 0)
+            .unwrap();
         Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap())
     };
     let position = 3_000;
@@ -603,8 +614,10 @@ fn a_muted_part_stays_mute() {
         }
         let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
         timeline.open();
-        for &at in struck {
-            timeline.strike(&network, bell, at, 1e-4, 0).unwrap();
+        for &instant in struck {
+            timeline
+                .strike(&network, bell, instant, 1e-4, Some(0.0), 0)
+                .unwrap();
         }
         let budget = Budget::Method(Method::Ca);
         Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())

@@ -76,9 +76,11 @@ fn tangle(seed: u64) -> (Network, Timeline, Vec<f64>) {
         network.weigh(at..at + 1, -9.81).unwrap();
     }
     timeline
-        .strike(&network, points[2].first, 0.01, 2e-3, 0)
+        .strike(&network, points[2].first, 0.01, 2e-3, Some(0.0), 0)
         .unwrap();
-    timeline.strike(&network, bell, 0.02, 1e-3, 0).unwrap();
+    timeline
+        .strike(&network, bell, 0.02, 1e-3, Some(0.0), 0)
+        .unwrap();
     (network, timeline, masses)
 }
 

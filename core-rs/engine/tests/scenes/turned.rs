@@ -49,7 +49,9 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
                 (position(7, 3), 0.1),
                 (position(1, 4), 0.2),
             ] {
-                timeline.strike(&network, mat, instant, 0.01, 0).unwrap();
+                timeline
+                    .strike(&network, mat, instant, 0.01, Some(0.0), 0)
+                    .unwrap();
             }
         }
         By::Hammer => {

@@ -102,8 +102,10 @@ fn simulation(struck: &[f64], from: u64) -> Simulation {
             .hand(&network, mat, EVERY as u32, method, &[])
             .unwrap();
     }
-    for &at in struck {
-        timeline.strike(&network, 2, at, 1e-3, 0).unwrap();
+    for &instant in struck {
+        timeline
+            .strike(&network, 2, instant, 1e-3, Some(0.0), 0)
+            .unwrap();
     }
     let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
     Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()

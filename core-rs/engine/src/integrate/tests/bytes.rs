@@ -40,7 +40,7 @@ fn ca_is_the_island_s_scheme() {
     let mut timeline = Timeline::new(rate());
     for (frame, mat, impulse) in strikes {
         timeline
-            .strike(&network, mat, frame as f64 / HERTZ, impulse, 0)
+            .strike(&network, mat, frame as f64 / HERTZ, impulse, Some(0.0), 0)
             .expect("a strike");
     }
     let options = Options {

@@ -31,8 +31,17 @@ pub(in crate::plan) struct Body {
     pub(in crate::plan) kind: ModeKind,
 }
 
-/// Strikes on each MAT: frame, fraction of a frame after it, impulse [N·s].
-pub(in crate::plan) type Blows = BTreeMap<u32, Vec<(u64, f64, f64)>>;
+/// Strikes on one MAT.
+#[derive(Clone, Debug, Default)]
+pub(in crate::plan) struct PointBlows {
+    /// Impulse of each strike [N·s].
+    pub(in crate::plan) impulses: Vec<f64>,
+    /// Their parts: frame, fraction of a frame after it, impulse [N·s]; by rising frame.
+    pub(in crate::plan) parts: Vec<(u64, f64, f64)>,
+}
+
+/// Strikes on each MAT.
+pub(in crate::plan) type Blows = BTreeMap<u32, PointBlows>;
 
 /// A body by its modes.
 pub(in crate::plan) trait ModalBody {
@@ -60,7 +69,10 @@ pub(in crate::plan) fn keep(
     let Some(loudness_max) = allowed else {
         return loudest;
     };
-    let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
+    let frames = strikes
+        .values()
+        .flat_map(|own| &own.parts)
+        .map(|part| part.0);
     let first = frames.min().filter(|_| !body.is_moving());
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |some: &[usize]| {
@@ -91,7 +103,5 @@ pub(in crate::plan) fn keep(
 
 /// Impulses at each struck point [N·s].
 pub(in crate::plan) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
-    let all = strikes.values();
-    all.map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
-        .collect()
+    strikes.values().map(|own| own.impulses.clone()).collect()
 }

@@ -13,9 +13,8 @@ use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, KeptModes};
-use crate::timeline::Timeline;
+use crate::timeline::{Instants, Timeline};
 use crate::units::Rate;
-use crate::units::{floor_frame, frame};
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those decided before.
 pub(in crate::plan) fn bank(
@@ -40,7 +39,7 @@ pub(in crate::plan) fn bank(
         .first()
         .map(|&part| part as usize);
     let is_discrete = discrete.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
-    let strikes = blows(timeline, timeline.rate, |_| true, is_discrete);
+    let strikes = blows(timeline, |_| true, is_discrete);
     match normal(subset, timeline, budget, pinned, &strikes, memo) {
         // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow)
@@ -210,34 +209,34 @@ fn bank_of(
             } else {
                 rate.step() * rate.step()
             },
-            blows: blows.clone(),
+            blows: blows.parts.clone(),
         });
     }
     bank
 }
 
-/// Strikes on each MAT that `is_ours`: frame, fraction of a frame after it, impulse; rising. In a discrete network a
-/// strike falls on a frame.
+/// Strikes on each MAT that `is_ours`. In a discrete network they act on frames.
 pub(in crate::plan) fn blows(
     timeline: &Timeline,
-    rate: Rate,
     is_ours: impl Fn(u32) -> bool,
     is_discrete: bool,
 ) -> Blows {
+    let instants = if is_discrete {
+        Instants::Nearest
+    } else {
+        Instants::Exact
+    };
     let mut by_mat = Blows::new();
     for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
-        let instant = strike.at * rate.hertz();
-        let (frame, alpha) = if is_discrete {
-            (frame(strike.at, rate.hertz()), 0.0)
-        } else {
-            let n = floor_frame(instant);
-            (n, (instant - n as f64).clamp(0.0, 1.0))
-        };
         let blows = by_mat.entry(strike.mat).or_default();
-        blows.push((frame, alpha, strike.impulse));
+        blows.impulses.push(strike.impulse);
+        let parts = timeline.parts(strike, instants);
+        blows
+            .parts
+            .extend(parts.map(|part| (part.frame, part.alpha, part.impulse)));
     }
     for blows in by_mat.values_mut() {
-        blows.sort_by_key(|&(frame, _, _)| frame);
+        blows.parts.sort_by_key(|part| part.0);
     }
     by_mat
 }

@@ -300,7 +300,7 @@ impl ModalBody for Complex<'_> {
                     .collect(),
                 share: vec![1.0; all.len()],
                 w: self.rate.step() * self.rate.step(),
-                blows: blows.clone(),
+                blows: blows.parts.clone(),
             });
         }
         bank

@@ -112,8 +112,10 @@ pub(in crate::plan) fn mesh(
         .strikes
         .iter()
         .filter(|strike| local(strike.mat).is_some());
-    let mut struck = Timeline::new(rate);
-    struck.strikes = ours.copied().collect();
+    let struck = Timeline {
+        strikes: ours.copied().collect(),
+        ..Timeline::new(rate)
+    };
     let strikes = pushes(network, &struck, |mat| network.degree(mat) == 0)
         .into_iter()
         .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));

@@ -219,7 +219,6 @@ fn modal(
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
     let strikes = blows(
         timeline,
-        rate,
         |mat| body.mats.binary_search(&mat).is_ok(),
         is_discrete(network, body),
     );
@@ -275,7 +274,7 @@ fn modal(
             .enumerate()
             .map(|(row, blows)| Struck {
                 shape: modes.shapes[n_ports + n_out + row].clone(),
-                blows,
+                blows: blows.parts,
             })
             .collect(),
         rate,
@@ -310,7 +309,7 @@ fn complex(
     let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
     let ports: Vec<usize> = body.ports.iter().map(local).collect();
     let is_ours = |mat| body.mats.binary_search(&mat).is_ok();
-    let strikes = blows(timeline, rate, is_ours, false);
+    let strikes = blows(timeline, is_ours, false);
     let points: Vec<usize> = ports
         .iter()
         .copied()
@@ -354,7 +353,7 @@ fn complex(
             .into_values()
             .map(|blows| Struck {
                 shape: vec![1.0; all.len()],
-                blows,
+                blows: blows.parts,
             })
             .collect(),
         rate,

@@ -98,6 +98,7 @@ impl Events {
         for &Strike {
             at: instant,
             mat,
+            frames,
             impulse,
             ..
         } in &timeline.strikes
@@ -105,6 +106,7 @@ impl Events {
             if falls(instant) {
                 sink.0.update(mat.to_le_bytes());
                 sink.0.update(instant.to_le_bytes());
+                sink.0.update(frames.to_le_bytes());
                 sink.0.update(impulse.to_le_bytes());
             }
         }

@@ -473,7 +473,9 @@ mod tests {
         };
         let gesture = Gesture::written(0, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
-        timeline.strike(&network, 20, 0.45, 1e-2, 0).unwrap();
+        timeline
+            .strike(&network, 20, 0.45, 1e-2, Some(0.0), 0)
+            .unwrap();
         Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
     }
 

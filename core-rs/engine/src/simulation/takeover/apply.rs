@@ -64,8 +64,25 @@ impl Simulation {
                 island.place();
             }
         }
+        self.continue_strikes(old);
         self.go_on_as_told(old);
         true
+    }
+
+    /// Let live strikes that still act act on.
+    fn continue_strikes(&mut self, old: &Self) {
+        let old = old.groups.iter().flat_map(|group| &group.units);
+        for old in old {
+            let RunningUnit::Island(old) = old else {
+                continue;
+            };
+            let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+            for unit in units {
+                if let RunningUnit::Island(island) = unit {
+                    island.continue_strikes(old);
+                }
+            }
+        }
     }
 
     pub(in crate::simulation) fn playing(&mut self, (group, unit): UnitIndex) -> &mut RunningUnit {

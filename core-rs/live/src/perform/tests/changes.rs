@@ -193,8 +193,10 @@ fn what_is_computed_finer_is_told_once() {
     network.listen("out", vec![term]).unwrap();
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
-    for at in [0.01, 0.5] {
-        timeline.strike(&network, mass, at, 1.0, 0).unwrap();
+    for instant in [0.01, 0.5] {
+        timeline
+            .strike(&network, mass, instant, 1.0, Some(0.0), 0)
+            .unwrap();
     }
     let plan = Plan::plain(Arc::new(network), &timeline, false).unwrap();
     let stage = Stage {

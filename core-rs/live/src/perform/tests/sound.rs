@@ -155,7 +155,7 @@ fn strikes_and_a_file_of_sound_do_not_allocate() {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     timeline.open();
-    timeline.strike_point(&network, 2, 7).unwrap();
+    timeline.strike_point(&network, 2, 7, Some(0.0)).unwrap();
     let plan = Plan::plain(network, &timeline, false).unwrap();
     let stage = Stage {
         simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),

@@ -33,8 +33,8 @@ use rig::*;
 fn pages_are_told_strikes_that_nobody_knew() {
     let mut scene = scene(&[]);
     scene.1.open();
-    scene.1.strike_point(&scene.0, 3, 7).unwrap();
-    scene.1.strike_point(&scene.0, 5, 9).unwrap();
+    scene.1.strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
+    scene.1.strike_point(&scene.0, 5, 9, Some(0.0)).unwrap();
     let simulation = planned(&scene, 0);
     let look = simulation.looked_at();
     let mut shown = Shown::fast(&simulation, &scene.1);
@@ -66,8 +66,8 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
     let with_points = |struck: &[f64]| {
         let mut single = scene(struck);
         single.1.open();
-        single.1.strike_point(&single.0, 3, 7).unwrap();
-        single.1.strike_point(&single.0, 5, 9).unwrap();
+        single.1.strike_point(&single.0, 3, 7, Some(0.0)).unwrap();
+        single.1.strike_point(&single.0, 5, 9, Some(0.0)).unwrap();
         single
     };
     let every = EVERY as u64;

@@ -40,7 +40,7 @@ pub(super) fn scene(struck: &[f64]) -> (Arc<Network>, Timeline) {
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     for (i, &index) in struck.iter().enumerate() {
         timeline
-            .strike(&network, i % CELLS, index, 2e-5, i as u32)
+            .strike(&network, i % CELLS, index, 2e-5, Some(0.0), i as u32)
             .unwrap();
     }
     (network, timeline)

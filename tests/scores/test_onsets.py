@@ -1,0 +1,85 @@
+"""Strokes begin without a click: what is above 16 kHz in the first 2 ms."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from docs.generators.cards import described, play, score
+
+# Instruments that are heard where they are struck, or a few masses away. Those with a hammer that
+# is struck have as much above 16 kHz as their modes.
+DIRECT = {
+    name: (family, card)
+    for family, page in described().items()
+    for name, card in page["cards"].items()
+    if "strike" in card and "hammer" not in card["strike"] and name != "ball"
+}
+# A bell heard as a speed, where it is struck.
+BELL = "ergon: 1\ninstruments: {b: {CEL: {M: 2g, f: 500Hz, t60: 1s}, out: {SOV: b}}}\n"
+
+
+def click(x: NDArray[np.float64], rate: float) -> float:
+    """The peak above 16 kHz from the onset to 2 ms later over the peak of these 2 ms [dB]."""
+    begins = int(np.argmax(np.abs(x) > 1e-5 * np.max(np.abs(x))))
+    first = x[max(0, begins - 200) : begins + int(2e-3 * rate)].copy()
+    fade = int(1e-3 * rate)
+    first[-fade:] *= np.cos(np.linspace(0.0, np.pi / 2.0, fade)) ** 2
+    padded = np.concatenate([first, np.zeros(2048)])
+    spectrum = np.fft.rfft(padded)
+    spectrum[np.fft.rfftfreq(len(padded), 1.0 / rate) < 16_000.0] = 0.0
+    high = np.fft.irfft(spectrum, len(padded))
+    return float(20.0 * np.log10(np.max(np.abs(high)) / np.max(np.abs(first))))
+
+
+@pytest.mark.parametrize("name", DIRECT)
+def test_stroke_of_an_instrument_of_the_library(name: str):
+    family, card = DIRECT[name]
+    sounds, rate = play(score(family, name, card), 0.3)
+    assert max(click(sound, rate) for sound in sounds) < -60.0
+
+
+def bell_struck(strikes: str) -> float:
+    sounds, rate = play(f"{BELL}strikes: {{s: {{{strikes}}}}}\nrender: {{tail: 0.3s}}\n", 0.3)
+    return click(sounds[0], rate)
+
+
+@pytest.mark.parametrize(
+    "strikes",
+    [
+        "to: b, at: 50ms, impulse: 1mNs",
+        "to: b, at: 50.01ms, impulse: 1mNs",
+        "to: b, at: 0.1, for: 2, rate: 50Hz, impulse: 1mNs",
+        "entries: [{at: 0.1, what: b, impulse: 1mNs}]",
+        "at: 0.1, rhythm: b, times: 1, impulse: 1mNs",
+        "to: b, at: 50ms, impulse: 1mNs, lasts: 1ms",
+    ],
+)
+def test_stroke_of_each_kind_of_strikes(strikes: str):
+    assert bell_struck(strikes) < -60.0
+
+
+def test_stroke_that_lasts_an_instant_clicks():
+    assert bell_struck("to: b, at: 50ms, impulse: 1mNs, lasts: 0s") > -30.0
+
+
+def test_stroke_that_lasts_as_its_instrument_says():
+    bell = BELL.replace("out:", "play: {hit: {impulse: 0.1mNs..2mNs, lasts: 0s}}, out:")
+
+    def sound(text: str, more: str = "") -> Any:
+        strikes = f"strikes: {{s: {{to: b, at: 50ms, impulse: 1mNs{more}}}}}\n"
+        return play(f"{text}{strikes}render: {{tail: 0.3s}}\n", 0.3)[0]
+
+    assert np.array_equal(sound(bell), sound(BELL, ", lasts: 0s"))
+    assert np.array_equal(sound(bell, ", lasts: 0.19ms"), sound(BELL))
+
+
+def test_stroke_under_ca_is_one_step():
+    cell = "units: ca, at: 44100Hz, CEL: {M: 2, K: 0.01, Z: 0.0001}"
+    bell = f"ergon: 1\ninstruments: {{b: {{{cell}, out: {{SOX: b}}}}}}\n"
+    strikes = "strikes: {s: {to: b, at: 0s, impulse: 1mNs}}\nrender: {tail: 0.1s}\n"
+    sounds, _ = play(bell + strikes, 0.1)
+    # x[1] = T F/M with F = p/T: the whole impulse acts in the first step.
+    assert sounds[0, 1] != 0.0
+    assert sounds[0, 2] / sounds[0, 1] == pytest.approx(2.0 - 0.01 / 2 - 0.0001 / 2, rel=1e-3)
