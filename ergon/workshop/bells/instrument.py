@@ -37,7 +37,7 @@ def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
     lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]
     lines += [
         "    modules:",
-        f"      hammer: {{CEL: {{M: {contact.HAMMER * 1e3:g}g, f: 1Hz, t60: 2s}}}}",
+        *_hammer(),
     ]
     return "\n".join([*head, *lines, *body(bell)]) + "\n"
 
@@ -57,6 +57,16 @@ def _head(bell: Bell, form: str) -> Iterator[str]:
         )
     yield "A key gives the hammer a push, and stops before `gap`:"
     yield "  {BUT: {between: [k1, bell.hammer], K: 4kN/m, Z: 2Ns/m}}"
+
+
+def _hammer() -> list[str]:
+    """A hammer that hardly loses speed on its way, and lands on a rail when it comes back."""
+    k, z = 4e4 * contact.HAMMER, 4e3 * contact.HAMMER
+    return [
+        f"      hammer: {{CEL: {{M: {contact.HAMMER * 1e3:g}g, f: 0.3Hz, t60: 10s}}}}",
+        "      rail: {SOL: {}}",
+        f"      check: {{BUT: {{between: [rail, hammer], K: {k:g}N/m, Z: {z:g}Ns/m}}}}",
+    ]
 
 
 def _mass(bell: Bell) -> float:
