@@ -59,6 +59,7 @@ class Figures:
     highest: float
     loudness: float
     treble: float
+    click: float
     lean: float
 
 
@@ -151,6 +152,19 @@ def above(x: Samples, rate: float, lowest: float) -> float:
     return float(10 * np.log10(share + 1e-30))
 
 
+def click(x: Samples, rate: float) -> float:
+    """The peak above 16 kHz from the onset to 2 ms later over the peak of these 2 ms [dB]."""
+    begins = int(np.argmax(np.abs(x) > 1e-5 * np.max(np.abs(x))))
+    onset = x[max(0, begins - 200) : begins + int(2e-3 * rate)].copy()
+    fade = int(1e-3 * rate)
+    onset[-fade:] *= np.cos(np.linspace(0.0, np.pi / 2.0, fade)) ** 2
+    padded = np.concatenate([onset, np.zeros(2048)])
+    spectrum = np.fft.rfft(padded)
+    spectrum[np.fft.rfftfreq(len(padded), 1.0 / rate) < 16_000.0] = 0.0
+    high = np.fft.irfft(spectrum, len(padded))
+    return float(20.0 * np.log10(np.max(np.abs(high)) / np.max(np.abs(onset)) + 1e-12))
+
+
 def partials(x: Samples, rate: float) -> list[tuple[float, float]]:
     """Frequency [Hz] and level [dB] of each peak within 60 dB of the highest, 20 Hz apart."""
     f, magnitude = spectrum(x, rate)
@@ -205,6 +219,7 @@ def measured(family: str, name: str, card: dict[str, Any]) -> Card:
         round(max(f for f, _ in by_level), 0),
         round(20 * np.log10(float(np.max(np.abs(sounds[1])))), 1),
         round(above(hard, rate, 16_000), 1),
+        round(click(sounds[2], rate), 1),
         round(20 * np.log10(abs(float(np.mean(sounds[2]))) / peak + 1e-12), 0),
     )
     strongest = sorted(by_level[:8])
@@ -243,8 +258,8 @@ def text(card: Card, texts: dict[str, Any]) -> str:
         f"stroke has {figures.partials} partials within 60 dB, up to {figures.highest:,.0f} Hz, a "
         "share "
         "of "
-        f"{figures.treble:.0f} dB above 16 kHz, and a mean {-figures.lean:.0f} dB below its peak. "
-        "The "
+        f"{figures.treble:.0f} dB above 16 kHz ({figures.click:.0f} dB in its first 2 ms), and a "
+        f"mean {-figures.lean:.0f} dB below its peak. The "
         f"middle one peaks at {figures.loudness:.0f} dB re {_unit(figures)}.".replace("-", "−"),
         "",
         "| strongest modes | note | level [dB] | T60 [s] |",

@@ -4,40 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from docs.generators.cards import described, play, score
+from docs.generators.cards import click, play
 
-# Instruments that are heard where they are struck, or a few masses away. Those with a hammer that
-# is struck have as much above 16 kHz as their modes.
-DIRECT = {
-    name: (family, card)
-    for family, page in described().items()
-    for name, card in page["cards"].items()
-    if "strike" in card and "hammer" not in card["strike"] and name != "ball"
-}
 # A bell heard as a speed, where it is struck.
 BELL = "ergon: 1\ninstruments: {b: {CEL: {M: 2g, f: 500Hz, t60: 1s}, out: {SOV: b}}}\n"
-
-
-def click(x: NDArray[np.float64], rate: float) -> float:
-    """The peak above 16 kHz from the onset to 2 ms later over the peak of these 2 ms [dB]."""
-    begins = int(np.argmax(np.abs(x) > 1e-5 * np.max(np.abs(x))))
-    first = x[max(0, begins - 200) : begins + int(2e-3 * rate)].copy()
-    fade = int(1e-3 * rate)
-    first[-fade:] *= np.cos(np.linspace(0.0, np.pi / 2.0, fade)) ** 2
-    padded = np.concatenate([first, np.zeros(2048)])
-    spectrum = np.fft.rfft(padded)
-    spectrum[np.fft.rfftfreq(len(padded), 1.0 / rate) < 16_000.0] = 0.0
-    high = np.fft.irfft(spectrum, len(padded))
-    return float(20.0 * np.log10(np.max(np.abs(high)) / np.max(np.abs(first))))
-
-
-@pytest.mark.parametrize("name", DIRECT)
-def test_stroke_of_an_instrument_of_the_library(name: str):
-    family, card = DIRECT[name]
-    sounds, rate = play(score(family, name, card), 0.3)
-    assert max(click(sound, rate) for sound in sounds) < -60.0
 
 
 def bell_struck(strikes: str) -> float:
