@@ -15,7 +15,7 @@ instruments:
   bell:
     modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 0.5s}}}
     out: {SOE: m}
-strikes: {hit: {to: bell.m, at: 0.01s, impulse: 1mNs}}
+strikes: {hit: {to: bell.m, at: 0.01s, impulse: 1mNs, lasts: 0s}}
 render: {tail: 0.2s}
 """
 FREE = """\

@@ -19,7 +19,7 @@ def test_each_mode_has_its_frequency_its_decay_and_its_gain():
     listened = np.array(assembly.network.modes("b", 3))
     assert listened[:, 0] == pytest.approx([200.0, 453.0, 880.0], rel=1e-12)
     assert listened[:, 1] == pytest.approx([4.0, 3.0, 1.0], rel=1e-9)
-    text = SCORE % LISTS + "strikes: {s: {to: b.m.all, at: 0s, impulse: 1mNs}}\n"
+    text = SCORE % LISTS + "strikes: {s: {to: b.m.all, at: 0s, impulse: 1mNs, lasts: 0s}}\n"
     simulation = stage(load("x.yaml", text=text).piece).simulation
     out = np.zeros((44100, 1))
     simulation.process(out)

@@ -46,7 +46,7 @@ def test_it_has_the_modes_and_levels_that_are_written():
 @pytest.mark.parametrize(("to", "at"), [("rim", "waist"), ("waist", "rim"), ("rim", "rim")])
 def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, at):
     levels = {"rim": (1.0, 0.8, 0.5), "waist": (0.4, 10 ** (-6 / 20), -0.5)}
-    strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs}}\n"
+    strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs, lasts: 0s}}\n"
     out = heard(SCORE % (LISTS + PLACES, at) + strike % to)
     t = np.arange(out.size) / 44100
     built = np.zeros(out.size)

@@ -244,7 +244,7 @@ instruments:
     CLOTH: {sides: [4, 3], M: 60g, at: [0, 0, 0], across: [3cm, 0, 0], up: [0, 4cm, 0],
       K: 1kN/m, shear: 200N/m, held: corners}
     out: {z: {SOX: net.5.z}}
-strikes: {a: {to: net.5.z, at: 0, impulse: 1mNs}}
+strikes: {a: {to: net.5.z, at: 0, impulse: 1mNs, lasts: 0s}}
 render: {tail: 10ms}
 """
     built = stage(check(text).piece)

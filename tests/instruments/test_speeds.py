@@ -16,7 +16,7 @@ instruments:
     modules: {m: {CEL: {M: 2g, f: %s, t60: 0.5s}}}
     out: {x: {SOX: m}, v: {SOV: m}, a: {SOA: m}}
 strikes:
-  hit: {to: bell.m, at: 0.01s, impulse: 1mNs}
+  hit: {to: bell.m, at: 0.01s, impulse: 1mNs, lasts: 0s}
 accuracy: {method: %s}
 """
 STRING = """\
@@ -131,7 +131,7 @@ def test_another_simulation_goes_on_with_the_same_speeds():
 
 def test_a_mass_that_stands_elsewhere_is_silent():
     """However far: a constant has no speed, and a start with a speed is a blow."""
-    still = CEL.replace("strikes:\n  hit: {to: bell.m, at: 0.01s, impulse: 1mNs}\n", "")
+    still = CEL.replace("strikes:\n  hit: {to: bell.m, at: 0.01s, impulse: 1mNs, lasts: 0s}\n", "")
     still = still.replace(
         "CEL: {M: 2g, f: %s, t60: 0.5s}", "CEL: {M: 2g, f: %s, rest: 3mm, X0: 3mm}"
     )
