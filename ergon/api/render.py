@@ -234,6 +234,7 @@ def _shared(
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
     """What is written, from the options and the score. Raises OptionError."""
     from ergon.exchange.stretch_store import of_user
+    from ergon.rendering.edges import Edges
     from ergon.rendering.job import RenderJob
 
     bits: Bits = options.bits or piece.render.bits
@@ -270,6 +271,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         force=file.force,
         fades_from=stage.fades_from,
         is_part=options.until is not None,
+        edges=Edges(start > 0, options.until is not None or stage.fades_from is None),
         stretches=of_user(),
         measures_instruments=not options.draft,  # which takes about as long as mixing
     )

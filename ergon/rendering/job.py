@@ -11,6 +11,7 @@ from ergon.exchange import sound
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .balance import InstrumentLevel
+from .edges import UNFADED, Edges
 from .filmed import Film
 from .level import Level
 from .mixed_stretches import Ending, Outcome
@@ -39,6 +40,7 @@ class RenderJob:
     force: bool = False
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
     silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
+    edges: Edges = UNFADED
     # The piece ends where its sound has faded after this frame, if it does.
     fades_from: int | None = None
     is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ergon.exchange.wave_header import WaveFormat
 
+from .edges import UNFADED, Edges
 from .limiting import Limiting
 from .loudness import TruePeak
 from .silence import Silence, apply_silences
@@ -143,6 +144,7 @@ class MasterChain:
         limiter: Limiting | None,
         silences: Sequence[Silence] = (),
         first: int = 0,
+        edges: Edges = UNFADED,
     ) -> None:
         """Write frames `start` to `stop` of the piece; `take` receives them from `first` on."""
         from ergon import _core
@@ -157,7 +159,7 @@ class MasterChain:
         # The index in the piece of the next frame that leaves the limiter.
         self._frame = first - self.latency
         self._start, self._stop = start, stop
-        self._rate, self._silences = rate, silences
+        self._rate, self._silences, self._edges = rate, silences, edges
 
     @property
     def peak(self) -> float:
@@ -198,6 +200,7 @@ class MasterChain:
         unskipped = np.ascontiguousarray(
             apply_silences(unskipped, first, self._silences, self._rate)
         )
+        unskipped = self._edges.fade(unskipped, first, self._start, self._stop, self._rate)
         self._meter.process(unskipped)
         self._true_peak.take(unskipped)
         bits = self._writer.format.bits

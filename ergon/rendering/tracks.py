@@ -47,7 +47,9 @@ def chain_of(
     writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first: int
 ) -> MasterChain:
     """What is done before a writer to frames of the piece from `first` on."""
-    chain = MasterChain(writer, stage.rate, job.start, job.stop, limiter, job.silences, first)
+    chain = MasterChain(
+        writer, stage.rate, job.start, job.stop, limiter, job.silences, first, job.edges
+    )
     chain.gain = job.level.gain
     return chain
 

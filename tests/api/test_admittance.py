@@ -26,7 +26,7 @@ instruments:
       n: {MAS: {M: 2}}
       r: {RES: {between: [m, n], K: 0.01}}
     out: {SOX: n}
-strikes: {a: {to: [WHERE], at: 0.01s, impulse: 1mNs}}
+strikes: {a: {to: [WHERE], at: 0.01s, impulse: 1mNs, lasts: 0s}}
 mix: {channels: 1, route: [{from: PART, to: 1}]}
 render: {tail: 1.5s}
 """

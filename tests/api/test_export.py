@@ -35,8 +35,8 @@ instruments:
     out: {SOX: p}
   wall: {modules: {w: {SOL: {}}}}
 strikes:
-  a: {to: [wire.s.3], at: 0s, impulse: 1mNs}
-  b: {to: [mesh.n], at: 0s, impulse: 1mNs}
+  a: {to: [wire.s.3], at: 0s, impulse: 1mNs, lasts: 0s}
+  b: {to: [mesh.n], at: 0s, impulse: 1mNs, lasts: 0s}
 render: {tail: 0.2s}
 """
 
