@@ -179,7 +179,8 @@ def test_a_net_has_the_modes_of_the_square_lattice(mode: tuple[int, int]):
     push = 1e-7  # so weak that the tension stays
     inside = [(i, j) for j in range(1, high - 1) for i in range(1, wide - 1)]
     strikes = "\n".join(
-        f"  s{i}{j}: {{to: net.{wide * j + i}.z, at: 0, impulse: {push * shape(i, j)!r}Ns, lasts: 0s}}"
+        f"  s{i}{j}: {{to: net.{wide * j + i}.z, at: 0, lasts: 0s, "
+        f"impulse: {push * shape(i, j)!r}Ns}}"
         for i, j in inside
         if abs(shape(i, j)) > 1e-9
     )

@@ -47,9 +47,9 @@ instruments:
       tie: {REF: {between: [slow, p], K: 3e3N/m, Z: 0.1Ns/m, rest: 1mm}}
     out: {a: {SOX: p}, b: {SOF: [hit, tie]}, v: {SOV: [slow, p]}, w: {SOA: p}}
 strikes:
-  a: {to: [wire.s.3], at: 0s, impulse: 1mNs}
-  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs}
-  c: {to: [mesh.n], at: 0s, impulse: 1mNs}
+  a: {to: [wire.s.3], at: 0s, impulse: 1mNs, lasts: 0s}
+  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs, lasts: 0s}
+  c: {to: [mesh.n], at: 0s, impulse: 1mNs, lasts: 0s}
 render: {tail: 1s}
 """
 HAND = """
@@ -180,8 +180,8 @@ instruments:
     out: {a: {SOX: b.crown}, b: {SOX: [b.rim, b.crown]}, c: {SOV: b.crown}, d: {SOA: b.rim}}
   wire: {modules: {s: {STRING: {masses: 12, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.centre}}
 strikes:
-  a: {to: [bell.b.rim], at: 0s, impulse: 2mNs}
-  b: {to: [bell.b.crown], at: 0s, impulse: 1mNs}
+  a: {to: [bell.b.rim], at: 0s, impulse: 2mNs, lasts: 0s}
+  b: {to: [bell.b.crown], at: 0s, impulse: 1mNs, lasts: 0s}
 render: {tail: 0.3s}
 """
 
@@ -230,10 +230,10 @@ instruments:
     out: {SOX: s.9}
   still: {modules: {m: {CEL: {M: 20g, f: 100Hz, t60: 0.3s}}}}
 strikes:
-  a: {to: [wire.s.3], at: 0s, impulse: 1mNs}
-  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs}
-  c: {to: [sky.b.all], at: 0s, impulse: 1mNs}
-  d: {to: [desk.s.2], at: 0s, impulse: 1mNs}
+  a: {to: [wire.s.3], at: 0s, impulse: 1mNs, lasts: 0s}
+  b: {to: [sheet.p.7], at: 0s, impulse: 1mNs, lasts: 0s}
+  c: {to: [sky.b.all], at: 0s, impulse: 1mNs, lasts: 0s}
+  d: {to: [desk.s.2], at: 0s, impulse: 1mNs, lasts: 0s}
 render: {tail: 0.3s}
 """
 
