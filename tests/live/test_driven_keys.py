@@ -115,7 +115,9 @@ def test_a_driven_key_that_is_played_renders_from_its_take(tmp_path: Path):
     driven(tmp_path, RealKey(), RealKey(mass=0.42), options=options, gap="6mm")
     assert not (recorded(tmp_path / "hand.take").flags() & STAND_IN).any()
     assert np.abs(sound(played_file)).max() > 1e-3
-    assert np.array_equal(rendered(tmp_path / "score.yaml", tmp_path / "hand.take"), sound(played_file))
+    assert np.array_equal(
+        rendered(tmp_path / "score.yaml", tmp_path / "hand.take"), sound(played_file)
+    )
 
 
 def test_a_hand_that_holds_a_driven_key_wins(tmp_path: Path):
