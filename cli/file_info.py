@@ -189,7 +189,7 @@ def _xml(path: Path) -> Content | None:
 def _musicxml(path: Path) -> Content:
     from .musicxml_info import musicxml
 
-    return musicxml(path)
+    return Content("score (MusicXML)", *musicxml(path))
 
 
 def _layout(path: Path) -> Content | None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from .console import plural
-from .file_info import Content
 from .midi_info import changes
 from .outcome import Refused
 
 _PARTS_MAX = 64  # parts in lines of their own
 
 
-def musicxml(path: Path) -> Content:
+def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
     """The parts, tempos and meters of a file, and what no part of ergon plays."""
     from ergon.scores.gesture.musicxml_file import XmlPart, read_score
     from ergon.scores.gesture.take_file import TakeError
@@ -36,7 +35,7 @@ def musicxml(path: Path) -> Content:
     if extra := len(score.parts) - len(parts):
         parts["and"] = plural(extra, "more part")
     tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]
-    read = {
+    read: dict[str, object] = {
         "title": score.title or "none",
         "length": f"{score.length:g} quarters, {plural(score.n_measures, 'bar')} as played",
         **parts,
@@ -44,4 +43,4 @@ def musicxml(path: Path) -> Content:
         "meter": changes(score.meters, "4/4, for the file says none"),
     }
     passed = [plural(count, noun) for noun, count in sorted(score.passed.items()) if count]
-    return Content("score (MusicXML)", read, passed)
+    return read, passed

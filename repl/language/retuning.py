@@ -23,8 +23,8 @@ _NONE = "off"
 def _tunings(scope: Scope) -> dict[str, str]:
     """What may be tuned: the score, and every instrument as a whole, each with a hint."""
     names = scope.instruments
-    wholes = [name for name in names if name.rpartition(".")[0] not in names]
-    return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in wholes}
+    instruments = [name for name in names if name.rpartition(".")[0] not in names]
+    return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in instruments}
 
 
 def _target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:

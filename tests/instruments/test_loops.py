@@ -228,8 +228,8 @@ def test_law_functions_are_no_names():
         law(i): {LNL: {between: [left, m(i)], law: "k*max(d, 0) + tanh(d)", k: 100*i}}
 """
     )
-    made = {m.name: m for m in piece_of(modules).instruments["chain"].modules}
-    assert made["law2"].fields["constants"]["k"] == 200.0
+    modules_by_name = {m.name: m for m in piece_of(modules).instruments["chain"].modules}
+    assert modules_by_name["law2"].fields["constants"]["k"] == 200.0
 
 
 def test_turns_of_loops_side_by_side_are_bounded():

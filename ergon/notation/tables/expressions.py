@@ -144,8 +144,7 @@ class _Reader:
         return amount
 
     def _mod(self) -> str:
-        match = _MOD.match(self.text, self.at)
-        self.at = match.end() if match else self.at
+        match = self._skip(_MOD)
         return match[1] if match else ""
 
     def _single(self, depth: int) -> Amount:
@@ -286,9 +285,13 @@ class _Reader:
         return ""
 
     def _space(self) -> int:
-        match = _SPACE.match(self.text, self.at)
-        self.at = match.end() if match else self.at
+        self._skip(_SPACE)
         return self.at
+
+    def _skip(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        match = pattern.match(self.text, self.at)
+        self.at = match.end() if match else self.at
+        return match
 
     @staticmethod
     def _error(message: str, at: int, length: int, suggestion: str | None = None) -> TextError:

@@ -71,7 +71,7 @@ class _Writer:
         self.node = node
         self.collector = collector
         self.entries: Entries = {}
-        self.made: dict[str, Scalar] = {}  # names that loops make
+        self.looped: dict[str, Scalar] = {}  # names that loops make
         self.n_turns = 0
         self.n_nodes = 0
         loops = self.node.document.loops
@@ -85,7 +85,7 @@ class _Writer:
             for word, (key, child) in self.node.entries.items():
                 if is_loop(word):
                     self.loop(key, child, names, 1)
-                elif word in self.made:
+                elif word in self.looped:
                     self.entries[word] = key, _merged(self.entries[word][1], child)
                 else:
                     self.entries[word] = self.node.entries[word]
@@ -98,12 +98,12 @@ class _Writer:
         """Add what a loop makes; what is written beside the loop, above or below, is an exception
         from it.
         """
-        if word in self.made:
-            message = f"{quote(word)} is already made on line {self.made[word].place.line}; "
+        if word in self.looped:
+            message = f"{quote(word)} is already made on line {self.looped[word].place.line}; "
             message += "two modules need two names, such as m(i) in a loop"
             self.collector.error("E102", message, key.place)
             return
-        self.made[word] = key
+        self.looped[word] = key
         if word in self.entries:
             written_key, written = self.entries[word]
             self.entries[word] = written_key, _merged(child, written)
@@ -150,8 +150,8 @@ class _Writer:
         if variable in names:
             message = f"{quote(variable)} is named already; a loop needs a variable of its own"
             raise TextError(message, offset=match.start(1), length=len(variable), code="E102")
-        first, last = (_whole_number(match, group, names) for group in (2, 3))
-        step = 1 if match[4] is None else _whole_number(match, 4, names)
+        first, last = (_integer(match, group, names) for group in (2, 3))
+        step = 1 if match[4] is None else _integer(match, 4, names)
         if step < 1:
             message = "the step of a loop is 1 or more"
             raise TextError(message, offset=match.start(4), length=len(match[4]), code="E202")
@@ -208,15 +208,15 @@ class _Writer:
         raise _Refused
 
 
-def _merged(made: Node, written: Node) -> Node:
+def _merged(looped: Node, written: Node) -> Node:
     """A module of a loop with the fields of one of the same name and kind that is written beside
     it; one of another kind stands in its place.
     """
-    if not (isinstance(made, document.Mapping) and isinstance(written, document.Mapping)):
+    if not (isinstance(looped, document.Mapping) and isinstance(written, document.Mapping)):
         return written
-    if not written.entries.keys() <= made.entries.keys():
+    if not written.entries.keys() <= looped.entries.keys():
         return written
-    entries = dict(made.entries)
+    entries = dict(looped.entries)
     for kind, (key, fields) in written.entries.items():
         known = entries[kind][1]
         if isinstance(known, document.Mapping) and isinstance(fields, document.Mapping):
@@ -308,7 +308,7 @@ def _closing(text: str, start: int) -> int:
     raise TextError("this parenthesis is never closed", offset=start - 1, code="E201")
 
 
-def _whole_number(match: re.Match[str], group: int, names: Names) -> int:
+def _integer(match: re.Match[str], group: int, names: Names) -> int:
     """The whole number that a part of `for i in 1..12 by 2` gives. Raises TextError."""
     try:
         amount = evaluate(match[group], names)
