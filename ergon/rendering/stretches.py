@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from ergon._core import Simulation, StorableIsland
 
 STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
-# Reading and writing a sample of an output takes some 20 ns: what takes less to compute is
-# computed.
+# What takes less to compute is computed, not sent by another process.
 _NS_PER_SAMPLE = 100.0
 _OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
 
@@ -65,6 +64,9 @@ class StretchedSimulation(ABC):
         """Keep what was computed of the stretch that ended."""
 
 
-def is_expensive(island: StorableIsland) -> bool:
-    """Whether computing an island takes longer than reading and writing its sound."""
-    return island.n_out <= _OUTPUTS_MAX and island.cost >= _NS_PER_SAMPLE * max(1, island.n_out)
+def is_expensive(island: StorableIsland, share: float = 1.0) -> bool:
+    """Whether computing an island takes longer than this share of what another process needs to
+    send its sound.
+    """
+    least = share * _NS_PER_SAMPLE * max(1, island.n_out)
+    return island.n_out <= _OUTPUTS_MAX and island.cost >= least
