@@ -122,7 +122,8 @@ def test_twice_in_one_piece_and_inside_another():
     bar = int(4 * 60 / 240 * 44_100)
     first, second = frames[: -2 * bar, 0], frames[2 * bar :, 1]
     assert np.abs(first).max() > 0.01
-    assert np.allclose(first, second, rtol=0, atol=1e-6)  # instants are rounded
+    end = int(0.005 * 44_100)  # the file is cut, and falls there
+    assert np.allclose(first[:-end], second[:-end], rtol=0, atol=1e-6)  # instants are rounded
 
 
 def test_positions_in_seconds_stay_seconds():

@@ -130,6 +130,7 @@ class _Writer:
         self.n_turns += 0 if key.text.startswith("if") else len(scopes)
         if self.n_turns > MAX_TURNS:
             self.refuse(f"loops side by side have at most {MAX_TURNS:,} turns together", key)
+        self.collector.loop(key.place, child.document.place(child.end))
         for scope in scopes:
             self.body(child, scope, depth)
 

@@ -85,6 +85,7 @@ class Collector:
         self._by_message: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
+        self._loops: dict[str, list[range]] = {}  # lines of loops, by file
         # A file that is used, or a loop, cannot be read: unknown names may be its own.
         self.lacks_names = False
 
@@ -108,7 +109,8 @@ class Collector:
         message = printable(message)  # file names may hold terminal control characters
         # A node is read once for each alias, note, copy, and turn of a loop. Its message names the
         # owner up to the first colon, and a loop changes numbers: the key leaves both out.
-        key = (code, _NUMBER.sub("0", message.partition(": ")[2] or message), place)
+        words = message.partition(": ")[2] or message
+        key = (code, _NUMBER.sub("0", words) if self._is_looped(place) else words, place)
         if key in self._by_message:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
@@ -117,6 +119,13 @@ class Collector:
             # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
             self._by_message[key] = (diagnostic, candidates)
+
+    def loop(self, first: Place, last: Place) -> None:
+        """Note the lines of a loop: each of its mistakes is told once, not in each turn."""
+        self._loops.setdefault(first.file, []).append(range(first.line, last.line + 1))
+
+    def _is_looped(self, place: Place) -> bool:
+        return any(place.line in lines for lines in self._loops.get(place.file, ()))
 
     def file(self, name: str) -> None:
         """Note that a file was opened: reports follow the order of opening."""
