@@ -1,21 +1,37 @@
-"""The tool that wraps prose changes no page."""
+"""Lines of prose have at most 120 columns, and the tool that wraps them changes no page."""
 
 from __future__ import annotations
 
 import re
+import subprocess
+from pathlib import Path
 
 import pytest
 from markdown_it import MarkdownIt
 
 from docs.generators.wrap import COLUMNS, long_lines, wrapped
 
+ROOT = Path(__file__).parents[2]
 WORDS = "the quick brown fox jumps over the lazy dog " * 6
+
+
+def tracked_pages() -> list[Path]:
+    listed = subprocess.run(
+        ["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return [ROOT / name for name in listed.stdout.splitlines()]
 
 
 def rendered(text: str) -> str:
     """A page as HTML, whatever its line breaks are."""
     html = MarkdownIt("commonmark").enable("table").render(text)
     return re.sub(r"\s+", " ", html)
+
+
+def test_prose_has_120_columns():
+    """`python -m docs.generators.wrap FILE` wraps a page that fails here."""
+    pages = {page: [*long_lines(page.read_text(encoding="utf-8"))] for page in tracked_pages()}
+    assert {str(page): lines for page, lines in pages.items() if lines} == {}
 
 
 @pytest.mark.parametrize(
