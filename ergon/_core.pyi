@@ -1046,7 +1046,7 @@ class Timeline:
         impulse: float | None = None,
         mass: float | None = None,
         speed: float | None = None,
-        lasts: float | None = 0.0,
+        lasts: float | None = ...,
         source: int = 0,
     ) -> None:
         """A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] and speed [m/s].
@@ -1064,7 +1064,7 @@ class Timeline:
         impulse: tuple[float, float],
         seed: int,
         name: str,
-        lasts: float | None = 0.0,
+        lasts: float | None = ...,
         source: int = 0,
         within: tuple[float, float] = ...,
     ) -> int:
@@ -1124,7 +1124,7 @@ class Timeline:
         """
     def release(self, mats: Sequence[tuple[int, int]], links: Sequence[tuple[int, int]]) -> None:
         """Let nothing move the parameters of MATs and LIAs any more; rows of (first, number)."""
-    def strike_point(self, mat: int, point: int, *, lasts: float | None = 0.0) -> None:
+    def strike_point(self, mat: int, point: int, *, lasts: float | None = ...) -> None:
         """Let Simulation.strike strike a MAT, which it calls by the number `point`; each strike
         lasts as in `strike`.
 
