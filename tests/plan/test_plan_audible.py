@@ -125,7 +125,7 @@ instruments:
       m: {{CEL: {{M: 1.2g, f: 1.5kHz, X0: 3mm}}}}
       l: {{DRY: {{to: m, F: 560N, {falls}}}}}
     out: {{o: {{SOX: m}}}}
-strikes: {{k: {{to: clamp.m, at: 30ms, impulse: 0.54mNs}}}}
+strikes: {{k: {{to: clamp.m, at: 30ms, impulse: 0.54mNs, lasts: 0s}}}}
 mix: {{channels: 1, route: [{{from: clamp.o, to: [1]}}]}}
 render: {{bits: float, tail: 0.3s}}
 """

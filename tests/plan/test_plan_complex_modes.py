@@ -91,7 +91,7 @@ a: {MAS: {M: 10g, V0: 0.5m/s}}
 b: {MAS: {M: 30g}}
 k: {REF: {between: [a, b], K: 2000, Z: 0.3}}
 """
-    strikes = "strikes:\n  hit: {to: s.b, at: 0.0123456s, impulse: 0.004Ns}\n"
+    strikes = "strikes:\n  hit: {to: s.b, at: 0.0123456s, impulse: 0.004Ns, lasts: 0s}\n"
     sound = played(score(modules, "{a: {SOX: a}, b: {SOX: b}}", strikes))
     t = np.arange(len(sound)) / RATE
     middle = (0.01 * 0.5 * t + 0.004 * np.maximum(t - 0.0123456, 0.0)) / 0.04

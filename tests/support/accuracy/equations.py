@@ -4,6 +4,7 @@ It knows the modules that audited scenes use, in SI units, and refuses all other
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import yaml
 from oracle.bodies import eigenvalues, string_edges
 from scipy.interpolate import PPoly, make_interp_spline
+from scipy.signal.windows import blackman
 
 _UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
 _NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
@@ -32,6 +34,8 @@ _OF_DAMPING = {
     "bow-hyperbolic": ("F", "r", "v1", "v2", "u"),
 }
 N_NUMBERS = 8
+_CONTACT = "0.19ms"  # for which a strike lasts that does not say so
+_PARTS_A_SECOND = 44_100.0
 REST = 2  # where a link's rest or gap stands among its numbers
 
 
@@ -159,10 +163,25 @@ def read(text: str) -> Equations:
         spring = couple["REF"]
         result.link(a, b, 1, 1, number(spring["K"]), 0.0, 0.0, number(spring.get("Z", 0.0)))
     for strike in score.get("strikes", {}).values():
-        struck = result.names[strike["to"]]
-        result.strikes.append((struck, number(strike["at"]), number(strike["impulse"])))
+        struck, begin = result.names[strike["to"]], number(strike["at"])
+        for after, impulse in _impulses(strike):
+            result.strikes.append((struck, begin + after, impulse))
     _gestures(result, score)
     return result
+
+
+def _impulses(strike: dict[str, Any]) -> Iterator[tuple[float, float]]:
+    """The impulses of which a strike consists, and how long after its beginning they act [s]:
+    samples of Blackman's window, 1/44,100 s apart.
+    """
+    impulse, lasts = number(strike["impulse"]), number(strike.get("lasts", _CONTACT))
+    n = round(lasts * _PARTS_A_SECOND)
+    if n < 3:
+        yield 0.0, impulse
+        return
+    window = blackman(n, sym=False)
+    for k in range(1, n):
+        yield k / _PARTS_A_SECOND, impulse * window[k] / window.sum()
 
 
 def _part(outcome: Equations, part: str, modules: dict[str, Any]) -> None:
