@@ -253,9 +253,6 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         option = "from_" if options.until is None else "until"
         raise OptionError(option, f"the part to render is empty; the piece ends at {end}")
     file = options if isinstance(options, FileOptions) else FileOptions()
-    # What was performed is rendered to the samples that were heard, to its last one.
-    is_performed = options.hands is not None or options.input is not None
-    is_cut = options.until is not None or (stage.fades_from is None and not is_performed)
     return RenderJob(
         target=target,
         format=WaveFormat(scores.whole_rate(stage.rate), n_channels, bits),
@@ -274,7 +271,8 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         force=file.force,
         fades_from=stage.fades_from,
         is_part=options.until is not None,
-        edges=Edges(start > 0, is_cut),
+        # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
+        edges=Edges(start > 0, options.until is not None),
         stretches=of_user(),
         measures_instruments=not options.draft,  # which takes about as long as mixing
     )

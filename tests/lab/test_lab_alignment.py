@@ -30,7 +30,7 @@ instruments:
       m: {{MAS: {{M: 5g}}}}
       s: {{REF: {{between: [wall, m], K: 16kN/m, Z: 0.02Ns/m}}}}
     out: {{{output}: m}}
-strikes: {{s: {{to: a.m, at: 0.08s, impulse: 2mNs}}}}
+strikes: {{s: {{to: a.m, at: 0.08s, impulse: 2mNs, lasts: 0s}}}}
 render: {{tail: 1s}}
 """
 STRING = """
