@@ -26,7 +26,7 @@ accuracy: {{error: {asked}dB}}
 instruments:
   gong: {gong}
 mix: {{channels: 2}}
-strikes: {{a: {{to: [gong.mallet], at: {struck}s, impulse: {impulse}mNs}}}}
+strikes: {{a: {{to: [gong.mallet], at: {struck}s, impulse: {impulse}mNs, lasts: 0s}}}}
 render: {{tail: 0.5s, bits: float}}
 """
 TAMTAM = "{from: gong/tamtam}"

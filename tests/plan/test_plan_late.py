@@ -104,7 +104,9 @@ instruments:
       s: {STRING: {masses: 40, M: 0.5g, f: 131Hz, t60: 3s, ends: fixed}}
       felt: {DRY: {to: s.20, F: 2N, static: 3.5N, speed: 20mm/s}}
     out: {o: {SOX: s.31}OTHERS}
-strikes: {a: {to: g.s.9, at: 50ms, impulse: 0.2mNs}, b: {to: g.s.9, at: 400ms, impulse: 3mNs}}
+strikes:
+  a: {to: g.s.9, at: 50ms, impulse: 0.2mNs, lasts: 0s}
+  b: {to: g.s.9, at: 400ms, impulse: 3mNs, lasts: 0s}
 mix: {channels: 1}
 """
 

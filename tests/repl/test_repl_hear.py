@@ -267,6 +267,8 @@ def test_phrasing_live_equals_journal(tmp_path):
             port.send(bytes([0xE0, 0, 16 * step]))
             assert session.submit(f"set bell.m.M {2 + step / 8:g}g now").taken
             until(lambda after=frame: engine.frame > after, "the engine goes on")
+        journal = tmp_path / "session.jsonl"
+        until(lambda: journal.read_text().count('"event": "strike"') == 9, "all are struck")
         frame = engine.frame
         until(lambda: engine.frame > frame + 22_050, "the last rings")
         troubles = engine.status().troubles
