@@ -98,18 +98,18 @@ def error(tmp_path: Path, positions: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("key", [RealKey(), RealKey(weight=0.15, delay=0.0033)])
-def test_a_driven_key_follows_its_written_path(tmp_path: Path, key: RealKey):
+def test_driven_key_on_its_written_path(tmp_path: Path, key: RealKey):
     positions, _ = driven(tmp_path, key, key)
     assert error(tmp_path, positions) < 0.1e-3
 
 
 @pytest.mark.parametrize("ratio", [0.95, 1.05])
-def test_a_driven_key_of_another_mass_drifts_little(tmp_path: Path, ratio: float):
+def test_driven_key_with_wrong_mass(tmp_path: Path, ratio: float):
     positions, _ = driven(tmp_path, RealKey(), replace(RealKey(), mass=0.4 * ratio))
     assert error(tmp_path, positions) < 0.3e-3
 
 
-def test_a_driven_key_that_is_played_renders_from_its_take(tmp_path: Path):
+def test_driven_key_rendered_from_its_take(tmp_path: Path):
     played_file = tmp_path / "heard.wav"
     options = ("--audio", f"file:{played_file}", "--gain", "60dB")
     driven(tmp_path, RealKey(), RealKey(mass=0.42), options=options, gap="6mm")
@@ -120,7 +120,7 @@ def test_a_driven_key_that_is_played_renders_from_its_take(tmp_path: Path):
     )
 
 
-def test_a_hand_that_holds_a_driven_key_wins(tmp_path: Path):
+def test_driven_key_held_by_a_hand(tmp_path: Path):
     """A hand as stiff as a light grip keeps the key; it is told by a force, and by little work."""
     hand = ("--gesture", "0mm@0 hold 0mm@9", "--hand", "900N/m", "--grip", "6Ns/m")
     positions, forces = driven(tmp_path, RealKey(), RealKey(), *hand)
@@ -134,7 +134,7 @@ def test_a_hand_that_holds_a_driven_key_wins(tmp_path: Path):
     assert np.abs(work).max() > 1e-5
 
 
-def test_a_hand_that_lets_go_lets_a_driven_key_return_to_its_path(tmp_path: Path):
+def test_driven_key_after_a_hand_lets_go(tmp_path: Path):
     hand = ("--gesture", "0mm@0 hold 0mm@3", "--hand", "900N/m", "--grip", "6Ns/m")
     positions, _ = driven(tmp_path, RealKey(), RealKey(), *hand)
     path = written(tmp_path)
@@ -143,7 +143,7 @@ def test_a_hand_that_lets_go_lets_a_driven_key_return_to_its_path(tmp_path: Path
     assert np.sqrt(np.mean((positions[later] - path[later]) ** 2)) < 1e-3
 
 
-def test_a_driven_force_is_clamped(tmp_path: Path):
+def test_drive_force_above_the_limit(tmp_path: Path):
     _, forces = driven(tmp_path, RealKey(), RealKey(), options=("--force-max", "100mN"))
     # Questions to the motor take a part of what is allowed.
     assert 0.08 < np.abs(forces).max() < 0.1 + 1e-6
@@ -169,9 +169,7 @@ FAULT = 3.5  # [s] of the board
 
 
 @pytest.mark.parametrize(("fault", "greatest"), [({"motor": -1.0}, 0.0), ({"frozen": True}, 0.1)])
-def test_a_fault_ends_or_bounds_the_force_on_a_driven_key(
-    tmp_path: Path, fault: dict[str, float], greatest: float
-):
+def test_drive_force_under_faults(tmp_path: Path, fault: dict[str, float], greatest: float):
     """A frozen sensor is found by forces of newtons; smaller ones stay those of the part."""
     (tmp_path / "key.yaml").write_text(LIGHT_KEY)
     (tmp_path / "score.yaml").write_text(PACED)
@@ -197,7 +195,7 @@ def test_a_fault_ends_or_bounds_the_force_on_a_driven_key(
         ("parts: {remi: [{at: 2.2s, play: swing}]}", "", "remi=emul:", "has no written part"),
     ],
 )
-def test_what_cannot_drive_a_key_is_refused(
+def test_drive_without_motor_or_calibration(
     tmp_path: Path, before: str, after: str, drive: str, why: str
 ):
     (tmp_path / "key.yaml").write_text(LIGHT_KEY)

@@ -22,7 +22,7 @@ def named(piece: Playing, player: str) -> str:
 
 
 @pytest.mark.parametrize("lie", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_moves_nothing(work_folder: Path, lie: float):
+def test_page_positions_without_a_number(work_folder: Path, lie: float):
     with playing() as piece, RawPage(piece.url) as page:
         assert page.text("hold 0")
         now = piece.lead("remi").now()
@@ -37,7 +37,7 @@ def test_what_is_no_number_moves_nothing(work_folder: Path, lie: float):
         assert np.nanmax(np.abs(trace[:, 1:]), initial=0.0) <= 0.05 + 1e-9
 
 
-def test_a_flood_is_cut_off(work_folder: Path):
+def test_page_with_a_flood_of_positions(work_folder: Path):
     """A page that sends as fast as it can gets the positions that a hand may send, no more."""
     with playing() as piece, RawPage(piece.url) as page:
         assert page.text("hold 0")
@@ -56,7 +56,7 @@ def test_a_flood_is_cut_off(work_folder: Path):
         assert "refused" in named(piece, "remi")
 
 
-def test_a_key_of_another_page_moves_for_nobody_else(work_folder: Path):
+def test_page_positions_of_another_key(work_folder: Path):
     with playing() as piece, RawPage(piece.url) as page, RawPage(piece.url) as liar:
         assert page.text("hold 0")
         now = piece.lead("remi").now()
@@ -70,7 +70,7 @@ def test_a_key_of_another_page_moves_for_nobody_else(work_folder: Path):
 
 
 @pytest.mark.parametrize("words", ["hold 7", "hold -1", "hold x", "take 0", "ping", "ping x"])
-def test_words_that_mean_nothing_end_the_connection(work_folder: Path, words: str):
+def test_page_with_unknown_words(work_folder: Path, words: str):
     with playing() as piece, RawPage(piece.url) as page:
         assert page.text(words)
         now = piece.lead("remi").now()

@@ -66,7 +66,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(ticks) * 2.0 * 44 / 44_100, path
 
 
-def test_a_part_drives_a_key_in_a_session(tmp_path: Path):
+def test_drive_in_a_session(tmp_path: Path):
     (tmp_path / "key.yaml").write_text("ergon: 1\nM: 50g\nK: 0N/m\nZ: 1Ns/m\n")
     (tmp_path / "score.yaml").write_text(SCORE, encoding="utf-8")
     texts = Texts.read(tmp_path / "score.yaml")

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delayed_motor_pushes_frames_later() {
+    fn motor_force_with_delay() {
         let undelayed = path(Motor::default());
         let late = |frames: f64| {
             path(Motor {
@@ -157,7 +157,7 @@ mod tests {
 
     /// A hand acts at once, whatever the motor does.
     #[test]
-    fn a_hand_is_not_delayed() {
+    fn hand_force_beside_a_delayed_motor() {
         let mut delayed = key(Motor {
             delay: 0.01,
             push: 0.0,
@@ -172,7 +172,7 @@ mod tests {
 
     /// A free mass under a constant force from rest: x = F t²/2M.
     #[test]
-    fn a_weight_lets_a_free_key_fall() {
+    fn weight_of_key_without_spring() {
         let mut key = key(Motor {
             delay: 0.005,
             push: -0.2,

@@ -236,7 +236,7 @@ mod tests {
 
     /// What drives a key is in full where the forces of the piece are scaled, and fades with the spring.
     #[test]
-    fn a_driven_key_gets_the_force_of_its_part() {
+    fn written_force_under_scaled_forces() {
         let driven = Hand {
             forces: vec![0.4],
             ..hand(true)

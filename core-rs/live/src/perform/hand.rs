@@ -115,7 +115,7 @@ mod tests {
     /// A driven key: its position is compared with that of the same tick, and the force that is sent acts in the tick
     /// after it, or a tick later where the device does not wait for it.
     #[test]
-    fn a_written_force_belongs_to_the_tick_in_which_it_acts() {
+    fn written_motion_by_tick_and_lockstep() {
         let hand = Hand {
             standin: vec![0.0, 1e-3, 3e-3],
             forces: vec![0.1, 0.2, 0.3],
