@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 import av
 
 from docs.generators.pages import blocks, put
+from docs.generators.sizes import report_size
 
 PAGE = Path(__file__).resolve().parents[1] / "view.md"
 RATE = 15  # pictures a second
@@ -51,10 +52,7 @@ def main(target: Path) -> None:
     """Draw and write the film."""
     with TemporaryDirectory() as name:
         encode(draw(Path(name)), target)
-    size = target.stat().st_size
-    if size > LARGEST:
-        raise ValueError(f"{target} has {size:,} bytes; at most {LARGEST:,} are meant")
-    print(f"{target}: {size:,} bytes")
+    report_size(target, LARGEST)
 
 
 if __name__ == "__main__":

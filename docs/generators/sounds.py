@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import ergon
 from docs.generators.pages import blocks, put
+from docs.generators.sizes import report_size
 from ergon.cli.bundled import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -60,10 +61,7 @@ def main(folder: Path) -> None:
         frames, rate = rendered(name)
         path = folder / f"{name}.ogg"
         soundfile.write(path, frames, rate, format="OGG", compression_level=QUALITY)
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise ValueError(f"{path} has {size:,} bytes; at most {LARGEST:,} are meant")
-        print(f"{path}: {size:,} bytes")
+        report_size(path, LARGEST)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.tables import notes
-from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
+from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope, playable
+from ergon.repl.language.striking import check_options
 from ergon.repl.language.transforming import split_at_do, transform_offers
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
@@ -52,8 +53,8 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
     fields = {"at": when}
     if len(rest) > 1 and _IMPULSE.match(rest[-1][0]):
         fields["impulse"] = rest[-1][0]
-        _check("impulse", *rest.pop())
-    _check("at", when, begin)
+        v.check_word(PHRASE_ENTRY, "impulse", *rest.pop())
+    v.check_word(PHRASE_ENTRY, "at", when, begin)
     if not 1 <= len(rest) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
         raise TextError(message, offset=begin, length=len(when))
@@ -62,16 +63,6 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
             message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
             raise TextError(message, offset=offset, length=len(word))
     return {**fields, "what": " ".join(word for word, _ in rest)}
-
-
-def _check(field: str, word: str, offset: int) -> None:
-    shape = PHRASE_ENTRY.by_name[field].shape
-    assert isinstance(shape, Text)
-    try:
-        shape.parse(word)
-    except TextError as error:
-        error.offset += offset
-        raise
 
 
 def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
@@ -93,16 +84,7 @@ def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, 
     if len(words) > 1:
         message = f"{quote(words[1].text)} does not belong here: one phrase is played at a time"
         raise TextError(message, offset=words[1].offset, length=len(words[1].text))
-    for name, word in options.items():
-        try:
-            shape = STRIKES.by_name[name].shape
-            if name == "until" or not isinstance(shape, Text):
-                v.POSITION.read(word.text, scope, {})
-            else:
-                shape.parse(word.text)
-        except TextError as error:
-            error.offset += word.offset
-            raise
+    check_options(options, scope)
     fields = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
     if do is not None:
         if not text[do:].strip():

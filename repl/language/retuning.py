@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.clock.positions import Length
-from ergon.notation.tables.shapes import Text
 from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -54,13 +53,7 @@ def _fields(text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str
             message = f"{quote(name)} says nothing of a tuning; it has {known}, each once"
             near = TUNING.meant.get(name) or nearest(name, TUNING.by_name)
             raise TextError(message, offset=start, length=len(name), suggestion=near)
-        shape = TUNING.by_name[name].shape
-        assert isinstance(shape, Text)
-        try:
-            shape.parse(word)
-        except TextError as error:
-            error.offset += offset
-            raise
+        v.check_word(TUNING, name, word, offset)
         fields[name] = word
     if len(words) % 2:
         start, name = words[-1]

@@ -11,6 +11,7 @@ from ergon.instruments.transpose import TRANSPOSITION
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Record
 from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
@@ -97,6 +98,17 @@ def unknown_name(text: str, what: str, names: Iterable[str]) -> TextError:
         some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
         message += f"; there are only {some}" if known else "; the score has none"
     return TextError(message, length=len(text), suggestion=near)
+
+
+def check_word(record: Record, field: str, word: str, offset: int) -> None:
+    """Check a word that a field of a score takes. Raises TextError with the word's `offset`."""
+    shape = record.by_name[field].shape
+    assert isinstance(shape, Text)
+    try:
+        shape.parse(word)
+    except TextError as error:
+        error.offset += offset
+        raise
 
 
 def check_new_name(text: str) -> str:

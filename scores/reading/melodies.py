@@ -148,7 +148,9 @@ def played(
         rows, length = tune
         if values.written("impulse") and not phrase.written("velocity"):
             rows = tuple(replace(row, level=None) for row in rows)
-        rows = (*with_levels(rows, values["impulse"]), *_pressed(phrase, files))
+        rows = with_levels(rows, values["impulse"])
+        if voices.has_act(PRESS):
+            rows = (*rows, *_pressed(phrase, files))
     else:
         rows_of_phrase = phrase_rows(phrase, phrases, voices, values["impulse"])
         if rows_of_phrase is None:

@@ -421,6 +421,11 @@ class NoteTargets:
             words[place] = notes.moved(words[place], semitones)
         return Name(".".join(words), word.place)
 
+    def has_act(self, act: str) -> bool:
+        """Whether a note of the instruments has an act that lasts as long as a note."""
+        members = (member for name in self.to for member in self.part_names.members(name))
+        return any(True for member in members for _ in self.part_names.drawn_act(member, act))
+
     def targets(self, row: Row, who: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
         pairs = zip(row.what, row.before or row.what, strict=True)
