@@ -51,6 +51,8 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
     pub(in crate::plan) squares: Vec<Vec<f64>>,
+    /// Work that was drawn for it [s].
+    pub(in crate::plan) work: f64,
     /// Work that depends on the motion, from the first touch on.
     pub(in crate::plan) counted_cost: CountedCost,
     /// A part of the island diverged.
@@ -368,6 +370,7 @@ fn run(
 ) -> Result<Option<PilotRun>, TrialError> {
     let n_frames = excerpt.n_frames;
     allowance.note_frames(excerpt.end());
+    let (drawn_before, _) = allowance.spent();
     let mut meter = Meter::new(island_plan, allowance);
     // A run that the allowance cannot pay for is not begun.
     meter
@@ -412,6 +415,7 @@ fn run(
     }
     Ok(Some(PilotRun {
         from: excerpt.from,
+        work: allowance.spent().0 - drawn_before,
         loudest_share: silence.loudest_share(&squares),
         created,
         sound,

@@ -3,6 +3,7 @@
 //! Candidates of several families are played in doubling steps. The change from one run to the next bounds the error of
 //! the finer one, for each method is at least of order 1. Families of the highest order come first.
 
+use std::ops::RangeInclusive;
 use std::rc::Rc;
 
 use crate::maths::pow;
@@ -97,11 +98,13 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         spans,
         budget,
     };
+    let highest = 8 * TIMES_MAX;
     let substeps = first_substeps(first);
     let mut best: Option<Reference> = None;
     for family in climb.families(first) {
         let part = allowance.fraction(SHARE);
-        let reached = climb.family((family, substeps), &part);
+        let lowest = if family.is_plain { TIMES_MAX } else { 1 };
+        let reached = climb.family((family, substeps), lowest..=highest, &part);
         allowance.spend_fraction(&part, SHARE);
         match reached {
             // By CA a strike that friction can stop within a step moves nothing, at any rate.
@@ -122,6 +125,30 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
         }
     }
     Ok(best)
+}
+
+/// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
+pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+    assemble: &F,
+    (runs, spans): (&Runs, &Spans),
+    budget: &Budget,
+    allowance: &Allowance,
+) -> Result<Option<Reference>, TrialError> {
+    let climb = Climb {
+        assemble,
+        runs,
+        spans,
+        budget,
+    };
+    let part = allowance.fraction(SHARE);
+    let [.., plain] = Family::OF_REFERENCE;
+    let reached = climb.family((plain, 1), 1..=2 * TIMES_MAX, &part);
+    allowance.spend_fraction(&part, SHARE);
+    match reached {
+        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(budget))),
+        Err(TrialError::AllowanceSpent) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// Contact substeps a step of all runs, given the first one.
@@ -169,18 +196,21 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
         methods.is_ok_and(|methods| methods.iter().any(Option::is_some))
     }
 
-    /// Plays a family in doubling steps until a run is exact enough, or gains no more.
+    /// Plays a family in doubling steps until a run is exact enough, or gains no more. Of a plain family that begins at
+    /// one step a frame, three runs have to agree: two that both miss a short contact may agree by chance.
     fn family(
         &self,
         (family, substeps): (Family, usize),
+        doublings: RangeInclusive<u32>,
         allowance: &Allowance,
     ) -> Result<Option<Reference>, TrialError> {
         let mut best: Option<Reference> = None;
         let mut last: Option<Rc<PilotRun>> = None;
         let mut before: Option<f64> = None;
         let mut spent = 0.0;
-        let mut steps = if family.is_plain { TIMES_MAX } else { 1 };
-        while steps <= 8 * TIMES_MAX {
+        let is_coarse = family.is_plain && doublings.contains(&1);
+        let mut steps = *doublings.start();
+        while doublings.contains(&steps) {
             let member = (self.assemble)(family.with_steps(steps));
             steps *= 2;
             let Ok(island) = member else {
@@ -215,8 +245,12 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
                 run,
             };
             let is_idle = before.is_some_and(|before| change > before - GAIN);
-            let ends = is_idle || reached.is_exact(self.budget);
+            let is_alone = is_coarse && before.is_none();
+            let ends = is_idle || (reached.is_exact(self.budget) && !is_alone);
             before = Some(change);
+            if is_alone {
+                continue;
+            }
             if best
                 .as_ref()
                 .is_none_or(|best| reached.is_better(best, self.budget))

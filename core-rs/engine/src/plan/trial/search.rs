@@ -11,9 +11,10 @@ use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
-use crate::plan::trial::candidates::{Candidate, TIMES_MAX, candidates};
+use crate::plan::trial::candidates::{Candidate, TIMES_MAX, candidates, has_fine};
 use crate::plan::trial::chaos::{Pair, Parting, SPECTRUM_NOISE, Stretches};
 use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_run::{Created, PilotRun, is_affordable};
@@ -66,10 +67,54 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The cheapest candidate within the budget, or the best of those tried; without any, the reference if a plan may
     /// choose it.
     pub(in crate::plan) fn find(&self) -> Result<Option<Tried>, Error> {
+        let (within, nearest) = self.try_candidates(|_| true)?;
+        Ok(within.or(nearest).or_else(|| self.reference_itself()))
+    }
+
+    /// The cheapest candidate within the budget whose contacts and laws are computed once a step, or one step a frame
+    /// with contacts between frames, if that is within the budget too and costs less than several steps.
+    pub(in crate::plan) fn find_plain(&self) -> Result<Option<Tried>, Error> {
+        let (within, _) = self.try_candidates(|candidate| candidate.substeps == 1)?;
+        let Some(plain) = within else {
+            return Ok(None);
+        };
+        let between_frames = match plain.candidate.island.island_plan.oversampling {
+            1 => None,
+            _ => unless_spent(self.between_frames(&plain))?.flatten(),
+        };
+        Ok(Some(between_frames.unwrap_or(plain)))
+    }
+
+    /// The island at one step a frame with contacts between frames, if it is within the budget and costs less than
+    /// `plain`. Contacts that are open cost nothing, so its run ends where it is known to cost more.
+    fn between_frames(&self, plain: &Tried) -> Result<Option<Tried>, TrialError> {
+        let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::ByBudget)) else {
+            return Ok(None);
+        };
+        if !has_fine(&island) {
+            return Ok(None);
+        }
+        let candidate = Candidate::new(island, Budget::STEPS_MIN, None);
+        let (before, _) = self.allowance.spent();
+        let goes_on = |_, _: &[f64]| self.allowance.spent().0 - before <= plain.run.work;
+        let played = (&candidate.island.island_plan, candidate.substeps);
+        let run = self.runs.play_while(played, self.allowance, goes_on)?;
+        let run = run.filter(|run| !run.is_lost && !self.creates_energy(&candidate.island, run));
+        let tried = run.map(|run| self.compare(candidate, run));
+        let is_better = |tried: &Tried| tried.candidate.cost < plain.candidate.cost;
+        Ok(tried.filter(|tried| is_better(tried) && !self.misses(tried)))
+    }
+
+    /// The cheapest candidate within the budget of those that are offered, and the nearest that is not within it.
+    fn try_candidates(
+        &self,
+        is_offered: impl Fn(&Candidate) -> bool,
+    ) -> Result<(Option<Tried>, Option<Tried>), Error> {
         let reference = (&self.reference.candidate, &*self.reference.run);
         let (mut within, mut nearest): (Option<Tried>, Option<Tried>) = (None, None);
         let mut gains = Gains::default();
-        for candidate in candidates(self.assemble, reference) {
+        let all = candidates(self.assemble, reference);
+        for candidate in all.into_iter().filter(is_offered) {
             // Candidates that were played may have cost more than was estimated; with more substeps they cost still more.
             if let Some(within) = &within {
                 if candidate.cost >= within.candidate.cost {
@@ -103,7 +148,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
                 nearest = Some(tried);
             }
         }
-        Ok(within.or(nearest).or_else(|| self.reference_itself()))
+        Ok((within, nearest))
     }
 
     /// The reference as a candidate, if its steps are no more than a plan may choose.
