@@ -15,36 +15,41 @@ from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
 from ergon.scores.reading import sections as s
 from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.gesture_tables import GESTURE, TAKE
+from ergon.scores.reading.key_tables import COUPLING, KEY, PLAYER
+from ergon.scores.reading.measured_tables import CALIBRATION, LAYOUT, SPEAKER
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY
+from ergon.scores.reading.mix_tables import MASTER, MIX, RENDER, ROUTE
 from ergon.scores.reading.part import PLAY
+from ergon.scores.reading.strike_tables import PHRASE, STRIKES
 
 _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("tuning", s.TUNING),
     ("rates", s.RATES),
     ("tempo", s.TEMPO),
     ("meter", s.METERS),
-    ("keys", s.KEY),
+    ("keys", KEY),
     ("instruments", INSTRUMENT.forms["si"]),
     ("instruments: place", PLACING),
     ("laws", s.LAW),
-    ("gestures", s.GESTURE),
-    ("takes", s.TAKE),
-    ("phrases", s.PHRASE),
-    ("strikes", s.STRIKES),
+    ("gestures", GESTURE),
+    ("takes", TAKE),
+    ("phrases", PHRASE),
+    ("strikes", STRIKES),
     ("strikes: entries", ENTRY),
     ("phrases: entries", PHRASE_ENTRY),
-    ("players", s.PLAYER),
-    ("duet", s.COUPLING),
+    ("players", PLAYER),
+    ("duet", COUPLING),
     ("parts", PLAY),
     ("automation", AUTOMATION),
-    ("mix", s.MIX),
-    ("mix: route", s.ROUTE),
-    ("mix: master", s.MASTER),
-    ("render", s.RENDER),
+    ("mix", MIX),
+    ("mix: route", ROUTE),
+    ("mix: master", MASTER),
+    ("render", RENDER),
     ("accuracy", s.ACCURACY),
-    ("files of `calib:`", s.CALIBRATION),
-    ("files of `layout:`", s.LAYOUT),
-    ("files of `layout:`: speakers by angles", s.SPEAKER),
+    ("files of `calib:`", CALIBRATION),
+    ("files of `layout:`", LAYOUT),
+    ("files of `layout:`: speakers by angles", SPEAKER),
 )
 
 

@@ -11,7 +11,8 @@ from .errors import OptionError
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
-    from ergon.scores.reading.piece import Piece, Route
+    from ergon.scores.reading.outputs import Route
+    from ergon.scores.reading.piece import Piece
 
 
 def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Loaded:

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from ergon.live.calibration import Axis
     from ergon.live.led_address import LedKey
     from ergon.live.led_hands import LedHands
-    from ergon.scores.reading.piece import Key, Piece
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.playing import Key
 
     from .options import PerformanceOptions
 

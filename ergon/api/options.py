@@ -17,7 +17,7 @@ from .errors import OptionError
 if TYPE_CHECKING:
     from ergon.exchange.plan_file import PlanFile
     from ergon.exchange.wave_header import Bits
-    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.reading.outputs import Accuracy
 
 
 THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
@@ -79,7 +79,7 @@ class AccuracyOptions(ReadOptions):
         What is asked for here comes first, then what a plan that is `followed` was made for.
         """
         from ergon.notation.text.spelling import nearest
-        from ergon.scores.reading.piece import METHODS, Accuracy
+        from ergon.scores.reading.outputs import METHODS, Accuracy
         from ergon.scores.staging.planning import requested_accuracy
 
         check_seed(self.seed)

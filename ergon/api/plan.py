@@ -16,7 +16,7 @@ from .pictures import table_html
 if TYPE_CHECKING:
     from ergon._core import IslandChoice, PlanRow
     from ergon.exchange.plan_file import Budget
-    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.reading.outputs import Accuracy
 
     from .work_shares import Shares, WorkPiece
 

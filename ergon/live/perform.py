@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.exchange.frozen import VerifiedStem
-    from ergon.scores.reading.piece import Key
+    from ergon.scores.reading.playing import Key
     from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 

@@ -14,7 +14,7 @@ from ergon.repl.language.triggers import Trigger
 from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.pattern.turn_chain import Change
-from ergon.scores.reading.piece import PlayingOptions
+from ergon.scores.reading.playing import PlayingOptions
 from ergon.scores.reading.rhythms import words_of
 
 

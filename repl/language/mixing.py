@@ -16,7 +16,7 @@ from ergon.repl.language.forms import Words
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.structure import check_value, pairs
 from ergon.repl.language.values import Completion, CompletionContext, Value
-from ergon.scores.reading.sections import ROOM
+from ergon.scores.reading.mix_tables import ROOM
 
 _FIELDS = {field.name: field for field in ROOM.fields if field.name != "to"}
 _MASTER = "master"

@@ -19,7 +19,7 @@ from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
 from ergon.scores.reading.phrase_do import split_do
-from ergon.scores.reading.sections import STRIKES
+from ergon.scores.reading.strike_tables import STRIKES
 
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
 _IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module

@@ -18,7 +18,8 @@ from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
 from ergon.scores.reading.automatable import FACTOR, INTERVAL_OR_FACTOR, PARAMETERS, whole
 from ergon.scores.reading.families import library
-from ergon.scores.reading.piece import Gesture, Piece
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Gesture
 
 SUFFIXES = (".yaml", ".yml")  # of scores
 MIDI_SUFFIXES = (".mid", ".midi")

@@ -17,7 +17,7 @@ from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.automatable import amount_reader
-from ergon.scores.reading.sections import STRIKES
+from ergon.scores.reading.strike_tables import STRIKES
 
 # `OPTIONS` has each option of `strikes` with an example.
 _LOUD = "1mNs"  # the impulse of notes of an instrument that does not say how it is played

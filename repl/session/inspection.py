@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.strike_levels import StrikeLevels
     from ergon.repl.session.version import Faders, Version
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Piece, Play, Strikes, TempoEntry
+    from ergon.scores.reading.piece import Piece, Strikes, TempoEntry
+    from ergon.scores.reading.playing import Play
 
 _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
     from ergon.scores.edits.scenes import Scene
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Gesture, Piece, Route
+    from ergon.scores.reading.outputs import Route
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.playing import Gesture
 
 _SCENES_MAX = 50  # scores of a folder whose lengths are looked up
 

@@ -11,7 +11,7 @@ from ergon.notation.clock.positions import Length, Position
 from ergon.repl.session.frozen_parts import LoadedPart, place_samples
 from ergon.repl.session.rehearsing import keys_for
 from ergon.repl.session.struck_places import strike_points
-from ergon.scores.reading.piece import NO_OPTIONS, Play
+from ergon.scores.reading.playing import NO_OPTIONS, Play
 from ergon.scores.staging.preparing import Span
 from ergon.scores.staging.stage import StageTakeover, stage
 from ergon.scores.staging.version_glides import (

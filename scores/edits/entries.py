@@ -18,7 +18,8 @@ from ergon.scores.pattern import words
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.turn_chain import split_chain
-from ergon.scores.reading.piece import Piece, Play
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Play
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,8 +26,8 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable, overlay
+from ergon.scores.reading.key_tables import KEY
 from ergon.scores.reading.piece import Piece
-from ergon.scores.reading.sections import KEY
 
 # Two equivalent pairs of fields: a CEL or a key has one of them.
 _TUNED, _PLAIN = ("f", "t60"), ("K", "Z")

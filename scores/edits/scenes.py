@@ -25,7 +25,8 @@ from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading import automatable
-from ergon.scores.reading.piece import Key, Piece, Strikes
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.playing import Key
 from ergon.scores.reading.uses import Names
 
 END = "end"  # the mark at which a scene begins again

@@ -13,7 +13,8 @@ from ergon.scores.edits.lists import items, place
 from ergon.scores.edits.positions import written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.mixing import Fade
-from ergon.scores.reading.piece import Piece, Route
+from ergon.scores.reading.outputs import Route
+from ergon.scores.reading.piece import Piece
 
 _SOON = 0.02  # [s] to silence, before a fade in
 

@@ -13,7 +13,8 @@ from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.scores.edits.matter import quantities, said, set_list, set_value
 from ergon.scores.edits.texts import Texts
-from ergon.scores.reading.piece import Key, Piece
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Key
 
 if TYPE_CHECKING:
     from ergon import _core

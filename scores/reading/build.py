@@ -27,25 +27,13 @@ from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
 from ergon.scores.reading import calibration, mixing, tones
 from ergon.scores.reading.automatable import amount_reader
+from ergon.scores.reading.gesture_tables import OSC
+from ergon.scores.reading.measured_tables import LAYOUT
+from ergon.scores.reading.outputs import Accuracy, Master, Mix, RenderSpec, Route
 from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
-from ergon.scores.reading.piece import (
-    Accuracy,
-    Coupling,
-    Gesture,
-    Hit,
-    Key,
-    Master,
-    Mix,
-    Player,
-    RenderSpec,
-    Route,
-    SoundInput,
-    Strikes,
-    TakeFile,
-    TempoEntry,
-)
+from ergon.scores.reading.piece import Hit, Strikes, TempoEntry
+from ergon.scores.reading.playing import Coupling, Gesture, Key, Player, SoundInput, TakeFile
 from ergon.scores.reading.playing_options import playing_options
-from ergon.scores.reading.sections import LAYOUT, OSC
 from ergon.scores.reading.sweep_fields import passing
 from ergon.space import directions
 

@@ -12,7 +12,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
-from ergon.scores.reading.sections import CALIBRATION
+from ergon.scores.reading.measured_tables import CALIBRATION
 
 _DECAY = 3.0 * log(10.0)  # σ·T60
 # The end of travel on which a key lies that no spring carries: its least stiffness [N/m], and how

@@ -28,14 +28,8 @@ from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.melody import NoteTargets
-from ergon.scores.reading.piece import (
-    Coupling,
-    Hit,
-    Piece,
-    Play,
-    Player,
-    Strikes,
-)
+from ergon.scores.reading.piece import Hit, Piece, Strikes
+from ergon.scores.reading.playing import Coupling, Play, Player
 from ergon.scores.reading.routing import routed
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.struck_tuning import in_tuning

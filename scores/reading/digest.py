@@ -17,16 +17,9 @@ from ergon.notation.tables.strengths import Level, Levels
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point
 from ergon.scores.gesture.transforms import Transform
-from ergon.scores.reading.piece import (
-    Gesture,
-    Hit,
-    Key,
-    Piece,
-    PlayingOptions,
-    RenderSpec,
-    Strikes,
-    TakeFile,
-)
+from ergon.scores.reading.outputs import RenderSpec
+from ergon.scores.reading.piece import Hit, Piece, Strikes
+from ergon.scores.reading.playing import Gesture, Key, PlayingOptions, TakeFile
 from ergon.scores.reading.rhythms import Rhythm
 
 

@@ -9,7 +9,7 @@ from ergon.notation.text.errors import quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import build, melodies, midi_gesture
-from ergon.scores.reading.piece import Gesture, TakeFile
+from ergon.scores.reading.playing import Gesture, TakeFile
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 
 

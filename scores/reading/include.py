@@ -17,7 +17,8 @@ from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.reading.automation import Automation
-from ergon.scores.reading.piece import Coupling, Piece, Play, Player, Strikes
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.playing import Coupling, Play, Player
 from ergon.scores.reading.rhythms import retargeted
 
 MAX_INCLUDED = 200_000  # lines of parts, strikes, automation and couplings of a piece

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from ergon.common.changed import changed_part
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading.piece import Gesture, Piece, Play
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Gesture, Play
 
 
 class Known(NamedTuple):

@@ -27,7 +27,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading import build, overlay
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.known_modules import resolve_names
-from ergon.scores.reading.piece import Key
+from ergon.scores.reading.playing import Key
 from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.uses import Entry, Names, Uses, called
 

@@ -10,7 +10,7 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.midi_file import MidiNote
 from ergon.scores.reading.melodies import between, midi_notes
-from ergon.scores.reading.piece import NO_OPTIONS, Gesture
+from ergon.scores.reading.playing import NO_OPTIONS, Gesture
 
 _REACH = 0.125  # [quarters] from rest to the depth of a note, and back
 _ROOM = 0.45  # at most this share of the way to the next note

@@ -31,7 +31,7 @@ from ergon.scores.pattern.turn_chain import as_turns
 from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 from ergon.scores.reading.patterns import PATTERN_TABLE, pattern_of
-from ergon.scores.reading.piece import Play
+from ergon.scores.reading.playing import Play
 from ergon.scores.reading.playing_options import ENTRY_FIELDS, HAND_WORDS, PLAY_DO, playing_options
 
 MAX_ROWS = 1_000_000

@@ -11,7 +11,7 @@ from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_do
 from ergon.scores.pattern import turn_chain
-from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
+from ergon.scores.reading.playing import NO_OPTIONS, PlayingOptions
 
 HAND_WORDS = MEANINGS | {
     word: f"{form.line}, such as {form.example}" for word, form in turn_chain.FORMS.items()

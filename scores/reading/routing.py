@@ -13,7 +13,8 @@ from ergon.notation.tables.quantities import ratio_of
 from ergon.notation.tables.shapes import Name
 from ergon.notation.text.errors import quote
 from ergon.scores.reading.mixing import Room
-from ergon.scores.reading.piece import Key, Mix, Route
+from ergon.scores.reading.outputs import Mix, Route
+from ergon.scores.reading.playing import Key
 
 
 def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:

@@ -15,7 +15,8 @@ from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.steps import steps
 from ergon.scores.reading.known_plays import KnownPlays
-from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.reading.playing import Gesture, Play
 
 # The length of a gesture, and one sentence for each thing that its transformations lost.
 _Length = tuple[Length, tuple[str, ...]]

@@ -8,7 +8,9 @@ from typing import Any
 
 from ergon.instruments.model import Act, Hold, Instrument, Module, Output, Target
 from ergon.scores.reading.automation import Automation
-from ergon.scores.reading.piece import Coupling, Hit, Key, Mix, Piece, Player, Route, Strikes
+from ergon.scores.reading.outputs import Mix, Route
+from ergon.scores.reading.piece import Hit, Piece, Strikes
+from ergon.scores.reading.playing import Coupling, Key, Player
 from ergon.scores.reading.rhythms import Rhythm, renamed
 
 # Types of which a field may hold a target or the name of a part.

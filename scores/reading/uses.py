@@ -21,7 +21,8 @@ from ergon.notation.text.values import Place
 from ergon.scores.reading.include import YIELDING, Include, includes, transposed
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
-from ergon.scores.reading.piece import Gesture, Key, Piece, TakeFile
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Gesture, Key, TakeFile
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.tuned import tuning_of, tunings_of
 

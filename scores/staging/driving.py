@@ -14,7 +14,8 @@ from ergon.scores.staging.tick_forces import TickForces
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ergon.scores.reading.piece import Key, Piece, Player
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.playing import Key, Player
 
 # Ticks that are computed between two readings of the ergons.
 _BLOCK_TICKS = 1024

@@ -20,11 +20,11 @@ from ergon.scores.gesture.points import Curve
 from ergon.scores.gesture.transforms import Chance, MidpointChance, Transform, apply, apply_to_take
 from ergon.scores.pattern.search import n_before
 from ergon.scores.pattern.steps import Steps
-from ergon.scores.reading.piece import (
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import (
     DEFAULT_OPTIONS,
     NO_OPTIONS,
     Gesture,
-    Piece,
     Play,
     Player,
     PlayingOptions,

@@ -12,7 +12,8 @@ from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import KINDS, LINKS, member_count
 from ergon.instruments.spread import single_links, size
 from ergon.notation.text.errors import Diagnostic, quote
-from ergon.scores.reading.piece import Key, Piece
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Key
 
 
 def warn_implausible(piece: Piece) -> list[Diagnostic]:

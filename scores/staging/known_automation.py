@@ -19,7 +19,8 @@ from ergon.notation.text.values import Time
 from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.curves import CurvePoint
-from ergon.scores.reading.piece import Key, NoteGlide, Piece, Strikes
+from ergon.scores.reading.piece import NoteGlide, Piece, Strikes
+from ergon.scores.reading.playing import Key
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import Led, Points, Where
 

@@ -15,7 +15,8 @@ from ergon.instruments.model import Instrument, Output, Target
 from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector
 from ergon.scores.reading.mixing import Fade, PanPath, Room
-from ergon.scores.reading.piece import Piece, Route
+from ergon.scores.reading.outputs import Route
+from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 

@@ -11,7 +11,8 @@ from ergon.instruments.assemble import Assembly
 from ergon.instruments.model import Module
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.errors import Collector, quote
-from ergon.scores.reading.piece import Key, Piece, Player
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Key, Player
 from ergon.scores.staging.drives import drive
 from ergon.scores.staging.hands import Hands, Window
 from ergon.scores.staging.refusals import StageError

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, TypedDict
 
 from ergon import _core
-from ergon.scores.reading.piece import Accuracy, Method
+from ergon.scores.reading.outputs import Accuracy, Method
 
 # Errors that are offered if a plan costs too much, the most exact first [dB].
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)

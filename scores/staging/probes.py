@@ -11,7 +11,8 @@ from ergon.instruments.model import Instrument, Module, Output, Target
 from ergon.instruments.module_kinds import HOLDERS, member_count
 from ergon.instruments.spread import single_links
 from ergon.notation.tables.value_kinds import AXES
-from ergon.scores.reading.piece import Piece, Route
+from ergon.scores.reading.outputs import Route
+from ergon.scores.reading.piece import Piece
 
 MAX_POINTS = 256  # measured at once; a piece of 10,000 masses is not read line by line
 _NAME = "measured points"  # no instrument of a score has a name with a space

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ergon.notation.clock.positions import Position
-from ergon.scores.reading.piece import Piece, Play, Player, PlayingOptions
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Play, Player, PlayingOptions
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import Stage, stage
 

@@ -11,7 +11,8 @@ from ergon import _core
 from ergon.instruments import native
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.without_gc import without_gc
-from ergon.scores.reading.piece import Accuracy, Piece
+from ergon.scores.reading.outputs import Accuracy
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork
 from ergon.scores.staging.drawn_notes import DrawnNote
 from ergon.scores.staging.hands import ErgonPlaces, StagedGesture

@@ -13,7 +13,8 @@ from ergon import _core
 from ergon.notation.text.errors import Collector, quote
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import Samples, read
-from ergon.scores.reading.piece import Piece, TakeFile
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import TakeFile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,8 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.values import Place
-from ergon.scores.reading.piece import Key, Piece
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import Key
 from ergon.scores.staging.hands import StagedGesture
 
 _SLACK = 1e-9  # metres: a written point on the very end of the travel is inside

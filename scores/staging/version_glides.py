@@ -15,7 +15,8 @@ from ergon.instruments.spread import single_links
 if TYPE_CHECKING:
     from ergon.instruments.assemble import Assembly
     from ergon.instruments.model import Module, Target
-    from ergon.scores.reading.piece import Key, Piece
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.playing import Key
 
 # CEL: K, Z, M. Link: K, or a factor if it has no K. STRING or PLATE: K and Z of its links, up to a
 # constant factor.

@@ -8,7 +8,7 @@ from commands import records
 
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_info
-from ergon.scores.reading.piece import METHODS
+from ergon.scores.reading.outputs import METHODS
 
 Capture = pytest.CaptureFixture[str]
 

@@ -7,7 +7,7 @@ from checked import check, codes
 from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Accuracy
+from ergon.scores.reading.outputs import Accuracy
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import prepare
 

@@ -15,7 +15,7 @@ from sweep import few
 from ergon import _core
 from ergon.cli import app
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Accuracy
+from ergon.scores.reading.outputs import Accuracy
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import prepare
 from ergon.workshop.lab.metrics import third_octaves, waveform_db

@@ -11,7 +11,8 @@ from sweep import few
 from ergon import _core
 from ergon.api import score as scores
 from ergon.api.options import AccuracyOptions
-from ergon.scores.reading.piece import Accuracy, Piece
+from ergon.scores.reading.outputs import Accuracy
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import planning
 from ergon.scores.staging.planning import Planned
 from ergon.scores.staging.preparing import prepare

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ergon.notation.text.errors import Diagnostic
 from ergon.scores.reading.digest import digest_of
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Piece, SoundInput
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.playing import SoundInput
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import Stage, stage
 

@@ -11,7 +11,7 @@ from random_networks import Floats, Link, RandomNetwork
 
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Accuracy
+from ergon.scores.reading.outputs import Accuracy
 from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import StageTakeover, stage
 

@@ -16,7 +16,7 @@ from ergon.repl.language.triggers import parse_condition, parse_every
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import NO_OPTIONS, PlayingOptions
+from ergon.scores.reading.playing import NO_OPTIONS, PlayingOptions
 
 ROOT = Path(__file__).parents[2]
 ONE = Length(beats=1.0)

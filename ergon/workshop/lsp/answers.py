@@ -13,9 +13,9 @@ from ergon.notation.tables.notes import Notes, nearest_note
 from ergon.notation.tables.shapes import Reference, Shape, Text
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import TextError
+from ergon.scores.reading.gesture_tables import CURVE, GestureShape, Raw
 from ergon.scores.reading.part import SHAPES, Part
 from ergon.scores.reading.rhythms import RHYTHM
-from ergon.scores.reading.sections import CURVE, GestureShape, Raw
 
 from . import cursor as cursors
 from .catalogue import Catalogue, Definition

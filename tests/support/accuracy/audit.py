@@ -13,7 +13,8 @@ from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
 from ergon.scores.reading.load import load
-from ergon.scores.reading.piece import Accuracy, Piece
+from ergon.scores.reading.outputs import Accuracy
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging import planning
 from ergon.scores.staging.preparing import PreparedPiece, prepare
 from ergon.scores.staging.refusals import StageError

@@ -1,0 +1,97 @@
+"""The tables of files of measurements: a calibrated key, a layout of loudspeakers."""
+
+from __future__ import annotations
+
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import (
+    Either,
+    ListOf,
+    Text,
+    choice,
+)
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.mix_tables import CHANNEL, MAX_CHANNELS
+
+
+def version(text: str) -> str:
+    """The format version, 1."""
+    if text != "1":
+        raise TextError("this program reads format 1", length=max(1, len(text)), code="E109")
+    return text
+
+
+_MODE = Record(
+    "mode",
+    "a part of a key that swings on it",
+    (
+        Field("M", k.MASS, "mass, which is part of that of the key", required=True),
+        Field("f", k.HERTZ, "frequency on a key that stands still", required=True),
+        Field("t60", k.DURATION, "decay by 60 dB", required=True),
+    ),
+)
+CALIBRATION = Record(
+    "calibration",
+    "a key as measured",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("M", k.MASS, "mass", required=True),
+        Field("K", k.STIFFNESS, "stiffness", required=True),
+        Field("Z", k.DAMPING, "viscosity", required=True),
+        Field("travel", k.TRAVEL, "range of positions of the key"),
+        Field("rest", k.POSITION, "where spring and weight balance"),
+        Field("weight", k.PUSH, "constant force downwards, of a key without a spring"),
+        Field("dry", k.FORCE, "dry friction"),
+        Field("presliding", k.STIFFNESS, "stiffness of dry friction before the key slides"),
+        Field("static", k.FORCE, "dry friction near rest"),
+        Field("static_speed", k.SPEED, "speed at which it has fallen towards `dry` by 1/e"),
+        Field("delay", k.PAUSE, "delay of the motor's force"),
+        Field("modes", ListOf(_MODE), "parts that swing on the key"),
+        Field("noise", k.POSITION, "rms of the sensor's noise"),
+        Field("correlations", ListOf(k.TITLE), "of each figure with those before it"),
+        Field("takes", ListOf(k.TITLE), "SHA-256 of the takes that it was measured by"),
+        *(
+            Field(name, k.TITLE, "for the reader")
+            for name in ("title", "date", "device", "residual")
+        ),
+    ),
+)
+SPEAKER = Record(
+    "loudspeaker",
+    "where a loudspeaker is, as seen from the middle",
+    (
+        Field("az", k.AZIMUTH, "from the front to the left", required=True),
+        Field("el", k.ELEVATION, "from the horizon up", 0.0, shown="0deg"),
+        Field("r", k.DISTANCE, "how far away", 1.0, shown="1m"),
+    ),
+)
+LAYOUT = Record(
+    "layout",
+    "where loudspeakers are",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("title", k.TITLE, "for the reader"),
+        Field(
+            "project",
+            choice("plan", "equidistant"),
+            "what the bench shows: the room from above, or angles from the zenith",
+            "plan",
+        ),
+        Field(
+            "speakers",
+            ListOf(Either(mapping=SPEAKER, sequence=ListOf(k.POSITION, 2, 3)), 1, MAX_CHANNELS),
+            "[x, y] or [x, y, z] of each, in metres, or {az, el, r}",
+            required=True,
+        ),
+        Field(
+            "outputs",
+            ListOf(CHANNEL, 1, MAX_CHANNELS),
+            "the output of each; without them the loudspeakers are at the outputs 1, 2, 3 …",
+        ),
+    ),
+)
+
+
+def distinct_fields(table: Record) -> tuple[str, ...]:
+    """Fields that only such a file has: a score with one of them is a file of that kind."""
+    return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))

@@ -1,0 +1,101 @@
+"""The tables of loudspeakers, the ways to them, and the file that is written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ergon.instruments.playing import LOUDNESS
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import (
+    Either,
+    ListOf,
+    NamesOf,
+    Reference,
+    Text,
+    choice,
+)
+from ergon.scores.reading import mixing, tones
+
+MAX_CHANNELS = 1024
+MUTE = (
+    "an instrument is silent without its route, or with `gain: x0` there; at the prompt "
+    "`mute bell` and `solo bell`"
+)
+
+
+def _channels(text: str) -> Any:
+    return "nearest" if text == "nearest" else (CHANNEL.parse(text),)
+
+
+CHANNEL = k.integer(1, MAX_CHANNELS, "1")
+_TO = Either(
+    scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
+    sequence=ListOf(CHANNEL, 1, MAX_CHANNELS),
+)
+ROOM = mixing.room_table(ListOf(CHANNEL, 1, MAX_CHANNELS, single=True))
+ROUTE = Record(
+    "route",
+    "from an instrument to loudspeakers",
+    (
+        Field(
+            "from",
+            Reference("an instrument or one of its outputs", ("instruments",)),
+            "what",
+            None,
+            True,
+        ),
+        Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
+        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
+        Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
+        Field("lowpass", k.HERTZ, "second-order low-pass"),
+        Field("lowshelf", tones.SHELF, "a gain of all below a frequency"),
+        Field("highshelf", tones.SHELF, "a gain of all above a frequency"),
+        Field("delay", tones.DELAY, "how much later it is heard, or with echoes"),
+        Field("pan", mixing.PAN, "place between two channels, by constant power; or its points"),
+        Field("send", mixing.SENDS, "rooms by name, each with a level"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
+        Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
+    ),
+    elsewhere={"mute": MUTE, "solo": MUTE},
+)
+MASTER = Record(
+    "master",
+    "all channels together",
+    (
+        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field(
+            "reference",
+            k.REFERENCE,
+            "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa, or SI: that of one unit is 0 dB",
+            shown="-20dB",
+        ),
+        Field("loudness", LOUDNESS, "loudness of the whole piece, peaks up to -1 dBTP"),
+        Field("normalise", k.GAIN, "level of the highest peak of the whole piece"),
+        Field("limit", k.GAIN, "ceiling of the limiter"),
+        Field("fade", mixing.FADE, "levels at positions of the piece"),
+    ),
+)
+MIX = Record(
+    "mix",
+    "loudspeakers and the ways to them",
+    (
+        Field("channels", CHANNEL, "how many", shown="as many as the routes need"),
+        Field("layout", k.PATH, "a file that says where loudspeakers are"),
+        Field("route", ListOf(ROUTE, single=True), "from instruments to channels"),
+        Field("rooms", NamesOf(ROOM, "room"), "rooms that routes send to"),
+        Field("master", MASTER, "all channels together"),
+    ),
+)
+RENDER = Record(
+    "render",
+    "the file that is written",
+    (
+        Field("file", k.PATH, "its name, relative to the score, in its folder"),
+        Field("bits", choice("16", "24", "float"), "sample format", "24"),
+        Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
+        Field("channels", CHANNEL, "as in the mix"),
+    ),
+    lone={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
+)

@@ -1,0 +1,173 @@
+"""The tables of strikes and phrases."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.instruments.space.fields import DIRECTION
+from ergon.instruments.transpose import INTERVAL
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
+    MISSING,
+    Context,
+    ListOf,
+    Reference,
+    Shape,
+    Text,
+    wrong_shape,
+)
+from ergon.notation.tables.strengths import LEVELS
+from ergon.notation.text import document
+from ergon.notation.text.document import Mapping, Node, Scalar
+from ergon.scores.gesture.transforms import MEANINGS as OF_GESTURES
+from ergon.scores.pattern.cycle_table import MEANINGS as OF_RHYTHMS
+from ergon.scores.reading import phrase_do
+from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
+from ergon.scores.reading.patterns import PATTERN_TABLE
+from ergon.scores.reading.rhythms import RHYTHM
+from ergon.scores.reading.sweep_fields import FIELDS as PASSING_FIELDS
+
+
+@dataclass(frozen=True)
+class StrikesDo(Shape):
+    """Transformations as texts: what they mean depends on whether a phrase or a rhythm plays."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        items = node.items if isinstance(node, document.Sequence) else [node]
+        texts = [item for item in items if isinstance(item, Scalar)]
+        if len(texts) < len(items) or not texts:
+            return wrong_shape(self, node, name, context)
+        return tuple(texts)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "array"], "items": {"type": ["string"]}}
+
+    def words(self) -> str:
+        """In words."""
+        return "transformations, such as scale 0.5, or every 4 rev"
+
+    def vocabulary(self) -> dict[str, str]:
+        """Words of rhythms, and those of gestures that are for the entries of a phrase."""
+        return {**OF_GESTURES, **OF_RHYTHMS}
+
+
+_TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
+_MUTE_STRIKES = (
+    "to leave strikes out, put '#' before their lines; at the prompt `mute NAME` and `solo NAME`"
+)
+PEDAL = (
+    "a score has no pedal: strokes of a rhythm last as `do: legato 1` says, notes of a MIDI file "
+    "until its pedal (controller 64) comes up, and other strokes have no end"
+)
+STRIKES = Record(
+    "strikes",
+    "ergons that hit modules directly, without a key",
+    (
+        Field("to", _TARGETS, "what; of a melody the instrument whose notes are struck"),
+        Field("at", k.WHEN, "when they begin"),
+        Field("for", k.LENGTH, "how long; of `sweep` and `path` once over the instrument"),
+        Field("until", k.WHEN, "when they end, instead of `for`"),
+        Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
+        Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
+        Field("times", k.TIMES, "number of strikes; of whole rounds, with `notes` or `euclid`"),
+        *PATTERN_TABLE,
+        Field("impulse", LEVELS, "how strongly, from a range by chance; a pattern in turn"),
+        Field(
+            "notes",
+            Text(str, "notes, such as A3 C4 E4", has_values=True),
+            "pitch of a CEL at each strike",
+        ),
+        Field("entries", Entries(ENTRY), "a melody, instead of all these: strikes one by one"),
+        Field(
+            "play",
+            Reference("a phrase, or a take of MIDI or MusicXML"),
+            "what is played, `every` so often",
+        ),
+        Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
+        Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
+        *PASSING_FIELDS,
+        Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
+        Field(
+            "do",
+            StrikesDo(),
+            "transformations of a phrase, a rhythm, or strikes by the clock, left to right",
+        ),
+        Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
+        Field("speed", k.SPEED, "speed of the ergon"),
+        Field(
+            "lasts", k.CONTACT_TIME, "how long each strike lasts; 0s: an instant", shown="0.19ms"
+        ),
+        Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
+    ),
+    meant={"repeat": "times"},
+    elsewhere={"pedal": PEDAL, "sustain": PEDAL, "mute": _MUTE_STRIKES, "solo": _MUTE_STRIKES},
+)
+
+
+def _phrase(values: Values) -> Any:
+    if values.written("entries", "like") or "entries" in values.misspelt:
+        return values
+    shape = values.record.by_name["entries"].shape
+    message = f"{values.context.of('')} has no 'entries': {shape.words()}"
+    values.context.error("E103", message, values.place)
+    return MISSING
+
+
+PHRASE = Record(
+    "phrase",
+    "a melody with a length of its own, which `strikes` play",
+    (
+        Field("entries", Entries(PHRASE_ENTRY), "its strikes; needed without `like`"),
+        Field("length", k.LENGTH, "its length", shown="to the beat after its last strike"),
+        Field("to", _TARGETS, "the instrument whose notes are struck"),
+        Field("impulse", LEVELS, "how strongly strikes are that say nothing"),
+        Field("like", Reference("a phrase", ("phrases",)), "begin with another phrase"),
+        Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
+    ),
+    _phrase,
+)
+
+
+@dataclass(frozen=True)
+class MelodyShape(Shape):
+    """A record, or its `entries` alone as a list or a table."""
+
+    record: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        if not is_bare:
+            return self.record.read(node, name, context)
+        values = Values(self.record, node, context)
+        entries = self.record.by_name["entries"].shape.read(node, name, context)
+        if entries is MISSING:
+            return MISSING
+        values.given["entries"], values.nodes["entries"] = entries, node
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        record_schema = self.record.schema()
+        return {**self.record.by_name["entries"].shape.schema(), **record_schema, "type": _ANY}
+
+    def words(self) -> str:
+        """In words."""
+        return f"{self.record.words()}, or its entries alone"
+
+    def field_names(self) -> Collection[str]:
+        """The names of fields of the record."""
+        return self.record.field_names()
+
+    def chosen(self, node: Node) -> Shape:
+        """The record, unless the node is its entries alone."""
+        is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
+        return self.record.by_name["entries"].shape.chosen(node) if is_bare else self.record
+
+
+_ANY = ["object", "array", "string", "null"]
