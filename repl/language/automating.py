@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
@@ -11,7 +12,8 @@ from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
-from ergon.repl.language.commands import Automate, StopLfo, When, Word
+from ergon.repl.language.commands import BlockCommand, When, Word
+from ergon.repl.language.forms import OFF_SLOT, Slot, form
 from ergon.repl.language.midi import source_words
 from ergon.repl.language.scope import MIDI_SUFFIXES, Scope, files_in
 from ergon.scores.gesture.midi_source import SOURCES, parse_source
@@ -21,6 +23,26 @@ from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.automatable import ALL, amount_reader
 from ergon.scores.reading.automation import AUTOMATION, parse_range
 from ergon.scores.reading.curves import is_curve, parse_curve
+
+
+@dataclass(frozen=True, slots=True)
+class Automate(BlockCommand):
+    """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: automate a parameter.
+
+    `kind` is `set` or `lfo`; the fields are those of `automation:` in a score, as texts.
+    """
+
+    target: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StopLfo(BlockCommand):
+    """`lfo bell.m.K off`: the parameter has its own value again."""
+
+    target: str
+
 
 _SET_OPTIONS = {
     "every": "1",
@@ -205,3 +227,28 @@ def automate_lfo(
 def stop_lfo(target: str, *, when: When, words: Mapping[str, Word]) -> StopLfo:
     """`lfo bell.m.K off`."""
     return StopLfo(target, when=when, words=words)
+
+
+# fmt: off
+SET_PATTERN_FORM = form("set", "set", "a parameter follows a pattern of values, or a curve",
+    "set bell.m.f A3 C4 E4 every 1", automate,
+    Slot("target", "PATH", AUTOMATED_TARGET),
+    Slot("fields", "VALUE … every LENGTH …", AUTOMATION_VALUES, many=True))
+SET_FILE_FORM = form("set", "set", "a parameter follows a MIDI file",
+    "set bell.m.K from tune.mid by cc 1/33 range 0.5..2", follow_file,
+    Slot("target", "PATH", AUTOMATED_TARGET),
+    Slot("file", "FILE", MIDI_FILE, "from"),
+    Slot("source", "cc N|bend|pressure [NOTE]", FILE_SOURCE, "by"),
+    Slot("ends", "LOW..HIGH", FILE_RANGE, "range"),
+    Slot("channel", "N", CHANNEL, "channel", optional=True),
+    Slot("start", "QUARTERS", FILE_START, "start", optional=True),
+    Slot("until", "WHERE", v.POSITION, "until", optional=True))
+LFO_FORM = form("lfo", "lf", "a parameter swings between two values",
+    "lfo bell.m.K 0.8..1.2 period 4bar", automate_lfo,
+    Slot("target", "PATH", AUTOMATED_TARGET),
+    Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", LFO,
+    many=True))
+LFO_OFF_FORM = form("lfo", "lf", "a parameter has its own value again",
+    "lfo bell.m.K off", stop_lfo,
+    Slot("target", "PATH", AUTOMATED_TARGET), OFF_SLOT)
+# fmt: on

@@ -3,19 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.block_values import checked
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import Command, When
+from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.lines import lines
 from ergon.repl.language.scope import Scope
-from ergon.repl.language.triggers import Condition, Every, parse_condition, parse_every
+from ergon.repl.language.triggers import Condition, Every, Trigger, parse_condition, parse_every
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.sections import MAX_BLOCK
+
+
+@dataclass(frozen=True, slots=True)
+class DefineBlock(Command):
+    """`def fill: …`: define a block of lines; it replaces a block of the same name."""
+
+    name: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RunBlock(Command):
+    """`fill`, `fill 16`, `fill n=16`: do the lines of a block, as one version; with values."""
+
+    name: str
+    values: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RunByRule(Command):
+    """`fill every 4bar`, `when bar % 4 == 3 fill`: run a block by a rule."""
+
+    name: str
+    trigger: Trigger
+
+
+@dataclass(frozen=True, slots=True)
+class StopBlock(Command):
+    """`stop fill`: end the rule of a block."""
+
+    name: str
+
 
 _CONDITION_WORDS = ("bar", "beat", "and")
 
@@ -100,22 +133,41 @@ RULE = Value("a condition and a block", _rule, _rule_completions)
 
 
 def define(
-    name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: c.When, words: Words
-) -> c.DefineBlock:
+    name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: When, words: Words
+) -> DefineBlock:
     """Define a block; the lines that set its values come first."""
-    return c.DefineBlock(name[0], (*name[1], *lines), when=when, words=words)
+    return DefineBlock(name[0], (*name[1], *lines), when=when, words=words)
 
 
-def run(name: str, values: tuple[str, ...] | None, *, when: c.When, words: Words) -> c.RunBlock:
+def run(name: str, values: tuple[str, ...] | None, *, when: When, words: Words) -> RunBlock:
     """Run a block with values."""
-    return c.RunBlock(name, values or (), when=when, words=words)
+    return RunBlock(name, values or (), when=when, words=words)
 
 
-def run_every(name: str, trigger: Every, *, when: c.When, words: Words) -> c.RunByRule:
+def run_every(name: str, trigger: Every, *, when: When, words: Words) -> RunByRule:
     """Run a block at regular intervals."""
-    return c.RunByRule(name, trigger, when=when, words=words)
+    return RunByRule(name, trigger, when=when, words=words)
 
 
-def run_when(rule: tuple[Condition, str], *, when: c.When, words: Words) -> c.RunByRule:
+def run_when(rule: tuple[Condition, str], *, when: When, words: Words) -> RunByRule:
     """Run a block when a condition holds."""
-    return c.RunByRule(rule[1], rule[0], when=when, words=words)
+    return RunByRule(rule[1], rule[0], when=when, words=words)
+
+
+# fmt: off
+DEF_FORM = form("def", "de", "gives one line a name, or those below it up to `end`",
+    "def fill: ada plays lean times 2", define,
+    Slot("name", "NAME [NAME=VALUE …]:", NEW_BLOCK),
+    Slot("lines", "LINE …", LINES, many=True), timed=False)
+RUN_FORM = form("run", "ru", "does all lines of a block; its name alone does the same",
+    "run fill", run, Slot("name", "NAME", BLOCK),
+    Slot("values", "VALUE|NAME=VALUE …", VALUES, optional=True, many=True))
+EVERY_FORM = form("every", "ev", "runs a block again and again, the first time from here on",
+    "fill every 4bar", run_every, Slot("name", "NAME", BLOCK),
+    Slot("trigger", "LENGTH", EVERY), subject=True)
+WHEN_FORM = form("when", "w", "runs a block where a condition on bar or beat is true",
+    "when bar % 4 == 3 fill", run_when,
+    Slot("rule", "CONDITION NAME", RULE, many=True))
+STOP_BLOCK_FORM = form("stop", "st", "stops a block that runs by itself", "stop fill", StopBlock,
+    Slot("name", "NAME", BLOCK))
+# fmt: on

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from ergon.notation.clock.positions import Length
-from ergon.notation.text.errors import TextError
-from ergon.repl.language import commands as c
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import Command, Word
 from ergon.repl.language.values import Value
 
 
@@ -42,7 +41,7 @@ class Form:
     short: str
     effect: str
     example: str
-    make: Callable[..., c.Command]
+    make: Callable[..., Command]
     slots: tuple[Slot, ...] = ()
     timed: bool = True  # may end in `now`, `at C` or `in 2`
     subject: bool = False
@@ -56,73 +55,35 @@ class Form:
         return " ".join(words)
 
 
-Words = Mapping[str, c.Word]
+Words = Mapping[str, Word]
 
 
-def set_parameter(
-    target: str,
-    change: tuple[float | None, float | None],
-    over: Length | None,
-    *,
-    when: c.When,
-    words: Words,
-) -> c.Set:
-    """Set a value, or multiply by a factor."""
-    return c.Set(target, *change, over, when=when, words=words)
+def form(
+    verb: str,
+    short: str,
+    effect: str,
+    example: str,
+    make: Callable[..., Command],
+    *slots: Slot,
+    timed: bool = True,
+    subject: bool = False,
+    quoted: bool = False,
+) -> Form:
+    """A form: its verb, the shortest beginning by which that is understood, its effect, an example,
+    what makes its command, its places.
+
+    A short form is fixed: a verb that is added later gets one that leaves these alone, so that
+    habits stay true.
+    """
+    return Form(verb, short, effect, example, make, slots, timed, subject, quoted)
 
 
-def couple(
-    a: str,
-    b: str,
-    stiffness: float | None,
-    viscosity: float | None,
-    *,
-    when: c.When,
-    words: Words,
-) -> c.Couple:
-    """Couple two keys by a REF with K, Z or both. Raises TextError."""
-    if stiffness is None and viscosity is None:
-        end = words["b"].end
-        raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
-    return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
-
-
-def record_audio(file: str | None = None, *, when: c.When, words: Words) -> c.RecordAudio:
-    """Record sound into a file; without a file, end the recording."""
-    return c.RecordAudio(file, when=when, words=words)
-
-
-def tempo(
-    bpm: tuple[float, float | None], over: Length | None, *, when: c.When, words: Words
-) -> c.Tempo:
-    """Set a tempo, or a ramp, which needs both tempos and a length. Raises TextError."""
-    if (bpm[1] is None) != (over is None):
-        word = words["over" if bpm[1] is None else "bpm"]
-        message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
-        raise TextError(message, offset=word.start, length=len(word.text))
-    return c.Tempo(*bpm, over, when=when, words=words)
-
-
-def build(
-    name: str,
-    base: tuple[str, float, Mapping[str, str]],
-    *,
-    when: c.When,
-    words: Words,
-) -> c.Build:
-    """Build an instrument with its own fields."""
-    return c.Build(name, *base, when=when, words=words)
-
-
-def scene(
-    names: tuple[str, str | None], over: Length | None, *, when: c.When, words: Words
-) -> c.Scene:
-    """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
-    first, second = names
-    if second is None:
-        return c.Scene(first, None, over, when=when, words=words)
-    if over is None:
-        word = words["names"]
-        message = "the way from one scene to another needs a length: scene A -> B over 4bar"
-        raise TextError(message, offset=word.start, length=len(word.text))
-    return c.Scene(second, first, over, when=when, words=words)
+# Places that several verbs have.
+PLAYER_SLOT = Slot("player", "PLAYER", v.PLAYER)
+OVER_SLOT = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
+OFF_SLOT = Slot("", "", None, "off")
+LINK_SLOTS = (
+    Slot("stiffness", "STIFFNESS", v.STIFFNESS, "K=", optional=True),
+    Slot("viscosity", "VISCOSITY", v.DAMPING, "Z=", optional=True),
+)
+SHOWN_SLOT = Slot("name", "NAME", v.NAME_OR_PARAMETER, optional=True)

@@ -4,17 +4,35 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ergon.notation.tables.notes import check_note, word_of
 from ergon.notation.tables.strengths import DYNAMICS, MEZZO_FORTE, Level, is_level, level
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import Command, When
+from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import Word
+
+
+@dataclass(frozen=True, slots=True)
+class Hear(Command):
+    """`hear kick`, `hear vib C4 E4 f`, `hear bell.m 2mNs`: strike once, at the next tick.
+
+    `notes` are the words of pitches; none: the note in the middle, if the instrument has notes.
+    """
+
+    target: str
+    notes: tuple[str, ...]
+    level: Level
+
+    @property
+    def name(self) -> str:
+        """The name of what was struck, among the maps of a version."""
+        return " ".join(("hear", self.target, *self.notes))
 
 
 class Stroke(NamedTuple):
@@ -25,9 +43,9 @@ class Stroke(NamedTuple):
     level: Level
 
 
-def hear(stroke: Stroke, *, when: c.When, words: Words) -> c.Hear:
+def hear(stroke: Stroke, *, when: When, words: Words) -> Hear:
     """Strike once."""
-    return c.Hear(*stroke, when=when, words=words)
+    return Hear(*stroke, when=when, words=words)
 
 
 def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
@@ -113,3 +131,11 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
 
 
 STROKE = Value("what is struck, such as kick, vib C4 f or bell.m 2mNs", _read, _offers)
+
+
+# fmt: off
+HEAR_FORM = form("hear", "hea", "strikes once, now: an instrument, an act or a module",
+    "hear gong f", hear,
+    Slot("stroke", "INSTRUMENT[.ACT]|MODULE [NOTE …] [LEVEL]", STROKE, many=True),
+    timed=False)
+# fmt: on

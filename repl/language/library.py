@@ -3,28 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import Command, When
+from ergon.repl.language.forms import SHOWN_SLOT, Slot, Words, form
 from ergon.repl.language.scope import SUFFIXES, Scope, scores_in
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.families import file_of, library
 
 
-def use(family: tuple[str, str], *, when: c.When, words: Words) -> c.Use:
+@dataclass(frozen=True, slots=True)
+class Use(Command):
+    """`use skins`: bring in the instruments of a file, whose names a line may then play."""
+
+    family: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
+class Show(Command):
+    """List who plays what, or show where a name is defined."""
+
+    name: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ListInstruments(Command):
+    """List the instruments of a family; None: those of the score, and all families."""
+
+    family: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ListGestures(Command):
+    """List the gestures and the takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListScenes(Command):
+    """List the scores beside this one, which can be played as scenes."""
+
+
+def use(family: tuple[str, str], *, when: When, words: Words) -> Use:
     """Bring in a family, from its name and its file."""
-    return c.Use(*family, when=when, words=words)
+    return Use(*family, when=when, words=words)
 
 
-def voices(*, when: c.When, words: Words) -> c.Show:
+def voices(*, when: When, words: Words) -> Show:
     """List who plays what."""
-    return c.Show(None, when=when, words=words)
+    return Show(None, when=when, words=words)
 
 
 def family_hint(scope: Scope, name: str) -> str:
@@ -68,3 +101,20 @@ LISTED = Value(
         Completion(name, family_hint(context.scope, name)) for name in context.scope.families
     ),
 )
+
+
+# fmt: off
+USE_FORM = form("use", "us", "brings in a family, so that its instruments can be played",
+    "use skins", use, Slot("family", "FAMILY|FILE", FAMILY))
+SHOW_FORM = form("show", "sh", "lists who plays what, or shows where a name is defined",
+    "show ada", Show, SHOWN_SLOT, timed=False)
+VOICES_FORM = form("voices", "vo", "lists who plays what, and what is muted", "voices",
+    voices, timed=False)
+INSTRUMENTS_FORM = form("instruments", "ins", "lists the instruments of the score or of a family",
+    "instruments skins", ListInstruments,
+    Slot("family", "FAMILY", LISTED, optional=True), timed=False)
+GESTURES_FORM = form("gestures", "ge", "lists the gestures and the takes", "gestures", ListGestures,
+    timed=False)
+SCENES_FORM = form("scenes", "scenes", "lists the scenes beside the score", "scenes", ListScenes,
+    timed=False)
+# fmt: on

@@ -12,9 +12,20 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.strengths import level
 from ergon.notation.tables.velocities import LAWS
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import When
+from ergon.repl.language.forms import OFF_SLOT, PLAYER_SLOT, Slot, Words, form
+from ergon.repl.language.mapping import (
+    BPM_UNIT,
+    EVEN,
+    LEARN,
+    Learn,
+    MapControl,
+    MapNotes,
+    Maps,
+    Monitor,
+    Unmap,
+)
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.gesture import midi_source
@@ -22,14 +33,14 @@ from ergon.scores.gesture.midi_notes import note_number
 from ergon.scores.gesture.midi_source import parse_source
 
 # What a map of a controller may begin with, and what that is.
-SOURCES = {**midi_source.SOURCES, c.LEARN: "the next of these that moves"}
+SOURCES = {**midi_source.SOURCES, LEARN: "the next of these that moves"}
 
 
 # --- what moves ----------------------------------------------------------------------------------
 
 
 def _read_source(text: str, *_: Any) -> str:
-    if text == c.LEARN:
+    if text == LEARN:
         return text
     head = text.partition(" ")[0]
     heads = [source for source in SOURCES if " " not in source]
@@ -41,7 +52,7 @@ def _read_source(text: str, *_: Any) -> str:
 def is_source(text: str) -> bool:
     """Whether a text names what moves, as a map has it."""
     try:
-        return text != c.LEARN and _read_source(text) == text
+        return text != LEARN and _read_source(text) == text
     except TextError:
         return False
 
@@ -72,7 +83,7 @@ SOURCE = Value(
     _read_source,
     _source_offers,
     count=source_words,
-    heads=("cc", "bend", "pressure", c.LEARN),
+    heads=("cc", "bend", "pressure", LEARN),
 )
 
 
@@ -130,18 +141,18 @@ TEMPOS = Value(
 
 
 def map_control(
-    source: str, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
-) -> c.MapControl | c.Learn:
+    source: str, target: str, range: tuple[float, float, str], *, when: When, words: Words
+) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
-    return _learnt(c.MapControl(source, target, (low, high), unit, when=when, words=words))
+    return _learnt(MapControl(source, target, (low, high), unit, when=when, words=words))
 
 
 def map_tempo(
-    source: str, range: tuple[float, float], *, when: c.When, words: Words
-) -> c.MapControl | c.Learn:
+    source: str, range: tuple[float, float], *, when: When, words: Words
+) -> MapControl | Learn:
     """Map a controller to the tempo."""
-    return _learnt(c.MapControl(source, None, range, c.BPM_UNIT, when=when, words=words))
+    return _learnt(MapControl(source, None, range, BPM_UNIT, when=when, words=words))
 
 
 def map_gain(
@@ -149,24 +160,24 @@ def map_gain(
     range: tuple[float, float],
     sounding: str | None = None,
     *,
-    when: c.When,
+    when: When,
     words: Words,
-) -> c.MapControl | c.Learn:
+) -> MapControl | Learn:
     """Map a controller to a level."""
-    return _learnt(c.MapControl(source, None, range, "dB", sounding, when=when, words=words))
+    return _learnt(MapControl(source, None, range, "dB", sounding, when=when, words=words))
 
 
-def unmap_control(source: str, *, when: c.When, words: Words) -> c.Unmap | c.Learn:
+def unmap_control(source: str, *, when: When, words: Words) -> Unmap | Learn:
     """End the map of a controller."""
-    if source == c.LEARN:
-        return c.Learn(None, when=when, words=words)
-    return c.Unmap(source, when=when, words=words)
+    if source == LEARN:
+        return Learn(None, when=when, words=words)
+    return Unmap(source, when=when, words=words)
 
 
-def _learnt(control: c.MapControl) -> c.MapControl | c.Learn:
+def _learnt(control: MapControl) -> MapControl | Learn:
     return (
-        c.Learn(control, when=control.when, words=control.words)
-        if control.source == c.LEARN
+        Learn(control, when=control.when, words=control.words)
+        if control.source == LEARN
         else control
     )
 
@@ -254,30 +265,75 @@ def map_notes(
     impulse: tuple[float, float] | None = None,
     curve: str | None = None,
     *,
-    when: c.When,
+    when: When,
     words: Words,
-) -> c.MapNotes:
+) -> MapNotes:
     """Map notes to strikes; without impulses, to an instrument that says how it is played."""
-    return c.MapNotes(*notes, target, impulse, None, curve or c.EVEN, when=when, words=words)
+    return MapNotes(*notes, target, impulse, None, curve or EVEN, when=when, words=words)
 
 
 def map_gesture(
-    notes: tuple[int, int], player: str, gesture: str, *, when: c.When, words: Words
-) -> c.MapNotes:
+    notes: tuple[int, int], player: str, gesture: str, *, when: When, words: Words
+) -> MapNotes:
     """Map notes to a gesture of a player."""
-    return c.MapNotes(*notes, player, None, gesture, when=when, words=words)
+    return MapNotes(*notes, player, None, gesture, when=when, words=words)
 
 
-def learn_note(target: str, *, when: c.When, words: Words) -> c.Learn:
+def learn_note(target: str, *, when: When, words: Words) -> Learn:
     """Map the next note that comes."""
-    return c.Learn(c.MapNotes(0, 0, target, None), when=when, words=words)
+    return Learn(MapNotes(0, 0, target, None), when=when, words=words)
 
 
-def unmap_notes(notes: tuple[int, int], *, when: c.When, words: Words) -> c.Unmap:
+def unmap_notes(notes: tuple[int, int], *, when: When, words: Words) -> Unmap:
     """End the map of a range of notes."""
-    return c.Unmap(c.MapNotes(*notes, "", None).name, when=when, words=words)
+    return Unmap(MapNotes(*notes, "", None).name, when=when, words=words)
 
 
-def monitor(is_on: bool = False, *, when: c.When, words: Words) -> c.Monitor:
+def monitor(is_on: bool = False, *, when: When, words: Words) -> Monitor:
     """Print MIDI messages as they come, or end that."""
-    return c.Monitor(is_on, when=when, words=words)
+    return Monitor(is_on, when=when, words=words)
+
+
+# fmt: off
+_SOURCE = Slot("source", "cc N|bend|pressure [NOTE]|learn", SOURCE)
+_NOTES = Slot("notes", "NOTE|NOTE..NOTE", NOTES, "note")
+_CURVE = Slot("curve", "square|root|even", CURVE, "curve", optional=True)
+MAP_PARAMETER_FORM = form("map", "map", "a MIDI controller moves a parameter",
+    "map cc 21 bell.m.K 1kN/m..9kN/m", map_control,
+    _SOURCE, Slot("target", "PATH", v.TARGET),
+    Slot("range", "VALUE..VALUE", RANGE))
+MAP_GAIN_FORM = form("map", "map", "a MIDI controller moves a level, in dB",
+    "map cc 7 gain bell -40dB..0dB", map_gain,
+    _SOURCE, Slot("sounding", "NAME", v.SOUNDING, "gain"),
+    Slot("range", "LEVEL..LEVEL", LEVELS))
+MAP_MASTER_FORM = form("map", "map", "a MIDI controller moves the level of everything",
+    "map cc 8 gain -40dB..0dB", map_gain,
+    _SOURCE, Slot("", "", None, "gain"),
+    Slot("range", "LEVEL..LEVEL", LEVELS))
+MAP_TEMPO_FORM = form("map", "map", "a MIDI controller sets the tempo",
+    "map cc 1 tempo 60..180", map_tempo,
+    _SOURCE, Slot("range", "BPM..BPM", TEMPOS, "tempo"))
+MAP_GESTURE_FORM = form("map", "map", "MIDI notes let a player play a gesture",
+    "map note D2 ada knock", map_gesture,
+    _NOTES, PLAYER_SLOT, Slot("gesture", "GESTURE", v.PLAYED))
+MAP_STRIKES_FORM = form("map", "map", "MIDI notes strike modules, by their velocity",
+    "map note C3..C5 bell.m 1mNs..20mNs", map_notes,
+    _NOTES, Slot("target", "MODULE", STRUCK),
+    Slot("impulse", "IMPULSE..IMPULSE", IMPULSES), _CURVE)
+MAP_NOTES_FORM = form("map", "map", "MIDI notes play an instrument or run a block",
+    "map note C3..C5 gong curve square", map_notes,
+    _NOTES, Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES), _CURVE)
+MAP_LEARN_FORM = form("map", "map", "the next MIDI note plays an instrument or runs a block",
+    "map learn note gong", learn_note, Slot("", "", None, LEARN),
+    Slot("target", "INSTRUMENT|BLOCK", PLAYED_BY_NOTES, "note"))
+MAPS_FORM = form("maps", "maps", "lists the maps, and what came and has none", "maps", Maps,
+    timed=False)
+UNMAP_FORM = form("unmap", "unma", "ends the map of a controller, or lets none be learnt",
+    "unmap cc 21", unmap_control, _SOURCE)
+UNMAP_NOTES_FORM = form("unmap", "unma", "ends a map of notes", "unmap note C3..C5", unmap_notes,
+    _NOTES)
+MONITOR_FORM = form("monitor", "mon", "prints MIDI messages as they come", "monitor on",
+    lambda **more: monitor(True, **more), Slot("", "", None, "on"), timed=False)
+MONITOR_OFF_FORM = form("monitor", "mon", "ends that", "monitor off", monitor, OFF_SLOT,
+    timed=False)
+# fmt: on

@@ -4,19 +4,74 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
+from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import BlockCommand, Command, When
+from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope
 from ergon.repl.language.structure import check_value, pairs
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.mix_tables import ROOM
+
+
+@dataclass(frozen=True, slots=True)
+class Route(BlockCommand):
+    """Set the channels, gain, pan and room of an instrument.
+
+    None leaves a setting as it was. `send` is a room and a level.
+    """
+
+    name: str
+    channels: tuple[str, ...] | None
+    gain: float | None = None
+    pan: float | None = None
+    send: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MovePan(Command):
+    """Move an instrument to a place between its two channels, over a length."""
+
+    name: str
+    pan: float
+    over: Length
+
+
+@dataclass(frozen=True, slots=True)
+class Filter(BlockCommand):
+    """Set a filter or the delay of an instrument: the fields of its routes and their texts.
+
+    An empty mapping removes it.
+    """
+
+    name: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Room(Command):
+    """Add a room, or change fields of one, as written."""
+
+    name: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Fade(Command):
+    """Fade in or out, over a length: an instrument, or everything if the name is None."""
+
+    name: str | None
+    is_in: bool
+    over: Length
+
 
 _FIELDS = {field.name: field for field in ROOM.fields if field.name != "to"}
 _MASTER = "master"
@@ -30,23 +85,23 @@ def route(
     pan: float | None = None,
     send: tuple[str, str] | None = None,
     *,
-    when: c.When,
+    when: When,
     words: Words,
-) -> c.Route:
+) -> Route:
     """Set where an instrument sounds; what is None stays as it was."""
-    return c.Route(name, channels, gain, pan, send, when=when, words=words)
+    return Route(name, channels, gain, pan, send, when=when, words=words)
 
 
 def filtered(
-    name: str, kind: str, fields: Mapping[str, str], *, when: c.When, words: Words
-) -> c.Filter:
+    name: str, kind: str, fields: Mapping[str, str], *, when: When, words: Words
+) -> Filter:
     """Set a filter or the delay of an instrument, or remove it."""
-    return c.Filter(name, kind, fields, when=when, words=words)
+    return Filter(name, kind, fields, when=when, words=words)
 
 
-def fade(name: str, way: str, over: Length, *, when: c.When, words: Words) -> c.Fade:
+def fade(name: str, way: str, over: Length, *, when: When, words: Words) -> Fade:
     """Fade an instrument, or everything, in or out."""
-    return c.Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
+    return Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
 
 
 def _read_send(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
@@ -176,3 +231,42 @@ FADE_DIRECTION = Value(
     _read_fade_direction,
     lambda _: (Completion("out", "to silence"), Completion("in", "from silence")),
 )
+
+
+# fmt: off
+ROUTE_FORM = form("route", "ro", "an instrument sounds from these channels, and no others",
+    "route bell 3 4 gain -6dB pan -0.3", route,
+    Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
+    Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True),
+    Slot("pan", "PLACE", PAN, "pan", optional=True))
+ROUTE_GAIN_FORM = form("route", "ro", "an instrument has this level where it sounds",
+    "route bell gain -6dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("gain", "LEVEL", v.LEVEL, "gain"))
+ROUTE_PAN_FORM = form("route", "ro", "an instrument sounds from here between its two channels",
+    "route bell pan -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("pan", "PLACE", PAN, "pan"))
+PAN_FORM = form("pan", "pan", "an instrument sounds from here between its two channels",
+    "pan bell -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("pan", "PLACE", PAN))
+MOVE_PAN_FORM = form("pan", "pan", "an instrument moves to here between its two channels",
+    "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("pan", "PLACE", PAN), Slot("over", "LENGTH", v.LENGTH, "over"))
+FILTER_FORM = form("filter", "fil", "a filter or a delay on what is heard; off: without",
+    "filter bell lowpass 2kHz", filtered,
+    Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("kind", "lowpass|highpass|lowshelf|highshelf|delay", FILTER_KIND),
+    Slot("fields", "VALUE [LEVEL]|off", FILTER_FIELDS, many=True))
+SEND_FORM = form("route", "ro", "an instrument sounds in a room too",
+    "route bell send hall -12dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
+    Slot("send", "ROOM LEVEL", SEND, "send", many=True))
+ROOM_FORM = form("room", "roo", "adds a room that routes send to, or changes one",
+    "room hall t60=2s size=12m", Room,
+    Slot("name", "NAME", ROOM_NAME),
+    Slot("fields", "FIELD=VALUE …", ROOM_FIELDS, many=True))
+FADE_FORM = form("fade", "fa", "fades an instrument or everything in or out",
+    "fade bell out over 8bar", fade,
+    Slot("name", "INSTRUMENT|master", FADED),
+    Slot("way", "in|out", FADE_DIRECTION),
+    Slot("over", "LENGTH", v.LENGTH, "over"))
+# fmt: on

@@ -6,21 +6,17 @@ from collections.abc import Iterator, Mapping
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language.block_values import defaults, setting, variants
-from ergon.repl.language.commands import (
-    BlockCommand,
-    Build,
-    Command,
-    Define,
-    DefineBlock,
-    DefinePhrase,
-    StrikeModules,
-    Takes,
-    Use,
-)
+from ergon.repl.language.blocks import DefineBlock
+from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.grammar import read_command
+from ergon.repl.language.library import Use
 from ergon.repl.language.lines import Line, lines
+from ergon.repl.language.matter import Build, Takes
+from ergon.repl.language.phrases import DefinePhrase
+from ergon.repl.language.playing import Define
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_name
+from ergon.repl.language.striking import StrikeModules
 from ergon.repl.language.verbs import VERBS
 from ergon.scores.reading.families import library
 

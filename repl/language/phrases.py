@@ -4,22 +4,36 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import BlockCommand, When
+from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable
-from ergon.repl.language.striking import check_options
+from ergon.repl.language.striking import NAMED, check_options, strikes
 from ergon.repl.language.transforming import split_at_do, transform_offers
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.melody import MAX_CHORD, PHRASE_ENTRY
 from ergon.scores.reading.phrase_do import split_do
 from ergon.scores.reading.strike_tables import STRIKES
+
+
+@dataclass(frozen=True, slots=True)
+class DefinePhrase(BlockCommand):
+    """`phrase tune 0 C4 1mNs, 1/2 E4 to bell`: define a phrase, which `strikes` play.
+
+    Its entries have `at`, `what` and `impulse` as texts.
+    """
+
+    name: str
+    entries: tuple[Mapping[str, str], ...]
+    to: str | None = None
+
 
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
 _IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module
@@ -157,8 +171,23 @@ def define_phrase(
     to: str | None,
     length: Any,
     *,
-    when: c.When,
+    when: When,
     words: Words,
-) -> c.DefinePhrase:
+) -> DefinePhrase:
     """Define a phrase."""
-    return c.DefinePhrase(name, entries, to, when=when, words=words)
+    return DefinePhrase(name, entries, to, when=when, words=words)
+
+
+# fmt: off
+PHRASE_STRIKES_FORM = form("strikes", "str", "plays a phrase on what it strikes",
+    "hook strikes tune transpose 3st", strikes,
+    Slot("name", "NAME", NAMED),
+    Slot("fields", "PHRASE [every LENGTH] [times N] [transpose Nst] [do …]",
+    PLAYED, many=True), subject=True)
+PHRASE_FORM = form("phrase", "ph", "defines or redefines a phrase: when, what, how strongly",
+    "phrase tune 0 C4, 1/2 E4 to bell", define_phrase,
+    Slot("name", "NAME", NEW_PHRASE),
+    Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES, many=True),
+    Slot("to", "INSTRUMENT", TO, "to", optional=True),
+    Slot("length", "LENGTH", v.LENGTH, "length", optional=True))
+# fmt: on

@@ -3,21 +3,61 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from ergon.notation.clock.positions import Position
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 from ergon.repl.language import values as v
-from ergon.repl.language.commands import Plays, When, Word
+from ergon.repl.language.commands import BlockCommand, When, Word
+from ergon.repl.language.forms import PLAYER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
-from ergon.scores.edits.entries import entry_of_play
+from ergon.scores.edits.entries import Entry, entry_of_play
+from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import ARGUMENTS, ARITY
 from ergon.scores.pattern import words as play_words
 from ergon.scores.pattern.turn_chain import Change
 from ergon.scores.reading.part import PLAY, SHAPES
+from ergon.scores.reading.playing import PlayingOptions
 from ergon.scores.reading.playing_options import playing_options
+
+
+@dataclass(frozen=True, slots=True)
+class Define(BlockCommand):
+    """`knock = 0@0 6@1/8 0@1/4`: define a gesture."""
+
+    name: str
+    notation: Notation
+
+
+@dataclass(frozen=True, slots=True)
+class Plays(BlockCommand):
+    """`ada plays knock every 1`: play this from now on, in place of the rest of the part."""
+
+    player: str
+    what: str
+    every: Length | None
+    times: int | None
+    until: Position | None
+    do: tuple[Change, ...]
+    manner: PlayingOptions
+    entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
+
+
+@dataclass(frozen=True, slots=True)
+class Do(BlockCommand):
+    """`ada do mirror`: transform further what the player plays."""
+
+    player: str
+    do: tuple[Change, ...]
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Each transformation as it was written."""
+        text = self.words["do"].text
+        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
+
 
 # Options that a line may not set.
 _SCORE_ONLY = {"rate": "'rate' belongs to the score: leave it out here"}
@@ -165,3 +205,19 @@ def _part_text(words_by_field: Mapping[str, Word], play: ParsedPlay) -> str:
 def _word(word: play_words.Word, play: Word) -> Word:
     start = play.start + word.offset
     return Word(word.text, start, start + len(word.text))
+
+
+# fmt: off
+_PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
+PLAYS_FORM = form("plays", "p", "the player plays a gesture, take or pattern from here on",
+    "ada plays knock every 1 times 8", plays,
+    PLAYER_SLOT, Slot("play", _PLAY, PLAYING, many=True), subject=True)
+DO_FORM = form("do", "d", "transforms further what the player plays",
+    "ada do scale 1.2, mirror", Do,
+    Slot("player", "PLAYER", v.DOING_PLAYER),
+    Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True)
+DEFINE_FORM = form("=", "=", "defines or redefines a gesture, also while it sounds",
+    "knock = 0@0 smooth 7@1/8 smooth 0@1/4", Define,
+    Slot("name", "NAME", v.GESTURE_NAME),
+    Slot("notation", "NOTATION", v.NOTATION, many=True), subject=True)
+# fmt: on

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.clock.positions import Length
@@ -11,8 +12,21 @@ from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
-from ergon.repl.language.commands import Retune, When, Word
+from ergon.repl.language.commands import Command, When, Word
+from ergon.repl.language.forms import OVER_SLOT, Slot, form
 from ergon.repl.language.scope import Scope
+
+
+@dataclass(frozen=True, slots=True)
+class Retune(Command):
+    """`set vib.tuning edo 19`: move an instrument, or the score, to another tuning, gliding for the
+    length `over`; without fields to that of the score, or to equal steps.
+    """
+
+    target: str
+    fields: Mapping[str, str]
+    over: Length | None
+
 
 _WORD = re.compile(r"\S+")
 _EXAMPLES = {"edo": "19", "A4": "442Hz", "scale": "tune.scl", "keys": "tune.kbm", "root": "D4"}
@@ -89,3 +103,12 @@ def retune(
 ) -> Retune:
     """`set vib.tuning edo 19 over 2s`."""
     return Retune(target, fields, over, when=when, words=words)
+
+
+# fmt: off
+SET_TUNING_FORM = form("set", "set", "an instrument, or the score, goes by another tuning",
+    "set bell.tuning edo 19", retune,
+    Slot("target", "INSTRUMENT.tuning|tuning", TARGET),
+    Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", FIELDS,
+    many=True), OVER_SLOT)
+# fmt: on

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
-from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
-from ergon.repl.language.forms import Words
+from ergon.repl.language.commands import When
+from ergon.repl.language.forms import Slot, Words, form
 from ergon.repl.language.scope import Scope, playable
-from ergon.repl.language.striking import check_options, with_level
+from ergon.repl.language.striking import NAMED, DoStrikes, StrikeModules, check_options, with_level
 from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.edits.transformed import NONE
@@ -120,6 +120,20 @@ RHYTHM = Value('a rhythm in quotes, such as "kick*4"', _read, _offers)
 DO = Value("transformations, such as every 4 rev", _read_do, _offers_do)
 
 
-def rhythm(name: str, fields: Mapping[str, str], *, when: c.When, words: Words) -> c.StrikeModules:
+def rhythm(name: str, fields: Mapping[str, str], *, when: When, words: Words) -> StrikeModules:
     """Strikes with a rhythm."""
-    return c.StrikeModules(name, fields, when=when, words=words)
+    return StrikeModules(name, fields, when=when, words=words)
+
+
+# fmt: off
+DO_STRIKES_FORM = form("do", "d", "transforms further what strikes play; `none` ends that",
+    "rain do every 4 rev, ply 2", DoStrikes,
+    Slot("name", "NAME", v.DOING_STRIKES),
+    Slot("do", "TRANSFORMATION, …|none", DO, many=True), subject=True)
+RHYTHM_FORM = form("=", "=", "plays a rhythm again and again, from here on",
+    'd1 = "bell*2 ~ bell" 2mNs', rhythm,
+    Slot("name", "NAME", NAMED),
+    Slot("fields", '"RHYTHM" [LEVEL …] [to INSTRUMENT] [cycle LENGTH] [do …] …',
+    RHYTHM, many=True), subject=True,
+    quoted=True)
+# fmt: on

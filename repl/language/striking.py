@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
@@ -10,14 +11,41 @@ from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
-from ergon.repl.language.commands import StrikeModules, When, Word
+from ergon.repl.language.commands import BlockCommand, When, Word
+from ergon.repl.language.forms import Slot, form
 from ergon.repl.language.scope import Scope, playable
 from ergon.repl.language.transforming import split_at_do, transform_offers, transforms
 from ergon.scores.pattern.values import parse_values
 from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.automatable import amount_reader
+from ergon.scores.reading.rhythms import words_of
 from ergon.scores.reading.strike_tables import STRIKES
+
+
+@dataclass(frozen=True, slots=True)
+class DoStrikes(BlockCommand):
+    """`d1 do rev`: transform further what strikes play; `none` ends all transformations."""
+
+    name: str
+    do: str
+
+
+@dataclass(frozen=True, slots=True)
+class StrikeModules(BlockCommand):
+    """`rain strikes sky.all every 1/2 impulse 2mNs`: replace what `rain` strikes.
+
+    The fields are those of `strikes:` in a score, as texts.
+    """
+
+    name: str
+    fields: Mapping[str, str]
+
+    @property
+    def struck(self) -> tuple[str, ...]:
+        """The paths of what may be struck: those after `to`, and the words of a rhythm."""
+        return (*self.fields.get("to", "").split(), *words_of(self.fields.get("rhythm", "")))
+
 
 # `OPTIONS` has each option of `strikes` with an example.
 _LOUD = "1mNs"  # the impulse of notes of an instrument that does not say how it is played
@@ -171,3 +199,17 @@ def strikes(
 ) -> StrikeModules:
     """Make the command; strikes with notes have the name of the module that they strike."""
     return StrikeModules(name.replace(".", "-"), fields, when=when, words=words)
+
+
+# fmt: off
+STRIKES_FORM = form("strikes", "str", "strikes modules without a key",
+    "rain strikes bell every 1 impulse 2mNs", strikes,
+    Slot("name", "NAME", NAMED),
+    Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] [do …] …",
+    STRIKING, many=True), subject=True)
+NOTES_FORM = form("notes", "no", "strikes an instrument at the pitches of a pattern",
+    "bell notes A3 C4 E4 euclid 5 8", strikes,
+    Slot("name", "INSTRUMENT", PLAYED_ON),
+    Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] [do …] …",
+    NOTES, many=True), subject=True)
+# fmt: on

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.text.errors import TextError
-from ergon.repl.language import commands as c
 from ergon.repl.language.block_values import filled
+from ergon.repl.language.blocks import DefineBlock, RunBlock, RunByRule, StopBlock
 from ergon.repl.language.parse import parse_block_line
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import scope_of
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
 
 
-@edits_texts(c.DefineBlock)
-def _define(command: c.DefineBlock, version: Version, beat: float) -> Texts:
+@edits_texts(DefineBlock)
+def _define(command: DefineBlock, version: Version, beat: float) -> Texts:
     return blocks.define(version.texts, version.piece, command.name, command.lines)
 
 
-@makes_edit(c.RunBlock)
-def _run(command: c.RunBlock) -> VersionEdit:
+@makes_edit(RunBlock)
+def _run(command: RunBlock) -> VersionEdit:
     return lambda version, beat: run_block(version, beat, command.name, command.values)
 
 
-@makes_edit(c.RunByRule)
-def _run_by_rule(command: c.RunByRule) -> VersionEdit:
+@makes_edit(RunByRule)
+def _run_by_rule(command: RunByRule) -> VersionEdit:
     """Run a block by a rule from here on; and at once, if the rule says so."""
     name, trigger = command.name, command.trigger
 
@@ -49,8 +49,8 @@ def _run_by_rule(command: c.RunByRule) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.StopBlock)
-def _stop(command: c.StopBlock) -> VersionEdit:
+@makes_edit(StopBlock)
+def _stop(command: StopBlock) -> VersionEdit:
     name = command.name
 
     def edit(version: Version, beat: float) -> Version:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.repl.language.block_values import TICK, counts_runs
-from ergon.repl.language.commands import RunBlock
+from ergon.repl.language.blocks import RunBlock
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.waiting_lines import REFUSALS

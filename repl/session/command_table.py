@@ -8,18 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from ergon.repl.language.commands import Command
+
 if TYPE_CHECKING:
-    from ergon.repl.language import commands as c
     from ergon.repl.session.core import SessionCore
     from ergon.repl.session_protocol import Reply
 
 _Act = TypeVar("_Act", bound="Callable[..., Reply]")
 
 # A new verb needs a row in `language/verbs`, its values, and a function here or in `edit_table`.
-SESSION_COMMANDS: dict[type[c.Command], Callable[[SessionCore, Any], Reply]] = {}
+SESSION_COMMANDS: dict[type[Command], Callable[[SessionCore, Any], Reply]] = {}
 
 
-def executes(kind: type[c.Command]) -> Callable[[_Act], _Act]:
+def executes(kind: type[Command]) -> Callable[[_Act], _Act]:
     """Decorate the function that does a command."""
 
     def known(act: _Act) -> _Act:

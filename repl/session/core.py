@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.errors import quote
-from ergon.repl.language.commands import NOW, Command, DefineBlock, Guide, Sync, When
+from ergon.repl.language.blocks import DefineBlock
+from ergon.repl.language.commands import NOW, Command, Sync, When
+from ergon.repl.language.recording import Guide
 from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, inspection, version_edits
 from ergon.repl.session.acts import Acts

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.commands import Command
 from ergon.repl.session.version import Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
@@ -20,10 +20,10 @@ _Make = TypeVar("_Make", bound=Callable[..., "VersionEdit"])
 _Change = TypeVar("_Change", bound=Callable[..., Texts])
 _Move = TypeVar("_Move", bound=Callable[..., Faders])
 
-VERSION_EDITS: dict[type[c.Command], Callable[[Any], VersionEdit]] = {}
+VERSION_EDITS: dict[type[Command], Callable[[Any], VersionEdit]] = {}
 
 
-def makes_edit(kind: type[c.Command]) -> Callable[[_Make], _Make]:
+def makes_edit(kind: type[Command]) -> Callable[[_Make], _Make]:
     """Decorate a function that makes the edit of a command."""
 
     def known(make: _Make) -> _Make:
@@ -33,11 +33,11 @@ def makes_edit(kind: type[c.Command]) -> Callable[[_Make], _Make]:
     return known
 
 
-def edits_texts(kind: type[c.Command]) -> Callable[[_Change], _Change]:
+def edits_texts(kind: type[Command]) -> Callable[[_Change], _Change]:
     """Decorate a function that gives the new texts from command, version and beat."""
 
     def known(change: _Change) -> _Change:
-        def make(command: c.Command) -> VersionEdit:
+        def make(command: Command) -> VersionEdit:
             return lambda version, beat: with_texts(version, change(command, version, beat))
 
         VERSION_EDITS[kind] = make
@@ -46,7 +46,7 @@ def edits_texts(kind: type[c.Command]) -> Callable[[_Change], _Change]:
     return known
 
 
-def edits_faders(kind: type[c.Command]) -> Callable[[_Move], _Move]:
+def edits_faders(kind: type[Command]) -> Callable[[_Move], _Move]:
     """Decorate a function that gives the new faders from command, faders and names of
     instruments.
     """

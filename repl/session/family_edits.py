@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.library import Use
 from ergon.repl.session.disk import read_text
 from ergon.repl.session.edit_table import makes_edit, with_texts
 from ergon.repl.session.version import NotTakenError, Version, piece_from_files
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-@makes_edit(c.Use)
-def _use(command: c.Use) -> VersionEdit:
+@makes_edit(Use)
+def _use(command: Use) -> VersionEdit:
     """Bring in a family; its file is read once, when the line is typed."""
     read: dict[str, str] = {}
 
@@ -53,7 +53,7 @@ def with_brought(now: Texts, before: Texts) -> Texts:
     return replace(now, overlay={**now.overlay, **new})
 
 
-def summary(command: c.Use, piece: Piece) -> str:
+def summary(command: Use, piece: Piece) -> str:
     """The instruments that a family has brought, and those whose names are taken."""
     sentence = f"{command.family}: {_names(command, piece)}"
     free = families.unplayed(piece)
@@ -70,7 +70,7 @@ def summary(command: c.Use, piece: Piece) -> str:
     )
 
 
-def _names(command: c.Use, piece: Piece) -> str:
+def _names(command: Use, piece: Piece) -> str:
     """The instruments of a family, by name."""
     head = f"{command.family}."
     names = [name.removeprefix(head) for name in piece.available if name.startswith(head)]

@@ -16,7 +16,7 @@ from ergon.scores.staging.live import leading
 from ergon.scores.staging.tick_forces import TickForces
 
 if TYPE_CHECKING:
-    from ergon.repl.language.commands import Guide
+    from ergon.repl.language.recording import Guide
     from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.schedule import Schedule
 

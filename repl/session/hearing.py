@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.commands import NOW
+from ergon.repl.language.hearing import Hear
 from ergon.repl.session import version_edits
 from ergon.repl.session.entry import Entry
 from ergon.repl.session.line_kinds import LineKind
@@ -48,7 +49,7 @@ class Hearing:
         self._schedule, self._acts, self._stops, self._queue = schedule, acts, stops, queue
         self._awaited: list[_Awaited] = []
 
-    def hear(self, command: c.Hear) -> str:
+    def hear(self, command: Hear) -> str:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
         playing = schedule.changes.playing_at(schedule.engine.frame).version
@@ -59,7 +60,7 @@ class Hearing:
             kind = LineKind.STRUCTURE if brings else LineKind.VALUES
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
-            where, ready = self._queue(Entry(line, edit, kind, c.NOW, is_typed=brings))
+            where, ready = self._queue(Entry(line, edit, kind, NOW, is_typed=brings))
             playing, number = ready.version, ready.version.number
             waits = schedule.line(number)
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:

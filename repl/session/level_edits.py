@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.levels import (
+    Gain,
+    GainStrikes,
+    Mute,
+    MuteStrikes,
+    Solo,
+    SoloStrikes,
+    Unmute,
+    UnmuteStrikes,
+)
 from ergon.repl.session.edit_table import edits_faders, instruments_of, makes_edit
 from ergon.repl.session.strike_levels import StrikeLevels, unnumbered
 from ergon.repl.session.version import Faders, NotTakenError, Version
@@ -15,20 +24,20 @@ if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
 
 
-@edits_faders(c.Gain)
-def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
+@edits_faders(Gain)
+def _gain(command: Gain, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
         return replace(faders, master=command.ratio)
     return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
 
 
-@edits_faders(c.Mute)
-def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
+@edits_faders(Mute)
+def _mute(command: Mute, faders: Faders, names: frozenset[str]) -> Faders:
     return replace(faders, muted=faders.muted | names)
 
 
-@makes_edit(c.Solo)
-def _solo(command: c.Solo) -> VersionEdit:
+@makes_edit(Solo)
+def _solo(command: Solo) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         faders = replace(version.faders, solo=instruments_of(version, command.name))
         levels = replace(version.strike_levels, solo=frozenset())
@@ -37,8 +46,8 @@ def _solo(command: c.Solo) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.Unmute)
-def _unmute(command: c.Unmute) -> VersionEdit:
+@makes_edit(Unmute)
+def _unmute(command: Unmute) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         names, faders, levels = command.name, version.faders, version.strike_levels
         muted = faders.muted - instruments_of(version, names) if names else frozenset[str]()
@@ -49,8 +58,8 @@ def _unmute(command: c.Unmute) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.GainStrikes)
-def _gain_strikes(command: c.GainStrikes) -> VersionEdit:
+@makes_edit(GainStrikes)
+def _gain_strikes(command: GainStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels = version.strike_levels
         gains = {**levels.gains, _key(version, command.name): command.ratio}
@@ -59,8 +68,8 @@ def _gain_strikes(command: c.GainStrikes) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.MuteStrikes)
-def _mute_strikes(command: c.MuteStrikes) -> VersionEdit:
+@makes_edit(MuteStrikes)
+def _mute_strikes(command: MuteStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels = version.strike_levels
         muted = levels.muted | {_key(version, command.name)}
@@ -69,8 +78,8 @@ def _mute_strikes(command: c.MuteStrikes) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.SoloStrikes)
-def _solo_strikes(command: c.SoloStrikes) -> VersionEdit:
+@makes_edit(SoloStrikes)
+def _solo_strikes(command: SoloStrikes) -> VersionEdit:
     """Silence all other strikes, and the instruments that players play and these strikes do not."""
 
     def edit(version: Version, beat: float) -> Version:
@@ -84,8 +93,8 @@ def _solo_strikes(command: c.SoloStrikes) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.UnmuteStrikes)
-def _unmute_strikes(command: c.UnmuteStrikes) -> VersionEdit:
+@makes_edit(UnmuteStrikes)
+def _unmute_strikes(command: UnmuteStrikes) -> VersionEdit:
     def edit(version: Version, beat: float) -> Version:
         levels, faders = version.strike_levels, version.faders
         if levels.solo:

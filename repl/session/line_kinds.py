@@ -18,7 +18,23 @@ from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.automating import Automate, StopLfo
+from ergon.repl.language.commands import Command
+from ergon.repl.language.levels import (
+    Gain,
+    GainStrikes,
+    Mute,
+    MuteStrikes,
+    Solo,
+    SoloStrikes,
+    Unmute,
+    UnmuteStrikes,
+)
+from ergon.repl.language.matter import Set
+from ergon.repl.language.mixing import Fade, MovePan
+from ergon.repl.language.recording import Guide
+from ergon.repl.language.stopping import Damp, Hush, Rest
+from ergon.repl.language.transport import Nudge, Tempo
 
 
 class LineKind(Enum):
@@ -51,26 +67,24 @@ RULES: Mapping[LineKind, Rule] = {
 }
 
 # Commands that are not listed change structure.
-_KINDS: Mapping[type[c.Command], LineKind] = {
-    **dict.fromkeys((c.Gain, c.Mute, c.Solo, c.Unmute), LineKind.FADERS),
-    **dict.fromkeys((c.Hush, c.Damp), LineKind.ENDS),
+_KINDS: Mapping[type[Command], LineKind] = {
+    **dict.fromkeys((Gain, Mute, Solo, Unmute), LineKind.FADERS),
+    **dict.fromkeys((Hush, Damp), LineKind.ENDS),
     **dict.fromkeys(
-        (c.Set, c.Automate, c.StopLfo, c.Rest, c.Tempo, c.Nudge, c.Fade, c.MovePan, c.Guide),
+        (Set, Automate, StopLfo, Rest, Tempo, Nudge, Fade, MovePan, Guide),
         LineKind.VALUES,
     ),
-    **dict.fromkeys(
-        (c.GainStrikes, c.MuteStrikes, c.SoloStrikes, c.UnmuteStrikes), LineKind.VALUES
-    ),
+    **dict.fromkeys((GainStrikes, MuteStrikes, SoloStrikes, UnmuteStrikes), LineKind.VALUES),
 }
 
 
-def kind_of(commands: Sequence[c.Command], *, has_levels: bool = False) -> LineKind:
+def kind_of(commands: Sequence[Command], *, has_levels: bool = False) -> LineKind:
     """The kind of a line, or of a block of lines that take effect together.
 
     A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
     """
     kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
-    if has_levels and any(isinstance(command, c.Solo | c.Unmute) for command in commands):
+    if has_levels and any(isinstance(command, Solo | Unmute) for command in commands):
         kinds = {*(kinds - {LineKind.FADERS}), LineKind.VALUES}
     if len(kinds) == 1:
         return kinds.pop()

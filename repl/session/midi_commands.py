@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.mapping import Learn, Maps, Monitor
 from ergon.repl.session import midi_maps
 from ergon.repl.session.command_table import executes
 from ergon.repl.session_protocol import Reply
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
 
 
-@executes(c.Maps)
-def _maps(session: SessionCore, command: c.Maps) -> Reply:
+@executes(Maps)
+def _maps(session: SessionCore, command: Maps) -> Reply:
     maps = midi_maps.player_maps(session.schedule.head.maps).values()
     lines = tuple(row.line.removeprefix("map ") for row in maps)
     if (unmapped := session.midi.monitor.unmapped_line()) is not None:
@@ -22,14 +22,14 @@ def _maps(session: SessionCore, command: c.Maps) -> Reply:
     return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
 
 
-@executes(c.Learn)
-def _learn(session: SessionCore, command: c.Learn) -> Reply:
+@executes(Learn)
+def _learn(session: SessionCore, command: Learn) -> Reply:
     text = session.midi.learn(command.map)
     return Reply(True, f"ok {text}{'' if command.map is None else _without_input(session)}")
 
 
-@executes(c.Monitor)
-def _monitor(session: SessionCore, command: c.Monitor) -> Reply:
+@executes(Monitor)
+def _monitor(session: SessionCore, command: Monitor) -> Reply:
     session.midi.monitor.is_on = command.is_on
     if not command.is_on:
         return Reply(True, "ok")

@@ -18,7 +18,7 @@ from ergon.live.midi_messages import (
     Transport,
     parse_message,
 )
-from ergon.repl.language.commands import MapControl, MapNotes
+from ergon.repl.language.mapping import MapControl, MapNotes
 from ergon.repl.session.midi_controllers import Moved
 from ergon.repl.session.midi_maps import note_lines
 from ergon.repl.session.midi_monitor import MidiMonitor, source_of

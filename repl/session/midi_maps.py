@@ -12,7 +12,8 @@ from ergon.notation.tables.notes import name
 from ergon.notation.tables.strengths import MEZZO_FORTE
 from ergon.notation.tables.tuning import is_pitch
 from ergon.notation.tables.velocities import LAWS
-from ergon.repl.language.commands import BPM_UNIT, EVEN, Hear, MapControl, MapNotes
+from ergon.repl.language.hearing import Hear
+from ergon.repl.language.mapping import BPM_UNIT, EVEN, MapControl, MapNotes
 from ergon.repl.language.midi import is_source
 from ergon.repl.session.struck_places import maps_of, struck_by, struck_once
 from ergon.repl.session.version import NotTakenError

@@ -10,7 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ergon.notation.tables.notes import number
-from ergon.repl.language.commands import MapControl
+from ergon.repl.language.mapping import MapControl
 from ergon.repl.session.midi_controllers import Controllers, Moved
 from ergon.repl.session.midi_maps import Map, line_to, share_line
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_ON, PITCH_BEND, MidiEvent

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.phrases import DefinePhrase
 from ergon.repl.session.edit_table import edits_texts
 from ergon.repl.session.version import Version
 from ergon.scores.edits import families, phrases
 from ergon.scores.edits.texts import Texts
 
 
-@edits_texts(c.DefinePhrase)
-def _define(command: c.DefinePhrase, version: Version, beat: float) -> Texts:
+@edits_texts(DefinePhrase)
+def _define(command: DefinePhrase, version: Version, beat: float) -> Texts:
     words = command.words
     fields = {name: words[name].text for name in ("to", "length") if name in words}
     struck = [word for entry in command.entries for word in entry["what"].split()]

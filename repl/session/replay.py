@@ -14,7 +14,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from ergon.exchange.frozen import NotFrozenError
-from ergon.repl.language.commands import Hear
+from ergon.repl.language.hearing import Hear
 from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, Timing, entry_of
 from ergon.repl.session.engine import SteppedEngine

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.retuning import Retune
 from ergon.repl.session.edit_table import makes_edit, with_texts
 from ergon.repl.session.version import GLIDE, Version, piece_from_files
 from ergon.scores.edits import retuning
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import VersionEdit
 
 
-@makes_edit(c.Retune)
-def _retune(command: c.Retune) -> VersionEdit:
+@makes_edit(Retune)
+def _retune(command: Retune) -> VersionEdit:
     """Retune, gliding for the length `over`; a scale is read once, when the line is typed."""
     read: dict[str, str] = {}
 

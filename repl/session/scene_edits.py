@@ -13,7 +13,7 @@ from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_file
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language import commands as c
+from ergon.repl.language import versions
 from ergon.repl.language.scope import SUFFIXES, scores_in
 from ergon.repl.session.disk import folder_of
 from ergon.repl.session.edit_table import makes_edit, with_texts
@@ -69,8 +69,8 @@ def _stamps(paths: Iterable[Path]) -> _Stamps:
     return tuple(stamps)
 
 
-@makes_edit(c.Scene)
-def _scene(command: c.Scene) -> VersionEdit:
+@makes_edit(versions.Scene)
+def _scene(command: versions.Scene) -> VersionEdit:
     """Repeat the bars of a scene; parameters go to those of the scene, over a length if one is
     given.
     """

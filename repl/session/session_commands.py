@@ -12,8 +12,16 @@ from ergon.live.display import SILENT_PEAK, decibels_of
 from ergon.notation.clock.positions import parse_position
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
-from ergon.repl.language import commands as c
+from ergon.repl.language.commands import NOW, Command, Now
+from ergon.repl.language.hearing import Hear
 from ergon.repl.language.help import overview, verb_help
+from ergon.repl.language.levels import Meters
+from ergon.repl.language.library import ListGestures, ListInstruments, ListScenes, Show
+from ergon.repl.language.looking import Help, Look, Py, Quit, Trace, TraceOn
+from ergon.repl.language.recording import Record, RecordAudio, RecordOff
+from ergon.repl.language.stopping import Panic, Release
+from ergon.repl.language.transport import Play, Quant, Stop, Tap, Tempo
+from ergon.repl.language.versions import Back, History, Keep, Redo, Save, Undo
 from ergon.repl.session import bars, computing, files, inspection, listings, version_edits
 from ergon.repl.session import midi_commands as midi_commands
 from ergon.repl.session.command_table import SESSION_COMMANDS as SESSION_COMMANDS
@@ -36,8 +44,8 @@ _TAPS_MAX = 8  # only the latest taps count
 _SHOWN_MAX = 1000  # characters of what `py` gives
 
 
-@executes(c.Play)
-def _play(session: SessionCore, command: c.Play) -> Reply:
+@executes(Play)
+def _play(session: SessionCore, command: Play) -> Reply:
     clock, tempo = session.schedule.running.clock, session.schedule.head.piece.tempo_map
     if command.start is None and clock.is_running:
         raise NotTakenError(
@@ -57,7 +65,7 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
         "play",
         version_edits.unchanged,
         LineKind.START,
-        c.NOW,
+        NOW,
         sets_running=True,
         enter=beat,
         restores=-1,
@@ -66,19 +74,19 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
     return Reply(True, f"ok from {where}")
 
 
-@executes(c.Hear)
-def _hear(session: SessionCore, command: c.Hear) -> Reply:
+@executes(Hear)
+def _hear(session: SessionCore, command: Hear) -> Reply:
     if session.stops.panicked:
         raise NotTakenError("a panic is active: type `release`, then `hear` again")
     return Reply(True, f"ok {session.hearing.hear(command)}")
 
 
-@executes(c.Stop)
-def _stop(session: SessionCore, command: c.Stop) -> Reply:
+@executes(Stop)
+def _stop(session: SessionCore, command: Stop) -> Reply:
     is_starting = any(one.sets_running for one in session.schedule.waiting)
     if not (session.schedule.running.clock.is_running or is_starting):
         raise NotTakenError("the piece is already stopped; `play` continues it")
-    when = c.NOW if command.when is None else command.when
+    when = NOW if command.when is None else command.when
     entry = Entry(
         "stop", version_edits.unchanged, LineKind.ENDS, when, sets_running=False, restores=-1
     )
@@ -86,14 +94,14 @@ def _stop(session: SessionCore, command: c.Stop) -> Reply:
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
-@executes(c.Panic)
-def _panic(session: SessionCore, command: c.Panic) -> Reply:
+@executes(Panic)
+def _panic(session: SessionCore, command: Panic) -> Reply:
     session.stops.panic_in_turn()
     return Reply(True, "")
 
 
-@executes(c.Release)
-def _release(session: SessionCore, command: c.Release) -> Reply:
+@executes(Release)
+def _release(session: SessionCore, command: Release) -> Reply:
     if not session.stops.is_stopped:
         raise NotTakenError("no panic is active, and no force is off")
     if not session.stops.may_release:
@@ -102,15 +110,15 @@ def _release(session: SessionCore, command: c.Release) -> Reply:
     return Reply(True, "ok")
 
 
-@executes(c.Quant)
-def _quant(session: SessionCore, command: c.Quant) -> Reply:
-    session.quant = None if isinstance(command.grid, c.Now) else command.grid
+@executes(Quant)
+def _quant(session: SessionCore, command: Quant) -> Reply:
+    session.quant = None if isinstance(command.grid, Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
 
 
-@executes(c.Tap)
-def _tap(session: SessionCore, command: c.Tap) -> Reply:
+@executes(Tap)
+def _tap(session: SessionCore, command: Tap) -> Reply:
     now = time.monotonic()
     taps = session.taps
     if taps and now - taps[-1] > _TAP_PAUSE_MAX:
@@ -126,21 +134,21 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
         taps.clear()
         message = f"the taps are at {bpm:g} bpm; tap between {slowest:g} and {fastest:g} bpm, or"
         return Reply(False, f"{message} write a tempo", "tempo 120")
-    return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
+    return session.make_version(f"tempo {bpm:g}", [Tempo(bpm, when=NOW)])
 
 
-@executes(c.Undo)
-def _undo(session: SessionCore, command: c.Undo) -> Reply:
+@executes(Undo)
+def _undo(session: SessionCore, command: Undo) -> Reply:
     return _back_by(session, command, 1, "undo", "this is the first version")
 
 
-@executes(c.Back)
-def _back(session: SessionCore, command: c.Back) -> Reply:
+@executes(Back)
+def _back(session: SessionCore, command: Back) -> Reply:
     line = f"back {command.count}"
     return _back_by(session, command, command.count, line, "there are fewer versions than that")
 
 
-def _back_by(session: SessionCore, command: c.Command, count: int, line: str, none: str) -> Reply:
+def _back_by(session: SessionCore, command: Command, count: int, line: str, none: str) -> Reply:
     """Go back by `count` lines. Those that still wait are cancelled, and those undone before that
     wait again. If any has taken effect, or an `undo` waits that was typed after it, the version
     before all of them is restored.
@@ -165,8 +173,8 @@ def _back_by(session: SessionCore, command: c.Command, count: int, line: str, no
     return _restore(session, command, target, line)
 
 
-@executes(c.Redo)
-def _redo(session: SessionCore, command: c.Redo) -> Reply:
+@executes(Redo)
+def _redo(session: SessionCore, command: Redo) -> Reply:
     history, schedule = session.history, session.schedule
     if history.index + 1 < len(history.numbers):
         return _restore(session, command, history.index + 1, "redo")
@@ -174,7 +182,7 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
         raise NotTakenError("no version was undone; `history` lists the versions")
     line = session.cancelled[-1]
     position = None
-    if line.beat >= schedule.place(c.NOW, None)[0]:
+    if line.beat >= schedule.place(NOW, None)[0]:
         position = parse_position(session.position_text(line.beat))
     entry = Entry(
         line.line, line.edit, line.kind, position, reads_files=line.reads_files, redoes=True
@@ -184,7 +192,7 @@ def _redo(session: SessionCore, command: c.Redo) -> Reply:
     return Reply(True, f"ok {where} {first_line(line.line)}")
 
 
-def _restore(session: SessionCore, command: c.Command, index: int, line: str) -> Reply:
+def _restore(session: SessionCore, command: Command, index: int, line: str) -> Reply:
     past, number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
@@ -199,8 +207,8 @@ def _restore(session: SessionCore, command: c.Command, index: int, line: str) ->
     return Reply(True, f"ok {where} {'; '.join(changes)}")
 
 
-@executes(c.History)
-def _history(session: SessionCore, command: c.History) -> Reply:
+@executes(History)
+def _history(session: SessionCore, command: History) -> Reply:
     rows = []
     for index, number in enumerate(session.history.numbers):
         version = session.schedule.past_versions[number]
@@ -211,8 +219,8 @@ def _history(session: SessionCore, command: c.History) -> Reply:
     return Reply(True, "", lines=tuple(rows))
 
 
-@executes(c.Help)
-def _help(session: SessionCore, command: c.Help) -> Reply:
+@executes(Help)
+def _help(session: SessionCore, command: Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else verb_help(command.verb))
 
 
@@ -221,8 +229,8 @@ def _inspection_arguments(schedule: Schedule, name: str) -> tuple[Version, str, 
     return schedule.head, name, schedule.running.version.piece, schedule.beat_now()
 
 
-@executes(c.Show)
-def _show(session: SessionCore, command: c.Show) -> Reply:
+@executes(Show)
+def _show(session: SessionCore, command: Show) -> Reply:
     schedule = session.schedule
     if command.name is not None:
         return Reply(
@@ -238,8 +246,8 @@ def _show(session: SessionCore, command: c.Show) -> Reply:
     )
 
 
-@executes(c.ListInstruments)
-def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply:
+@executes(ListInstruments)
+def _list_instruments(session: SessionCore, command: ListInstruments) -> Reply:
     head = session.schedule.head
     if command.family is None:
         return Reply(True, "", lines=tuple(listings.instrument_lines(head.texts, head.piece)))
@@ -247,19 +255,19 @@ def _list_instruments(session: SessionCore, command: c.ListInstruments) -> Reply
     return Reply(True, "", lines=tuple(rows))
 
 
-@executes(c.ListGestures)
-def _list_gestures(session: SessionCore, command: c.ListGestures) -> Reply:
+@executes(ListGestures)
+def _list_gestures(session: SessionCore, command: ListGestures) -> Reply:
     return Reply(True, "", lines=tuple(listings.gesture_lines(session.schedule.head.piece)))
 
 
-@executes(c.ListScenes)
-def _list_scenes(session: SessionCore, command: c.ListScenes) -> Reply:
+@executes(ListScenes)
+def _list_scenes(session: SessionCore, command: ListScenes) -> Reply:
     with session.computing.limited(computing.FILES_STEPS):
         return Reply(True, "", lines=tuple(listings.scene_lines(session.schedule.head.texts)))
 
 
-@executes(c.Look)
-def _look(session: SessionCore, command: c.Look) -> Reply:
+@executes(Look)
+def _look(session: SessionCore, command: Look) -> Reply:
     schedule = session.schedule
     if command.name is None:
         playing = schedule.running.in_flight(schedule.engine.frame)
@@ -274,8 +282,8 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
         )
 
 
-@executes(c.Trace)
-def _scope(session: SessionCore, command: c.Trace) -> Reply:
+@executes(Trace)
+def _scope(session: SessionCore, command: Trace) -> Reply:
     with session.computing.limited(computing.LINE_STEPS):
         lines = inspection.draw_trace(
             session.schedule.running,
@@ -287,17 +295,17 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
     return Reply(True, "", lines=tuple(lines))
 
 
-@executes(c.TraceOn)
-def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
+@executes(TraceOn)
+def _scope_on(session: SessionCore, command: TraceOn) -> Reply:
     if command.name is not None:
-        _scope(session, c.Trace(command.name))  # refuses what cannot be drawn
+        _scope(session, Trace(command.name))  # refuses what cannot be drawn
     session.traced = command.name
     session.draw_trace()
     return Reply(True, "ok")
 
 
-@executes(c.Meters)
-def _meters(session: SessionCore, command: c.Meters) -> Reply:
+@executes(Meters)
+def _meters(session: SessionCore, command: Meters) -> Reply:
     peaks = session.schedule.engine.status().peaks
     shown = [
         f"{channel:3}  {decibels_of(peak):6.1f} dB"
@@ -308,16 +316,16 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
-@executes(c.Save)
-def _save(session: SessionCore, command: c.Save) -> Reply:
+@executes(Save)
+def _save(session: SessionCore, command: Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
         return Reply(True, "ok nothing to write: the files already hold this version")
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@executes(c.Record)
-def _record(session: SessionCore, command: c.Record) -> Reply:
+@executes(Record)
+def _record(session: SessionCore, command: Record) -> Reply:
     if session.captures.path is None or command.player not in session.schedule.real:
         raise NotTakenError(
             f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
@@ -335,15 +343,15 @@ def _record(session: SessionCore, command: c.Record) -> Reply:
     )
 
 
-@executes(c.RecordOff)
-def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
+@executes(RecordOff)
+def _record_off(session: SessionCore, command: RecordOff) -> Reply:
     beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
     capture = session.captures.end(session.schedule.frame_of(beat))
     return Reply(True, f"ok {session.position_text(beat)} take {capture.name} ends")
 
 
-@executes(c.RecordAudio)
-def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
+@executes(RecordAudio)
+def _record_audio(session: SessionCore, command: RecordAudio) -> Reply:
     engine = session.schedule.engine
     if command.file is None:
         return Reply(True, f"ok {session.sound_file.end(engine)} ends")
@@ -352,15 +360,15 @@ def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
     return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
 
-@executes(c.Keep)
-def _keep(session: SessionCore, command: c.Keep) -> Reply:
+@executes(Keep)
+def _keep(session: SessionCore, command: Keep) -> Reply:
     written = files.write_last_bars(session, command.length, command.name)
     scene_of(session.schedule.head.texts, command.name)  # so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-@executes(c.Py)
-def _py(session: SessionCore, command: c.Py) -> Reply:
+@executes(Py)
+def _py(session: SessionCore, command: Py) -> Reply:
     """Evaluate an expression of the user; an error in it is reported as theirs."""
     scope: dict[str, Any] = {
         "session": session,
@@ -378,6 +386,6 @@ def _py(session: SessionCore, command: c.Py) -> Reply:
         raise NotTakenError(f"your Python raised {error_text[:_SHOWN_MAX]}") from None
 
 
-@executes(c.Quit)
-def _quit(session: SessionCore, command: c.Quit) -> Reply:
+@executes(Quit)
+def _quit(session: SessionCore, command: Quit) -> Reply:
     return Reply(True, "bye", leaves=True)

@@ -18,7 +18,8 @@ from ergon.notation.tables.strengths import velocity as velocity_level
 from ergon.notation.tables.tuning import Tuning
 from ergon.notation.tables.velocities import Curve
 from ergon.notation.text.errors import Collector, TextError
-from ergon.repl.language.commands import Hear, MapNotes
+from ergon.repl.language.hearing import Hear
+from ergon.repl.language.mapping import MapNotes
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:

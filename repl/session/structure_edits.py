@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
-from ergon.repl.language import commands as c
+from ergon.repl.language.matter import Build, Link, Remove, Rename, Takes
+from ergon.repl.language.mixing import Fade, Filter, MovePan, Room, Route
 from ergon.repl.session import midi_maps
 from ergon.repl.session.edit_table import edits_texts, makes_edit, with_texts
 from ergon.repl.session.version import Faders, NotTakenError, Version
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-@edits_texts(c.Build)
-def _build(command: c.Build, version: Version, beat: float) -> Texts:
+@edits_texts(Build)
+def _build(command: Build, version: Version, beat: float) -> Texts:
     piece = version.piece
     if families.is_defined(piece, command.name) or command.name in piece.available:
         raise NotTakenError(f"{command.name} exists: {_remedy(version.texts, command.name)}")
@@ -38,16 +39,16 @@ def _remedy(texts: Texts, name: str) -> str:
     return f"`remove {name}` first"
 
 
-@edits_texts(c.Link)
-def _link(command: c.Link, version: Version, beat: float) -> Texts:
+@edits_texts(Link)
+def _link(command: Link, version: Version, beat: float) -> Texts:
     ends = command.a, command.b
     texts, piece = families.defined(version.texts, version.piece, ends)
     texts = structure.link(texts, command.kind, ends, command.fields)[0]
     return families.played(texts, piece, ends)
 
 
-@edits_texts(c.Takes)
-def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
+@edits_texts(Takes)
+def _takes(command: Takes, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
         like = command.like or next(iter(piece.keys), None)
@@ -61,8 +62,8 @@ def _takes(command: c.Takes, version: Version, beat: float) -> Texts:
     return structure.player(texts, piece, command.player, command.key)
 
 
-@edits_texts(c.Route)
-def _route(command: c.Route, version: Version, beat: float) -> Texts:
+@edits_texts(Route)
+def _route(command: Route, version: Version, beat: float) -> Texts:
     texts, piece, words = version.texts, version.piece, command.words
     texts, piece = families.defined(texts, piece, [command.name])
     if command.channels is not None:
@@ -74,15 +75,15 @@ def _route(command: c.Route, version: Version, beat: float) -> Texts:
     return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
 
 
-@edits_texts(c.MovePan)
-def _move_pan(command: c.MovePan, version: Version, beat: float) -> Texts:
+@edits_texts(MovePan)
+def _move_pan(command: MovePan, version: Version, beat: float) -> Texts:
     end = version.piece.tempo_map.after(beat, command.over)
     texts, piece = families.defined(version.texts, version.piece, [command.name])
     return space.move_pan(texts, piece, command.name, command.pan, beat, end)
 
 
-@edits_texts(c.Filter)
-def _filter(command: c.Filter, version: Version, beat: float) -> Texts:
+@edits_texts(Filter)
+def _filter(command: Filter, version: Version, beat: float) -> Texts:
     texts, piece = families.defined(version.texts, version.piece, [command.name])
     if not command.fields:
         return space.without_route_field(texts, piece, command.name, command.kind)
@@ -91,20 +92,20 @@ def _filter(command: c.Filter, version: Version, beat: float) -> Texts:
     return space.set_route_fields(texts, piece, command.name, {command.kind: text})
 
 
-@edits_texts(c.Room)
-def _room(command: c.Room, version: Version, beat: float) -> Texts:
+@edits_texts(Room)
+def _room(command: Room, version: Version, beat: float) -> Texts:
     return space.room(version.texts, version.piece, command.name, command.fields)
 
 
-@edits_texts(c.Fade)
-def _fade(command: c.Fade, version: Version, beat: float) -> Texts:
+@edits_texts(Fade)
+def _fade(command: Fade, version: Version, beat: float) -> Texts:
     texts, piece = version.texts, version.piece
     end = piece.tempo_map.after(beat, command.over)
     return space.fade(texts, piece, command.name, beat, end, is_in=command.is_in)
 
 
-@edits_texts(c.Remove)
-def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
+@edits_texts(Remove)
+def _remove(command: Remove, version: Version, beat: float) -> Texts:
     texts = structure.remove(version.texts, version.piece, command.name)
     if users := structure.entries_with_mistakes(texts):
         strikes = (entry.name for entry in users if entry.section == "strikes")
@@ -117,8 +118,8 @@ def _remove(command: c.Remove, version: Version, beat: float) -> Texts:
     return texts
 
 
-@makes_edit(c.Rename)
-def _rename(command: c.Rename) -> VersionEdit:
+@makes_edit(Rename)
+def _rename(command: Rename) -> VersionEdit:
     """Give something another name. A block keeps its rule; an instrument or key sounds on, with its
     level and its controllers.
     """

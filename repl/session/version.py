@@ -13,7 +13,8 @@ from ergon.repl.session.strike_levels import StrikeLevels
 from ergon.scores.reading.sounding import SoundingNames
 
 if TYPE_CHECKING:
-    from ergon.repl.language.commands import Hear, MapControl, MapNotes
+    from ergon.repl.language.hearing import Hear
+    from ergon.repl.language.mapping import MapControl, MapNotes
     from ergon.repl.session.block_rules import Rule
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts

@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import FileBounds
 from ergon.notation.text.edit import EditError
-from ergon.repl.language import commands as c
+from ergon.repl.language.automating import Automate, StopLfo
+from ergon.repl.language.commands import Command
+from ergon.repl.language.hearing import Hear
+from ergon.repl.language.library import Use
+from ergon.repl.language.mapping import MapControl, MapNotes, Unmap
+from ergon.repl.language.matter import Couple, Set, Uncouple
+from ergon.repl.language.playing import Define, Do, Plays
+from ergon.repl.language.recording import Guide
+from ergon.repl.language.retuning import Retune
+from ergon.repl.language.stopping import Damp, Hush, Rest
+from ergon.repl.language.striking import DoStrikes, StrikeModules
+from ergon.repl.language.transport import Nudge, SetMeter, Tempo
+from ergon.repl.language.versions import Load, Reload, Scene, Seed
 from ergon.repl.session import block_edits as block_edits
 from ergon.repl.session import family_edits, midi_maps
 from ergon.repl.session import level_edits as level_edits
@@ -61,7 +73,7 @@ def unchanged(version: Version, beat: float) -> Version:
     return version
 
 
-def combined(commands: Sequence[c.Command]) -> VersionEdit:
+def combined(commands: Sequence[Command]) -> VersionEdit:
     """Combine several commands into one edit."""
     edits = [VERSION_EDITS[type(command)](command) for command in commands]
 
@@ -87,64 +99,64 @@ def with_take(version: Version, name: str, file: str, channel: str) -> Version:
 # --- texts ---------------------------------------------------------------------------------------
 
 
-def _define(command: c.Define, version: Version, beat: float) -> Texts:
+def _define(command: Define, version: Version, beat: float) -> Texts:
     return names.define(version.texts, command.name, command.words["notation"].text)
 
 
-@edits_texts(c.Plays)
-def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
+@edits_texts(Plays)
+def _plays(command: Plays, version: Version, beat: float) -> Texts:
     assert command.entry is not None  # every line has one
     return parts.play(version.texts, version.piece, command.player, beat, command.entry)
 
 
-@edits_texts(c.Do)
-def _do(command: c.Do, version: Version, beat: float) -> Texts:
+@edits_texts(Do)
+def _do(command: Do, version: Version, beat: float) -> Texts:
     return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
 
 
-@edits_texts(c.StrikeModules)
-def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
+@edits_texts(StrikeModules)
+def _strikes(command: StrikeModules, version: Version, beat: float) -> Texts:
     # First what is struck: a text that strikes what is not there cannot be read for its routes.
     texts, piece = families.defined(version.texts, version.piece, command.struck)
     texts = strikes.strike(texts, piece, command.name, beat, command.fields)
     return families.played(texts, piece, command.struck)
 
 
-@edits_texts(c.DoStrikes)
-def _do_strikes(command: c.DoStrikes, version: Version, beat: float) -> Texts:
+@edits_texts(DoStrikes)
+def _do_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
     return transformed.transform(version.texts, version.piece, command.name, beat, command.do)
 
 
-@edits_texts(c.Automate)
-def _automate(command: c.Automate, version: Version, beat: float) -> Texts:
+@edits_texts(Automate)
+def _automate(command: Automate, version: Version, beat: float) -> Texts:
     own = command
     return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
 
 
-@edits_texts(c.StopLfo)
-def _stop_lfo(command: c.StopLfo, version: Version, beat: float) -> Texts:
+@edits_texts(StopLfo)
+def _stop_lfo(command: StopLfo, version: Version, beat: float) -> Texts:
     return automation.stop(version.texts, version.piece, command.target, beat)
 
 
-@edits_texts(c.Rest)
-def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
+@edits_texts(Rest)
+def _rest(command: Rest, version: Version, beat: float) -> Texts:
     return parts.rest(version.texts, version.piece, command.player, beat)
 
 
-@edits_texts(c.Tempo)
-def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
+@edits_texts(Tempo)
+def _tempo(command: Tempo, version: Version, beat: float) -> Texts:
     end = "" if command.end is None else f" -> {command.end:.12g}"
     over = command.words["over"].text if command.over is not None else None
     return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
 
 
-@edits_texts(c.SetMeter)
-def _meter(command: c.SetMeter, version: Version, beat: float) -> Texts:
+@edits_texts(SetMeter)
+def _meter(command: SetMeter, version: Version, beat: float) -> Texts:
     return times.change_meter(version.texts, version.piece, beat, str(command.meter))
 
 
-@edits_texts(c.Nudge)
-def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
+@edits_texts(Nudge)
+def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     """Make the beat that begins longer (or shorter) by a length; the next beats have the old
     tempo.
     """
@@ -161,26 +173,26 @@ def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
 
-@edits_texts(c.Couple)
-def _couple(command: c.Couple, version: Version, beat: float) -> Texts:
+@edits_texts(Couple)
+def _couple(command: Couple, version: Version, beat: float) -> Texts:
     stiffness, viscosity = f"{command.stiffness:.12g}N/m", f"{command.viscosity:.12g}Ns/m"
     ends = command.a, command.b
     return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
 
 
-@edits_texts(c.Uncouple)
-def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
+@edits_texts(Uncouple)
+def _uncouple(command: Uncouple, version: Version, beat: float) -> Texts:
     return keys.uncouple(version.texts, version.piece, beat, command.a, command.b)
 
 
-def _set(command: c.Set, version: Version, beat: float) -> Texts:
+def _set(command: Set, version: Version, beat: float) -> Texts:
     value = command.words["change"].text
     texts = automation.released(version.texts, version.piece, command.target, beat)
     return matter.set_value(texts, version.piece, command.target, value)
 
 
-@makes_edit(c.Set)
-def _set_gliding(command: c.Set) -> VersionEdit:
+@makes_edit(Set)
+def _set_gliding(command: Set) -> VersionEdit:
     """Set a parameter, which may glide for the length `over`: in the score's time if that runs."""
 
     def edit(version: Version, beat: float) -> Version:
@@ -200,16 +212,16 @@ def _set_gliding(command: c.Set) -> VersionEdit:
     return edit
 
 
-@edits_texts(c.Seed)
-def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
+@edits_texts(Seed)
+def _seed(command: Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
 
 # --- whole versions ------------------------------------------------------------------------------
 
 
-@makes_edit(c.Define)
-def _define_rehearsed(command: c.Define) -> VersionEdit:
+@makes_edit(Define)
+def _define_rehearsed(command: Define) -> VersionEdit:
     """Define a gesture, and check that its keys can follow it."""
 
     def edit(version: Version, beat: float) -> Version:
@@ -221,8 +233,8 @@ def _define_rehearsed(command: c.Define) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.Guide)
-def _guide(command: c.Guide) -> VersionEdit:
+@makes_edit(Guide)
+def _guide(command: Guide) -> VersionEdit:
     """Guide a hand along another player's part, or end the guidance."""
     guide = None if command.by is None else guide_of(command)
 
@@ -237,18 +249,16 @@ def _guide(command: c.Guide) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.Hear)
-@makes_edit(c.MapControl)
-@makes_edit(c.MapNotes)
+@makes_edit(Hear)
+@makes_edit(MapControl)
+@makes_edit(MapNotes)
 def _map(command: midi_maps.Map) -> VersionEdit:
     """Map a MIDI controller or notes, or let what `hear` strikes be ready."""
 
     def edit(version: Version, beat: float) -> Version:
-        struck = [] if isinstance(command, c.MapControl) else [command.target]
+        struck = [] if isinstance(command, MapControl) else [command.target]
         texts = families.played(version.texts, version.piece, struck)
-        if isinstance(command, c.Hear) or (
-            isinstance(command, c.MapNotes) and command.impulse is None
-        ):
+        if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
             texts = families.ready(texts, command.target)
         after = version if texts is version.texts else with_texts(version, texts)
         return replace(after, maps=midi_maps.with_map(after, command))
@@ -256,14 +266,14 @@ def _map(command: midi_maps.Map) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.Unmap)
-def _unmap(command: c.Unmap) -> VersionEdit:
+@makes_edit(Unmap)
+def _unmap(command: Unmap) -> VersionEdit:
     """End a map."""
     return lambda version, beat: replace(version, maps=midi_maps.without_map(version, command.name))
 
 
-@makes_edit(c.Load)
-def _load(command: c.Load) -> VersionEdit:
+@makes_edit(Load)
+def _load(command: Load) -> VersionEdit:
     files: list[Texts] = []
 
     def edit(version: Version, beat: float) -> Version:
@@ -280,8 +290,8 @@ def _load(command: c.Load) -> VersionEdit:
     return edit
 
 
-@makes_edit(c.Reload)
-def _reload(command: c.Reload) -> VersionEdit:
+@makes_edit(Reload)
+def _reload(command: Reload) -> VersionEdit:
     """Read the score's files again, as they are when the line is typed, and keep the typed changes.
 
     If a place was both typed and changed in the files, the files have it.
@@ -316,29 +326,29 @@ def _file(path: str, bounds: FileBounds | None) -> Texts:
         raise NotTakenError(f"{path}: {error.strerror}") from None
 
 
-@makes_edit(c.Hush)
-def _hush(command: c.Hush) -> VersionEdit:
+@makes_edit(Hush)
+def _hush(command: Hush) -> VersionEdit:
     return hush
 
 
-@makes_edit(c.Damp)
-def _damp(command: c.Damp) -> VersionEdit:
+@makes_edit(Damp)
+def _damp(command: Damp) -> VersionEdit:
     return lambda version, beat: replace(hush(version, beat), damp=command.time)
 
 
-READS_FILES = (c.Load, c.Reload, c.Retune, c.Scene, c.Use)
+READS_FILES = (Load, Reload, Retune, Scene, Use)
 
 
 # --- replies -------------------------------------------------------------------------------------
 
 
-def summary(command: c.Command, running: RunningVersion, where: str) -> str:
+def summary(command: Command, running: RunningVersion, where: str) -> str:
     """The part of a reply about a command, after `ok` and `where` it acts."""
-    if isinstance(command, c.Define):
+    if isinstance(command, Define):
         return _defined(command, running)
-    if isinstance(command, c.Plays):
+    if isinstance(command, Plays):
         return f"{command.player}: {command.words['play'].text}"
-    if isinstance(command, c.Scene):
+    if isinstance(command, Scene):
         begun = "" if command.before is None else f"{command.before}, then "
         sentence = f"{begun}{command.name}, from its beginning, again and again"
         if not running.version.freed_parameters:
@@ -346,11 +356,11 @@ def summary(command: c.Command, running: RunningVersion, where: str) -> str:
         many = len(running.version.freed_parameters) > 1
         verb_phrase = "have their own values" if many else "has its own value"
         return f"{sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
-    if isinstance(command, c.Use):
+    if isinstance(command, Use):
         return family_edits.summary(command, running.version.piece)
-    if isinstance(command, c.Load) and running.version.enter_beat == 0.0 and where != "1|1":
+    if isinstance(command, Load) and running.version.enter_beat == 0.0 and where != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
-    if isinstance(command, c.Guide):
+    if isinstance(command, Guide):
         by = command.by
         return (
             f"{command.player}: no longer guided"
@@ -360,7 +370,7 @@ def summary(command: c.Command, running: RunningVersion, where: str) -> str:
     return ""
 
 
-def _defined(command: c.Define, running: RunningVersion) -> str:
+def _defined(command: Define, running: RunningVersion) -> str:
     piece = running.version.piece
     if command.name not in piece.gestures:
         axes = space_path.played(command.name, piece.gestures)

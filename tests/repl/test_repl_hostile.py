@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from spoken import OTHERS, SCOPE, SESSION
 from sweep import few
 
-from ergon.repl.language import commands as c
 from ergon.repl.language import verbs
+from ergon.repl.language.commands import Command
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import MAX_LINE
@@ -21,7 +21,7 @@ def holds(text: str) -> None:
     """What is true of any text at all: commands or a Refusal, and places inside the text."""
     refusal = None
     try:
-        assert all(isinstance(command, c.Command) for command in parse(text, SCOPE))
+        assert all(isinstance(command, Command) for command in parse(text, SCOPE))
     except Refusal as caught:
         refusal = caught
     if refusal is not None:

@@ -1,19 +1,24 @@
 """From typed lines to commands."""
 
 import dataclasses
+import sys
 
 import pytest
 from spoken import OTHERS, SCOPE, SESSION, one, plays, refused
 
 from ergon.notation.clock.positions import Length, Position, parse_position
-from ergon.repl.language import commands as c
+from ergon.repl import language
 from ergon.repl.language import help, verbs
+from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.lines import is_whole
+from ergon.repl.language.matter import Set
 from ergon.repl.language.parse import parse
+from ergon.repl.language.playing import Define
+from ergon.repl.language.transport import Tempo
 from ergon.scores.gesture import notation
 
 
-def alike(command: c.Command) -> c.Command:
+def alike(command: Command) -> Command:
     """Without how a mark was spelt: `Position.text` is no value."""
     position = command.when
     return (
@@ -24,25 +29,27 @@ def alike(command: c.Command) -> c.Command:
 
 
 @pytest.mark.parametrize(("line", "command"), SESSION + OTHERS)
-def test_a_line_is_what_it_says(line: str, command: c.Command):
+def test_a_line_is_what_it_says(line: str, command: Command):
     assert alike(one(line)) == alike(command)
 
 
-_BASES = (c.Command, c.BlockCommand)
+_BASES = (Command, BlockCommand)
 
 
 def test_every_command_is_reached_by_a_line_above():
     asked = {type(command) for _, command in SESSION + OTHERS}
+    files = [module for name, module in sys.modules.items() if name.startswith(language.__name__)]
     assert asked == {
         thing
-        for thing in vars(c).values()
-        if isinstance(thing, type) and issubclass(thing, c.Command) and thing not in _BASES
+        for module in files
+        for thing in vars(module).values()
+        if isinstance(thing, type) and issubclass(thing, Command) and thing not in _BASES
     }
 
 
 @pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
 def test_the_example_of_every_verb_is_taken(form: verbs.Form):
-    assert isinstance(one(form.example.replace("as solo", "as solo-2")), c.Command)
+    assert isinstance(one(form.example.replace("as solo", "as solo-2")), Command)
     text = "\n".join(help.verb_help(form.verb))
     assert form.written in text
     assert form.example in text
@@ -83,9 +90,9 @@ ada plays verse every 2 \\
 \ttempo 72 at C\r
 """
     define, play, tempo = parse(block, SCOPE)
-    assert define == c.Define("verse", notation.parse("0@0 6@1" + " " * 11 + "0@2"))
+    assert define == Define("verse", notation.parse("0@0 6@1" + " " * 11 + "0@2"))
     assert play == plays("verse", every=Length(beats=2), times=4)
-    assert tempo == c.Tempo(72, when=parse_position("C"))
+    assert tempo == Tempo(72, when=parse_position("C"))
     times = play.words["times"]
     assert block[times.start : times.end] == "4"
 
@@ -112,7 +119,7 @@ def test_a_line_that_goes_on_is_not_whole():
 
 
 def test_a_hash_inside_a_word_begins_no_comment():
-    assert one("set gong.f A#1") == c.Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
+    assert one("set gong.f A#1") == Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
 
 
 @pytest.mark.parametrize("among", [verbs.VERBS, verbs.SUBJECT_VERBS])

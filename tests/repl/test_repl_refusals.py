@@ -6,9 +6,11 @@ import pytest
 from spoken import SCOPE, refused
 
 from ergon.notation.clock.positions import Position
-from ergon.repl.language import commands as c
 from ergon.repl.language.lines import MAX_LINE, MAX_PASTE
+from ergon.repl.language.matter import Set
 from ergon.repl.language.parse import parse
+from ergon.repl.language.playing import Define, Plays
+from ergon.repl.language.transport import Tap
 
 
 @pytest.mark.parametrize(
@@ -114,11 +116,11 @@ def test_a_name_may_be_that_of_a_verb():
     scope = dataclasses.replace(
         SCOPE, gestures={"tap": "", "help": ""}, players={"set": "", "ada": ""}
     )
-    assert isinstance(parse("ada plays tap", scope)[0], c.Plays)
-    assert isinstance(parse("tap", scope)[0], c.Tap)
-    assert isinstance(parse("help = 0@0 1@1", scope)[0], c.Define)
-    assert isinstance(parse("set plays help", scope)[0], c.Plays)
-    assert isinstance(parse("set bell.m.K x2", scope)[0], c.Set)
+    assert isinstance(parse("ada plays tap", scope)[0], Plays)
+    assert isinstance(parse("tap", scope)[0], Tap)
+    assert isinstance(parse("help = 0@0 1@1", scope)[0], Define)
+    assert isinstance(parse("set plays help", scope)[0], Plays)
+    assert isinstance(parse("set bell.m.K x2", scope)[0], Set)
 
 
 def test_a_mark_with_a_minus_is_a_mark():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sessions import EVERY, Stepped
 
-from ergon.repl.language import commands as c
+from ergon.repl.language.stopping import Rest
 from ergon.repl.session import version_edits
 from ergon.repl.session.engine import EngineEvent
 from ergon.repl.session.journal_content import read_journal
@@ -165,7 +165,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
             count == 100
         ):  # as pyo3 brings one over: no Exception, so that nothing else would catch it
             with pytest.MonkeyPatch.context() as patch:
-                patch.setitem(version_edits.VERSION_EDITS, c.Rest, _panicking)
+                patch.setitem(version_edits.VERSION_EDITS, Rest, _panicking)
                 assert "internal error" in hurt.type("rest ada").text
         reply = hurt.type(line)
         assert not reply.taken or not line.strip() or line.lstrip().startswith("#"), line

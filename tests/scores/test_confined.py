@@ -9,7 +9,7 @@ from commands import forked
 
 from ergon.cli import app
 from ergon.notation.text.bounds import MARKER, FileBounds
-from ergon.repl.language.commands import Load, Reload
+from ergon.repl.language.versions import Load, Reload
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed_state

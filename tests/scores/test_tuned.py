@@ -16,7 +16,7 @@ from ergon import _core
 from ergon.notation.tables import notes
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables.tuning import Tuning, used
-from ergon.repl.language.commands import MapNotes
+from ergon.repl.language.mapping import MapNotes
 from ergon.repl.session.midi_maps import struck_by
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.digest import digest_of

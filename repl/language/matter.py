@@ -1,0 +1,161 @@
+"""Verbs of instruments and keys: parameters, links, names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ergon.notation.clock.positions import Length
+from ergon.notation.text.errors import TextError
+from ergon.repl.language import structure as s
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import BlockCommand, Command, When
+from ergon.repl.language.forms import LINK_SLOTS, OVER_SLOT, Slot, Words, form
+
+
+@dataclass(frozen=True, slots=True)
+class Set(BlockCommand):
+    """Set a physical parameter to a value [SI], or multiply it by a factor, gliding for the length
+    `over`.
+    """
+
+    target: str
+    value: float | None
+    factor: float | None
+    over: Length | None
+
+
+@dataclass(frozen=True, slots=True)
+class Couple(BlockCommand):
+    """Join two keys by a REF: `stiffness` [N/m], `viscosity` [Ns/m]."""
+
+    a: str
+    b: str
+    stiffness: float
+    viscosity: float
+
+
+@dataclass(frozen=True, slots=True)
+class Uncouple(BlockCommand):
+    """Remove the couplings between two keys."""
+
+    a: str
+    b: str
+
+
+@dataclass(frozen=True, slots=True)
+class Build(BlockCommand):
+    """`bell2 = bell/bell transpose 7st`: add an instrument made from another, or from one in a
+    file.
+
+    `fields` replace its fields, as written.
+    """
+
+    name: str
+    base: str
+    semitones: float
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Link(BlockCommand):
+    """Join two modules by a link of a kind, with its fields as written."""
+
+    a: str
+    b: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Takes(BlockCommand):
+    """Let a player take a key; a new key is a copy of the key `like` (None: of the first)."""
+
+    player: str
+    key: str
+    like: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remove(BlockCommand):
+    """Remove what a name stands for, and what belongs to it alone."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rename(Command):
+    """Give a gesture, a phrase, a take, a player, a block, a key or an instrument another name."""
+
+    old: str
+    name: str
+
+
+def set_parameter(
+    target: str,
+    change: tuple[float | None, float | None],
+    over: Length | None,
+    *,
+    when: When,
+    words: Words,
+) -> Set:
+    """Set a value, or multiply by a factor."""
+    return Set(target, *change, over, when=when, words=words)
+
+
+def couple(
+    a: str,
+    b: str,
+    stiffness: float | None,
+    viscosity: float | None,
+    *,
+    when: When,
+    words: Words,
+) -> Couple:
+    """Couple two keys by a REF with K, Z or both. Raises TextError."""
+    if stiffness is None and viscosity is None:
+        end = words["b"].end
+        raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
+    return Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
+
+
+def build(
+    name: str,
+    base: tuple[str, float, Mapping[str, str]],
+    *,
+    when: When,
+    words: Words,
+) -> Build:
+    """Build an instrument with its own fields."""
+    return Build(name, *base, when=when, words=words)
+
+
+# fmt: off
+_KEYS = Slot("a", "KEY", v.KEY), Slot("b", "KEY", v.OTHER_KEY)
+SET_FORM = form("set", "set", "a physical parameter glides to a value, or by a factor",
+    "set bell.m.K x1.5 over 2bar", set_parameter,
+    Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), OVER_SLOT)
+COUPLE_FORM = form("couple", "c", "joins two keys by a spring and a damper",
+    "couple k1 k2 K=40N/m", couple, *_KEYS, *LINK_SLOTS)
+BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",
+    "bell2 = bell/bell transpose 7st", build,
+    Slot("name", "NAME", s.PART_NAME),
+    Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
+    many=True), subject=True)
+LINK_FORM = form("link", "li", "joins two modules, or a key and a module, by a link",
+    "link k1 bell.m BUT K=4kN/m", Link,
+    Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
+    Slot("kind", "KIND", s.LINK_KIND),
+    Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, many=True))
+TAKES_FORM = form("takes", "t", "the player takes a key; who and what is new is added",
+    "mia takes k3 like k1", Takes,
+    Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
+    Slot("like", "KEY", v.KEY, "like", optional=True), subject=True)
+REMOVE_FORM = form("remove", "rem", "removes what has a name, and what belongs to it alone",
+    "remove bell", Remove, Slot("name", "NAME", s.REMOVABLE))
+RENAME_FORM = form("rename", "ren", "gives what has a name another name",
+    "rename lean tilt", Rename,
+    Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME))
+UNCOUPLE_FORM = form("uncouple", "unc", "removes what joins two keys",
+    "uncouple k1 k2", Uncouple, *_KEYS)
+# fmt: on
