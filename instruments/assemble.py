@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 from ergon import _core
 from ergon.instruments import following, proxies
 from ergon.instruments.kinds.kind import picked
-from ergon.instruments.kinds.lnl import law
+from ergon.instruments.kinds.lnl import LawFields, law
 from ergon.instruments.members import members
 from ergon.instruments.model import Module, Target
 from ergon.instruments.module_kinds import (
@@ -23,7 +23,7 @@ from ergon.instruments.module_kinds import (
 )
 from ergon.instruments.space import Space
 from ergon.instruments.space import add as add_points
-from ergon.instruments.space.points import add_surface, along, unit
+from ergon.instruments.space.points import SurfaceFields, add_surface, along, unit
 from ergon.instruments.spread import is_pairwise, single_links
 from ergon.instruments.starts import Start
 
@@ -105,8 +105,9 @@ class Assembly:
                     self.mats[name, module.name] = proxies.add(self.network, *labels, self.members)
             if module.kind == "SURFACE" and self._are_there([module.fields["of"]]):
                 with self._collecting_refusals():
+                    fields = cast("SurfaceFields", module.fields)
                     masses = self.members(module.fields["of"])
-                    firsts = add_surface(self.network, module.name, module.fields, masses)
+                    firsts = add_surface(self.network, module.name, fields, masses)
                     self.points[name, module.name] = firsts
                     self.mats[name, module.name] = firsts[0]
 
@@ -190,7 +191,9 @@ class Assembly:
         if rest is None:
             rest = self.network.distance(first, second)
         if module.kind == "LNL":
-            return self.network.space_lnl(module.name, first, second, law(fields), rest)
+            return self.network.space_lnl(
+                module.name, first, second, law(cast("LawFields", fields)), rest
+            )
         contact_fields = picked(fields, "K", "Z", "yields", "breaks", "core")
         return self.network.space_ref(module.name, first, second, rest=rest, **contact_fields)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
-from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
+from ergon.instruments.kinds.kind import Quantities, kind, picked
 from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES, Each
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
@@ -40,14 +40,32 @@ def _complete(values: Values, fields: dict[str, Any]) -> None:
     fields.pop("modes")
 
 
-def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+class BankFields(TypedDict):
+    """Its fields as it is built."""
+
+    count: int
+    M: float
+    f: Each | tuple[float, float]
+    t60: Each | tuple[float, float]
+    gain: tuple[float, ...] | None
+    place: str
+    hole: float
+    angles: str
+    spread: str
+
+
+def _add(network: _core.Network, name: str, fields: BankFields, seed: int) -> int:
     if isinstance(fields["f"], Each):
-        masses = (fields["M"] / gain for gain in fields["gain"])
+        masses = (fields["M"] / gain for gain in fields["gain"] or ())
         cells = list(zip(fields["f"], fields["t60"], masses, strict=True))
         placing = picked(fields, "place", "hole", "angles")
         return network.cells(name, cells=cells, **placing, seed=seed)
     options = ("count", "M", "f", "t60", "spread", "place", "hole", "angles")
     return network.bank(name, **picked(fields, *options), seed=seed)
+
+
+def _count(fields: BankFields) -> int:
+    return fields["count"]
 
 
 BANK = kind(
@@ -58,5 +76,5 @@ BANK = kind(
     gliding=("f", "t60"),
     complete=_complete,
     add=_add,
-    count=lambda fields: int(fields["count"]),
+    count=_count,
 )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypedDict
 
 from ergon import _core
-from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Fields, Quantities, kind
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, kind
 from ergon.notation.tables.fields import Field, Values
 
 
@@ -43,7 +44,16 @@ def _check(values: Values) -> None:
         values.error("E111", message, "speed")
 
 
-def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+class DryFields(TypedDict):
+    """Its fields as it is built."""
+
+    F: float
+    K: float | None
+    static: float | None
+    speed: float
+
+
+def _add(network: _core.Network, name: str, a: int, b: int, fields: DryFields, reach: float) -> int:
     level, static, speed = fields["F"], fields["static"] or fields["F"], fields["speed"]
     if fields["K"] is None:
         return network.dry(name, a, b, F=level, static_level=static, speed=speed)

@@ -93,7 +93,7 @@ class Kind:
     check: Callable[[Values], None] = no_check
     complete: Callable[[Values, dict[str, Any]], None] = as_written
     add: Callable[..., int] = only_in_space
-    count: Callable[[Fields], int] = single_mat
+    count: Callable[..., int] = single_mat
     becomes: str = ""
 
     @property

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict
 
 from ergon import _core
 from ergon.instruments import following
-from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Fields, Quantities, kind
+from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, kind
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 from ergon.notation.tables.shapes import ListOf, Pair, Text
@@ -58,12 +59,22 @@ def _complete(values: Values, fields: dict[str, Any]) -> None:
         fields["interval"] = values.given["interval"]
 
 
-def law(fields: Fields, reach: float = 1.0) -> _core.Law:
+class LawFields(TypedDict):
+    """The law of a module as it is built."""
+
+    law: str | None
+    damping: str | None
+    constants: Mapping[str, float]
+    points: Sequence[tuple[float, float]] | None
+    rest: float
+
+
+def law(fields: LawFields, reach: float = 1.0) -> _core.Law:
     """The compiled law of a module, behind a lever if `reach` is not 1."""
     return _core.Law(fields["law"], fields["damping"], fields["constants"], fields["points"], reach)
 
 
-def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
+def _add(network: _core.Network, name: str, a: int, b: int, fields: LawFields, reach: float) -> int:
     return network.lnl(name, a, b, law(fields, reach), rest=fields["rest"])
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 from ergon import _core
-from ergon.instruments.kinds.kind import Fields, Quantities, kind
+from ergon.instruments.kinds.kind import Quantities, kind
 from ergon.instruments.modal import MODES_DECAYS, MODES_PITCHES, PLACES
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
@@ -30,10 +30,23 @@ def _complete(values: Values, fields: dict[str, Any]) -> None:
     fields.pop("modes")
 
 
-def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+class ModesFields(TypedDict):
+    """Its fields as it is built."""
+
+    M: float
+    f: tuple[float, ...]
+    t60: tuple[float, ...]
+    places: tuple[tuple[str, tuple[float, ...]], ...]
+
+
+def _add(network: _core.Network, name: str, fields: ModesFields, seed: int) -> int:
     modes = list(zip(fields["f"], fields["t60"], strict=True))
     levels = list(zip(*(levels for _, levels in fields["places"]), strict=True))
     return network.modal(name, M=fields["M"], modes=modes, levels=levels)
+
+
+def _count(fields: ModesFields) -> int:
+    return len(fields["places"])
 
 
 MODES = kind(
@@ -43,5 +56,5 @@ MODES = kind(
     _fields,
     complete=_complete,
     add=_add,
-    count=lambda fields: len(fields["places"]),
+    count=_count,
 )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 from ergon import _core
 from ergon.instruments.bodies import Bending
 from ergon.instruments.kinds import bodies
-from ergon.instruments.kinds.kind import Fields, Quantities, kind, picked
+from ergon.instruments.kinds.kind import Quantities, kind, picked
 from ergon.instruments.matter import MATTER
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
@@ -63,22 +63,31 @@ def _complete(values: Values, fields: dict[str, Any]) -> None:
     bodies.without(fields, *MATTER, "masses")
 
 
-def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+class PlateFields(TypedDict):
+    """Its fields as it is built."""
+
+    shape: str
+    radius: int | None
+    sides: tuple[int, int] | None
+    rim: str
+
+
+def _add(network: _core.Network, name: str, fields: PlateFields, seed: int) -> int:
     form = ("sides",) if fields["shape"] == "rectangle" else ("shape", "radius")
     options = (*form, "M", "f", "t60", "K", "Z", "rim", "bending", "hardening")
     return network.plate(name, **picked(fields, *options))
 
 
-def _count(fields: Fields) -> int:
+def _count(fields: PlateFields) -> int:
     shape, rim, radius = fields["shape"], fields["rim"], fields["radius"] or 1
     if shape == "rectangle":
         across, up = fields["sides"] or (1, 1)
-        return int(across * up)
+        return across * up
     if shape == "square":
-        return int((2 * radius + 1) ** 2)
+        return (2 * radius + 1) ** 2
     # The outermost ring of a disc is its rim; a hexagon with a fixed one has one ring more.
     rings = radius - 1 if shape == "disc" and rim == "fixed" else radius
-    return int(3 * rings * (rings + 1) + 1)
+    return 3 * rings * (rings + 1) + 1
 
 
 PLATE = kind(

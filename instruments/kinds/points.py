@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.kinds.kind import ENDPOINT, Fields, Quantities, kind, picked
@@ -52,9 +54,22 @@ def _add_sol(network: _core.Network, name: str, fields: Fields, seed: int) -> in
     return network.sol(name, **picked(fields, "X0"))
 
 
-def _add_cel(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
+class CelFields(TypedDict):
+    """Its fields as it is built."""
+
+    M: float
+    K: float | None
+    Z: float | None
+    f: float | None
+    t60: float | None
+    X0: float
+    V0: float
+    rest: float
+
+
+def _add_cel(network: _core.Network, name: str, fields: CelFields, seed: int) -> int:
     # K and Z have defaults; if f is written, f and t60 replace both.
-    tie = ("K", "Z") if fields.get("f") is None else ("f", "t60")
+    tie = ("K", "Z") if fields["f"] is None else ("f", "t60")
     return network.cel(name, **picked(fields, "M", *tie, "X0", "V0", "rest"))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
@@ -64,9 +64,19 @@ def _complete(values: Values, fields: dict[str, Any]) -> None:
         fields["stretching"] = wire.of(fields["masses"], fields["ends"])
 
 
+class StringFields(TypedDict):
+    """Its fields as it is built."""
+
+    masses: int
+
+
 def _add(network: _core.Network, name: str, fields: Fields, seed: int) -> int:
     options = ("masses", "M", "f", "t60", "K", "Z", "ends", "stiffness", "inharmonicity")
     return network.string(name, **picked(fields, *options, "hardening", "stretching"))
+
+
+def _count(fields: StringFields) -> int:
+    return fields["masses"]
 
 
 STRING = kind(
@@ -79,5 +89,5 @@ STRING = kind(
     check=_check,
     complete=_complete,
     add=_add,
-    count=lambda fields: int(fields["masses"]),
+    count=_count,
 )

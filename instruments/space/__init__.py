@@ -6,7 +6,7 @@ between them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from ergon import _core
 from ergon.instruments.space import nets
 from ergon.instruments.space.points import Chance, add_grains, add_point
 
-NETS = {
+NETS: Mapping[str, Callable[..., nets.Net]] = {
     "CHAIN": nets.chain,
     "CLOTH": nets.cloth,
     "DISC": nets.disc,
@@ -45,15 +45,15 @@ def add(
     network: _core.Network,
     kind: str,
     name: str,
-    fields: Mapping[str, Any],
+    fields: Any,
     chance: Chance,
     who: str,
 ) -> int:
     """Add the points of a module, and the springs of a generator; returns the index of the first
     MAT.
 
-    `chance` gives the random numbers of a member by its index; `who` names the module in error
-    messages. Raises EngineError.
+    `fields` are those of the kind (`ChainFields` and so on). `chance` gives the random numbers of
+    a member by its index; `who` names the module in error messages. Raises EngineError.
     """
     if kind == "GRAINS":
         return add_grains(network, name, fields, chance, who)

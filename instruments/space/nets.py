@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NotRequired
 
 from ergon import _core
-from ergon.instruments.space.mesh import TURNS, placed
-from ergon.instruments.space.points import Vector, add_points, along, between
+from ergon.instruments.space.mesh import TURNS, Mesh, placed
+from ergon.instruments.space.points import PointsFields, Vector, add_points, along, between
 
 Cell = tuple[int, ...]  # the number of a point along each axis of a lattice
 Spring = tuple[int, int, float]  # first point, second point, rest length [m]
@@ -41,7 +41,69 @@ class Net:
     runs: Iterable[Run]
 
 
-def add(network: _core.Network, name: str, net: Net, fields: Mapping[str, Any]) -> int:
+class NetFields(PointsFields):
+    """Fields that every net has."""
+
+    K: float
+    Z: float
+    yields: float | None
+    breaks: float | None
+    stretch: NotRequired[float]
+
+
+class ChainFields(NetFields):
+    """Those of a CHAIN."""
+
+    masses: int
+    ends: str
+    rest: float | None
+
+
+class ClothFields(NetFields):
+    """Those of a CLOTH."""
+
+    sides: tuple[int, int]
+    across: Vector
+    up: Vector
+    shear: float
+    held: str
+
+
+class DiscFields(NetFields):
+    """Those of a DISC."""
+
+    rings: int
+    across: float
+    normal: Vector | None
+    held: str
+
+
+class BlockFields(NetFields):
+    """Those of a BLOCK."""
+
+    sides: tuple[int, ...]
+    span: int
+    held: str
+
+
+class BallFields(NetFields):
+    """Those of a BALL."""
+
+    points: int
+    across: float
+    span: int
+
+
+class MeshFields(NetFields):
+    """Those of a MESH."""
+
+    file: Mesh
+    up: str
+    scale: float
+    held: str
+
+
+def add(network: _core.Network, name: str, net: Net, fields: NetFields) -> int:
     """Add a net; returns the index of the first MAT. Raises EngineError."""
     first, n, axes = (
         add_points(network, name, fields, net.places, net.held),
@@ -65,7 +127,7 @@ def add(network: _core.Network, name: str, net: Net, fields: Mapping[str, Any]) 
     return first
 
 
-def chain(fields: Mapping[str, Any]) -> Net:
+def chain(fields: ChainFields) -> Net:
     """Points in a row, each joined to the next."""
     n, start, stop = fields["masses"], fields["from"], fields["to"]
     places = [between(start, stop, i / (n - 1)) for i in range(n)]
@@ -76,7 +138,7 @@ def chain(fields: Mapping[str, Any]) -> Net:
     return Net(places, held, [Run(0, 1, n - 1, rest, fields["K"], fields["Z"])])
 
 
-def cloth(fields: Mapping[str, Any]) -> Net:
+def cloth(fields: ClothFields) -> Net:
     """Points row by row, with springs along each row, along each column, and across each cell."""
     (across, up), axes = fields["sides"], fields["axes"]
     corner, right, upwards = fields["at"], fields["across"], fields["up"]
@@ -114,7 +176,7 @@ def cloth(fields: Mapping[str, Any]) -> Net:
     return Net(places, held, runs())
 
 
-def disc(fields: Mapping[str, Any]) -> Net:
+def disc(fields: DiscFields) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
     rings, position, axes = fields["rings"], fields["at"], fields["axes"]
     spacing = 0.5 * fields["across"] / rings
@@ -151,7 +213,7 @@ def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
     return (1.0 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
 
 
-def block(fields: Mapping[str, Any]) -> Net:
+def block(fields: BlockFields) -> Net:
     """A box of points on a lattice, each joined to its neighbours."""
     start, stop, counts = fields["from"], fields["to"], fields["sides"]
     spacing = [(b - a) / max(1, n - 1) for a, b, n in zip(start, stop, counts, strict=True)]
@@ -170,7 +232,7 @@ def block(fields: Mapping[str, Any]) -> Net:
     return Net(places, [is_held(cell) for cell in cells], _equal(springs, fields))
 
 
-def ball(fields: Mapping[str, Any]) -> Net:
+def ball(fields: BallFields) -> Net:
     """The points of a lattice that lie in a sphere or a circle, each joined to its neighbours."""
     position, n = fields["at"], fields["points"]
     spacing, middle = fields["across"] / (n - 1), 0.5 * (n - 1)
@@ -190,7 +252,7 @@ def _is_in_ball(cell: Cell, n: int) -> bool:
     return sum((2 * i - n + 1) ** 2 for i in cell) <= (n - 1) ** 2
 
 
-def mesh(fields: Mapping[str, Any]) -> Net:
+def mesh(fields: MeshFields) -> Net:
     """The points of a file, joined along its edges."""
     model, up = fields["file"], fields["up"]
     places = list(placed(model, fields["scale"], up, fields["at"]))
@@ -201,7 +263,7 @@ def mesh(fields: Mapping[str, Any]) -> Net:
 
 
 # The number of points of a net.
-COUNTS: dict[str, Callable[[Mapping[str, Any]], int]] = {
+COUNTS: dict[str, Callable[..., int]] = {
     "CLOTH": lambda fields: math.prod(fields["sides"]),
     "BLOCK": lambda fields: math.prod(fields["sides"]),
     "DISC": lambda fields: 3 * fields["rings"] * (fields["rings"] + 1) + 1,
@@ -251,7 +313,7 @@ def _springs(cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]) -> Iter
                 yield number, there, rest
 
 
-def _equal(springs: Iterable[Spring], fields: Mapping[str, Any]) -> Iterator[Run]:
+def _equal(springs: Iterable[Spring], fields: NetFields) -> Iterator[Run]:
     """Springs with K and Z as runs of consecutive ones."""
     begin, count = (0, 0, 0.0), 0
     for a, b, rest in springs:

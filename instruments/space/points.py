@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from ergon import _core
 
@@ -15,6 +15,43 @@ Chance = Callable[[int], _core.Chance]
 # Random places that are tried for one grain before a box counts as full: the densest packings found
 # in this way fill 0.38 of space, and take some hundred tries a grain at 0.9 of that (Widom 1966).
 TRIES = 2_000
+
+
+class PointFields(TypedDict):
+    """Fields of a single point as it is built."""
+
+    axes: int
+    X0: Vector
+    M: NotRequired[float]
+    V0: NotRequired[Vector | None]
+    drag: NotRequired[float]
+
+
+# Where a body is; each has those that its table says.
+_Where = TypedDict("_Where", {"from": Vector, "to": Vector, "at": Vector}, total=False)
+
+
+class PointsFields(_Where):
+    """Fields of many points."""
+
+    axes: int
+    M: float
+    V0: NotRequired[Vector | None]
+    drag: float
+
+
+class GrainsFields(PointsFields):
+    """Those of GRAINS."""
+
+    count: int
+    scatter: float
+    apart: float | None
+
+
+class SurfaceFields(_Where):
+    """Those of a SURFACE."""
+
+    across: float
 
 
 def along(first: int, count: int, axes: int) -> list[int]:
@@ -35,7 +72,7 @@ def unit(direction: Vector | None) -> Vector | None:
     return (*(one / length for one in direction), 0.0)[:3]
 
 
-def add_point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> int:
+def add_point(network: _core.Network, name: str, fields: PointFields) -> int:
     """Add a single point; returns the index of its first MAT. Raises EngineError."""
     axes = fields["axes"]
     return network.points(
@@ -52,7 +89,7 @@ def add_point(network: _core.Network, name: str, fields: Mapping[str, Any]) -> i
 def add_points(
     network: _core.Network,
     name: str,
-    fields: Mapping[str, Any],
+    fields: PointsFields,
     places: Sequence[Vector],
     held: Sequence[bool],
 ) -> int:
@@ -71,7 +108,7 @@ def add_points(
 
 
 def add_surface(
-    network: _core.Network, name: str, fields: Mapping[str, Any], masses: range
+    network: _core.Network, name: str, fields: SurfaceFields, masses: range
 ) -> list[int]:
     """Add fixed points below the masses of a body; returns the first MAT along each axis.
 
@@ -90,7 +127,7 @@ def add_surface(
 
 
 def add_grains(
-    network: _core.Network, name: str, fields: Mapping[str, Any], chance: Chance, who: str
+    network: _core.Network, name: str, fields: GrainsFields, chance: Chance, who: str
 ) -> int:
     """Add free points in a box; returns the index of the first MAT. Raises EngineError."""
     start, stop, n = fields["from"], fields["to"], fields["count"]
