@@ -1,7 +1,8 @@
 """Samples into and out of a FLAC file, by libsndfile.
 
 FLAC is lossless, so the samples are those of a WAV file of as many bits. The compressed bytes are
-those of the installed libFLAC, so only the hash of the samples is the same on every machine.
+those of the installed libFLAC, so only the hash of the samples is the same on every machine. What
+the channels are stands in blocks of metadata (`flac_blocks`).
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.regular import open_regular
 
+from .flac_blocks import MAGIC, InsertedBlocks, blocks_of, read_description
 from .wave import encode
-from .wave_header import ORIGINATOR, Bits, NotWaveError, Stamp, WaveFormat, WaveInfo
+from .wave_header import ORIGINATOR, Bits, NotWaveError, Stamp, WaveFormat, WaveInfo, pack
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_MAGIC = b"fLaC"  # RFC 9639, section 8
 CHANNELS_MAX = 8  # RFC 9639, section 9.1.3
 RATE_MAX = 655_350  # [Hz]; RFC 9639, section 8.2, as libFLAC writes it
 _MARK = "made by ergon;"  # this mark identifies a file of ergon
@@ -44,39 +45,6 @@ def refusal(format: WaveFormat) -> str | None:
     return None
 
 
-class _Target:
-    """A file object for libsndfile. It keeps an error of the disk, as no exception can pass through
-    C.
-    """
-
-    def __init__(self, file: BinaryIO) -> None:
-        self.file = file
-        self.error: OSError | None = None
-
-    def write(self, data: Any) -> int:
-        try:
-            return self.file.write(data)
-        except OSError as error:
-            self.error = error
-            return 0
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        try:
-            return self.file.seek(offset, whence)  # it writes what is buffered
-        except OSError as error:
-            self.error = error
-            return 0
-
-    def tell(self) -> int:
-        return self.file.tell()
-
-    def read(self, n_bytes: int = -1) -> bytes:
-        return self.file.read(n_bytes)
-
-    def flush(self) -> None:
-        self.file.flush()
-
-
 class FlacWriter:
     """Writes blocks until `n_frames` are there; `sha256` is that of a WAV file of these samples."""
 
@@ -87,7 +55,8 @@ class FlacWriter:
         self.format = format
         self._left = n_frames
         self._hash = hashlib.sha256()
-        self._target = _Target(file)
+        blocks = blocks_of(pack(format, n_frames, stamp)) if stamp.chunks else b""
+        self._target = InsertedBlocks(file, blocks)
         self._sound = soundfile.SoundFile(
             self._target,
             "w",
@@ -147,6 +116,7 @@ def read_info(path: Path) -> WaveInfo:
                     raise NotWaveError(f"{message}{size:,} bytes cannot hold")
                 comment = sound.comment or ""
                 is_ours = comment.startswith(_MARK)
+                channels = read_description(file)
                 return WaveInfo(
                     "FLAC",
                     WaveFormat(sound.samplerate, sound.channels, bits),
@@ -155,6 +125,10 @@ def read_info(path: Path) -> WaveInfo:
                     size,
                     ORIGINATOR if is_ours else None,
                     comment.removeprefix(_MARK).strip(),
+                    channels.axml,
+                    channels.chna,
+                    channels.mask,
+                    others=channels.others,
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None
@@ -164,7 +138,7 @@ def read_info(path: Path) -> WaveInfo:
 def _open(path: Path) -> Iterator[BinaryIO]:
     """A file that begins as FLAC does: no other decoder of libsndfile sees a stranger's bytes."""
     with open_regular(path) as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
+        if file.read(len(MAGIC)) != MAGIC:
             raise NotWaveError("the file is not FLAC")
         file.seek(0)
         yield file

@@ -1,0 +1,141 @@
+"""Blocks of metadata of a FLAC file that say what its channels are.
+
+The header of a WAVE file stands in blocks APPLICATION of the kind `riff`, a block for each chunk:
+`flac --keep-foreign-metadata` writes them, and gives the WAVE file back (flac, man page and
+src/flac/foreign_metadata.c). The mask of loudspeakers may also stand in a comment, as `flac` writes
+it. Form of the blocks: RFC 9639, sections 8.1, 8.2, 8.4, 8.6 and 8.6.2.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from .wave_header import NotWaveError, parse
+
+MAGIC = b"fLaC"
+_HEAD = 4  # bytes of the type and the size of a block
+HEAD_END = len(MAGIC) + _HEAD + 34  # bytes up to the end of STREAMINFO, which comes first
+_APPLICATION, _COMMENT = 2, 4
+_IS_LAST = 0x80
+_RIFF = b"riff"
+_FILE_HEADS = (b"RIFF", b"RF64", b"BW64")
+_DATA = b"data"
+_BLOCKS_MAX = 1000
+_BYTES_MAX = 32 << 20  # of all blocks that are read
+_MASK = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8})", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelDescription:
+    """What a file says of its channels (as `WaveInfo`), and the other chunks of its WAVE file."""
+
+    axml: bytes = b""
+    chna: bytes = b""
+    mask: int = 0
+    others: tuple[tuple[str, int], ...] = ()
+
+
+def blocks_of(header: bytes) -> bytes:
+    """The blocks for the header of a WAVE file, up to the first byte of its samples."""
+    pieces, start = [header[:12]], 12
+    while start < len(header):
+        size = int.from_bytes(header[start + 4 : start + 8], "little")
+        inside = 0 if header.startswith(_DATA, start) else size + size % 2
+        pieces.append(header[start : start + 8 + inside])
+        start += 8 + inside
+    contents = [_RIFF + piece for piece in pieces]
+    kind = bytes([_APPLICATION])
+    return b"".join(kind + len(content).to_bytes(3, "big") + content for content in contents)
+
+
+def read_description(file: BinaryIO) -> ChannelDescription:
+    """What the blocks of a FLAC file say of its channels; what is damaged says nothing."""
+    chunks, mask = [], 0
+    for kind, content in _blocks(file):
+        if kind == _COMMENT and (match := _MASK.search(content)):
+            mask = int(match[1], 16)
+        elif kind == _APPLICATION and content.startswith(_RIFF):
+            chunks.append(content.removeprefix(_RIFF))
+    left_out = (*_FILE_HEADS, _DATA, b"ds64")
+    body = b"".join(chunk for chunk in chunks if not chunk.startswith(left_out))
+    body = b"WAVE" + body + _DATA + bytes(4)  # a file whose samples are elsewhere
+    try:
+        info = parse(io.BytesIO(b"RIFF" + len(body).to_bytes(4, "little") + body))
+    except NotWaveError:
+        return ChannelDescription(mask=mask)
+    return ChannelDescription(info.axml, info.chna, mask or info.mask, info.others)
+
+
+def _blocks(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """The type and the content of each block that may say something of the channels."""
+    file.seek(len(MAGIC))
+    n_bytes = 0
+    for _ in range(_BLOCKS_MAX):
+        head = file.read(_HEAD)
+        if len(head) < _HEAD:
+            return
+        kind, size = head[0] & ~_IS_LAST, int.from_bytes(head[1:], "big")
+        if kind in (_APPLICATION, _COMMENT):
+            n_bytes += size
+            if n_bytes > _BYTES_MAX:
+                return
+            yield kind, file.read(size)
+        else:
+            file.seek(size, io.SEEK_CUR)
+        if head[0] & _IS_LAST:
+            return
+
+
+class InsertedBlocks:
+    """A file object that puts blocks behind STREAMINFO while libFLAC writes the rest.
+
+    libFLAC sees a file without them. An error of the disk is stored, as no exception can pass
+    through C.
+    """
+
+    def __init__(self, file: BinaryIO, blocks: bytes) -> None:
+        """`file` is open for reading and writing; `blocks` may be empty."""
+        self.file = file
+        self.error: OSError | None = None
+        self._blocks = blocks
+        self._is_inserted = not blocks
+
+    def write(self, data: bytes) -> int:
+        """Write as a file does; 0 bytes after an error."""
+        try:
+            written = self.file.write(data)
+            if not self._is_inserted and self.file.tell() == HEAD_END:
+                self.file.write(self._blocks)
+                self._is_inserted = True
+            return written
+        except OSError as error:
+            self.error = error
+            return 0
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Move to a place in the file that libFLAC sees."""
+        try:
+            if whence == io.SEEK_SET and offset >= HEAD_END and self._is_inserted:
+                offset += len(self._blocks)
+            self.file.seek(offset, whence)  # it writes what is buffered
+        except OSError as error:
+            self.error = error
+            return 0
+        return self.tell()
+
+    def tell(self) -> int:
+        """The place in the file that libFLAC sees."""
+        place = self.file.tell()
+        return place - len(self._blocks) if self._is_inserted and place > HEAD_END else place
+
+    def read(self, n_bytes: int = -1) -> bytes:
+        """What is in the file at this place."""
+        return self.file.read(n_bytes)
+
+    def flush(self) -> None:
+        """Write what is buffered."""
+        self.file.flush()
