@@ -45,8 +45,9 @@ def bell(
 ) -> None:
     """Find the modes of a struck object, and write it as an instrument.
 
-    A STROKE is a WAV or FLAC file of one stroke that dies away. Several are of one object, heard
-    from one point: soft to hard at one place, or at places that are named, rim=a.wav waist=b.wav.
+    A STROKE is a WAV, FLAC or AIFF file of one stroke that dies away. Several are of one object,
+    heard from one point: soft to hard at one place, or at places that are named, rim=a.wav
+    waist=b.wav.
     Instead of them one table of resonances is read, as ModRes writes and Modalys reads them.
     """
     from ergon.exchange.safe import check_target, write_text

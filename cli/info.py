@@ -9,7 +9,8 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.common.sound_files import SUFFIXES, foreign_file
+from ergon.common.sound_files import foreign_file, is_sound
+from ergon.common.terminal import printable
 
 from . import options
 from .bundled import PackedPath, is_pack
@@ -37,21 +38,22 @@ if TYPE_CHECKING:
 def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take, a MIDI file, a mesh, a layout, a pack or a score contains.
 
-    A WAV or FLAC file is a render: its format, title, the hash of its score and of its samples. A
-    .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is a take: its channels
-    and what they span. Of a MIDI file and of a score of MusicXML it says what is played and what
-    is passed over. A .motion file is what moved. Of a mesh (OBJ, glTF), a scale (.scl, .kbm), a
-    head (SOFA), loudspeakers and a model of another program it says what is read and what is
-    passed over. Of a pack it lists the files. Anything else is a score.
+    A WAV, FLAC or AIFF file is sound: its format, title, marks, the hash of its samples and, of a
+    render, of its score. A .take, table (CSV, TSV, npz) or motion capture (C3D, BVH, TRC, SDIF) is
+    a take: its channels and what they span. Of a MIDI file and of a score of MusicXML it says what
+    is played and what is passed over. A .motion file is what moved. Of a mesh (OBJ, glTF), a scale
+    (.scl, .kbm), a head (SOFA), loudspeakers and a model of another program it says what is read
+    and what is passed over. Of a pack it lists the files. Anything else is a score.
     """
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
 
     path = Path(file)
     suffix = path.suffix.lower()
-    if source is not None and suffix not in SUFFIXES:
+    is_heard = is_sound(path)
+    if source is not None and not is_heard:
         raise Refused("--score verifies a rendered WAV or FLAC file")
-    if suffix in SUFFIXES:
+    if is_heard:
         _render(console, path, source, trust)
     elif suffix in TAKES:
         from .take_info import take
@@ -130,6 +132,7 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
         "title": wav.title,
         "score_sha256": wav.score,
         "plan_sha256": wav.plan,
+        "marks": [{"name": name, "frame": frame} for name, frame in wav.marks],
         "passed_over": [name for name, _ in wav.others],
     }
 
@@ -150,9 +153,13 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
     if wav.plan:
         lines.append(f"plan:    sha256 {wav.plan}")
     lines += [f"channels: {words}" for words in _channels(path, wav)]
+    lines += [
+        f"mark:    {name or 'without a name'}, {frame / wav.format.rate:.3f} s (frame {frame:,})"
+        for name, frame in wav.marks
+    ]
     lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
     lines.append(f"samples: sha256 {samples}")
-    return "\n".join(lines) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def _channels(path: Path, wav: WaveInfo) -> list[str]:

@@ -12,7 +12,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.common.sound_files import SUFFIXES
+from ergon.common.sound_files import is_sound
 
 from . import options
 from .console import Console
@@ -61,10 +61,10 @@ def plot(
 
     NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
     piece, or for a player the whole part. `notes` draws what is struck, a line for each note. SCORE
-    may also be a rendered WAV or FLAC file, without NAME: then its waveform and spectrogram are
+    may also be a WAV, FLAC or AIFF file, without NAME: then its waveform and spectrogram are
     drawn.
     """
-    if Path(score_path).suffix.lower() in SUFFIXES:
+    if is_sound(Path(score_path)):
         _sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)

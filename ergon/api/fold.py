@@ -80,7 +80,7 @@ def fold_file(
     *,
     report: Report | None = None,
 ) -> Folded:
-    """Fold a WAV or FLAC file of any length into another; the same input gives the same bytes.
+    """Fold a WAV, FLAC or AIFF file into another; the same input gives the same bytes.
 
     `to`: binaural, stereo, ambix1 to ambix7, or a layout (a file, or one that ships).
     Raises FoldError, NoLayoutError, ScoreError (a layout with mistakes), OptionError,

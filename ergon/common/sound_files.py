@@ -10,7 +10,6 @@ from ergon.common.regular import open_regular
 
 # How files of sound begin that are not read here.
 _FOREIGN = (
-    (re.compile(rb"FORM.{4}AIF[FC]", re.DOTALL), "AIFF"),
     (re.compile(rb"riff\x2e\x91\xcf\x11"), "Wave64"),
     (re.compile(rb"RIFX"), "WAVE with big-endian numbers (RIFX)"),
     (re.compile(rb"OggS"), "Ogg"),
@@ -22,7 +21,35 @@ _FOREIGN = (
 _HEAD = 16  # bytes that tell
 
 WAVE, FLAC = ".wav", ".flac"
-SUFFIXES = (WAVE, FLAC)
+SUFFIXES = (WAVE, FLAC)  # of files that are written
+_READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
+# How files of sound begin that are read.
+_KINDS = (
+    (re.compile(rb"(?:RIFF|RF64|BW64).{4}WAVE", re.DOTALL), "wave"),
+    (re.compile(rb"fLaC"), "flac"),
+    (re.compile(rb"FORM.{4}AIF[FC]", re.DOTALL), "aiff"),
+)
+
+
+def kind_of(head: bytes) -> str | None:
+    """wave, flac or aiff, by the first bytes of a file; None for others."""
+    return next((kind for pattern, kind in _KINDS if pattern.match(head)), None)
+
+
+def is_sound(path: Path) -> bool:
+    """Whether a file is read as sound: by the ending of its name, or by its first bytes."""
+    if path.suffix.lower() in _READ:
+        return True
+    try:
+        return kind_of(first_bytes(path)) is not None
+    except OSError:
+        return False
+
+
+def first_bytes(path: Path) -> bytes:
+    """So many bytes of a regular file as say what it holds. Raises OSError."""
+    with open_regular(path) as file:
+        return file.read(_HEAD)
 
 
 def foreign_form(head: bytes) -> str | None:
@@ -36,8 +63,7 @@ def foreign_form(head: bytes) -> str | None:
 def foreign_file(path: Path) -> str | None:
     """The same for a file; None for one that is not regular or cannot be read."""
     try:
-        with open_regular(path) as file:
-            return foreign_form(file.read(_HEAD))
+        return foreign_form(first_bytes(path))
     except OSError:
         return None
 

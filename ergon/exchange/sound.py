@@ -1,14 +1,21 @@
-"""Sound files by the ending of their names: `.wav` by our own writer, `.flac` by libsndfile."""
+"""Sound files: written by the ending of their names, read by their first bytes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, Protocol
 
-from ergon.common.sound_files import FLAC, WAVE, with_ending, wrong_ending
+from ergon.common.sound_files import (
+    FLAC,
+    WAVE,
+    first_bytes,
+    kind_of,
+    with_ending,
+    wrong_ending,
+)
 
-from . import flac, wave
+from . import aiff, flac, wave
 from .safe import FileRefusedError
 from .wave_header import NotWaveError, Stamp, WaveFormat, WaveInfo
 
@@ -17,6 +24,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _RATES = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with the rate
+
+
+class _Reader(Protocol):
+    def read_info(self, path: Path) -> WaveInfo: ...
+    def read_blocks(self, path: Path) -> Iterator[NDArray[np.float64]]: ...
+    def hash_samples(self, path: Path) -> str: ...
+
+
+_READERS: Mapping[str, _Reader] = {"wave": wave, "flac": flac, "aiff": aiff}
 
 
 def check_ending(target: str) -> None:
@@ -47,7 +63,7 @@ def writer(
 
 def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
-    info = flac.read_info(path) if _is_flac(path) else wave.read_info(path)
+    info = _reader(path).read_info(path)
     low, high = _RATES
     if not low <= info.format.rate <= high:
         message = f"it has {info.format.rate:,} frames a second; from {low:,} to {high:,} are read"
@@ -57,12 +73,17 @@ def read_info(path: Path) -> WaveInfo:
 
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     """The samples as (n_frames, n_channels) blocks. Raises NotWaveError or OSError."""
-    return flac.read_blocks(path) if _is_flac(path) else wave.read_blocks(path)
+    return _reader(path).read_blocks(path)
 
 
 def hash_samples(path: Path) -> str:
     """SHA-256 of the sample bytes, as the writer gave it. Raises NotWaveError or OSError."""
-    return flac.hash_samples(path) if _is_flac(path) else wave.hash_samples(path)
+    return _reader(path).hash_samples(path)
+
+
+def _reader(path: Path) -> _Reader:
+    """The module that reads a file, or that says why none does."""
+    return _READERS[kind_of(first_bytes(path)) or ("flac" if _is_flac(path) else "wave")]
 
 
 def _is_flac(path: Path) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -105,30 +105,30 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
 
     Raises NotWaveError or OSError.
     """
+    info = read_info(path)
+    frame = info.format.frame_bytes
+    size = min(_BLOCK, max(1, _BLOCK_BYTES // frame)) * frame
+    yield from blocks_of_bytes(_samples(path, info, size), info.format)
+
+
+def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDArray[np.float64]]:
+    """Blocks (n_frames, n_channels) of pieces that hold complete frames; full scale is 1."""
     import numpy as np
 
-    info = read_info(path)
-    n_channels, bits = info.format.n_channels, info.format.bits
-    with open_regular(path) as file:
-        file.seek(info.offset)
-        n_frames = info.n_frames
-        block_max = min(_BLOCK, max(1, _BLOCK_BYTES // info.format.frame_bytes))
-        while n_frames:
-            count = min(n_frames, block_max)
-            data = read_exactly(file, count * info.format.frame_bytes, _CUT_SAMPLES)
-            if bits in ("float", "double"):
-                form = "<f4" if bits == "float" else "<f8"
-                with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
-                    flat = np.frombuffer(data, form).astype(np.float64)
-            elif bits == 8:  # unsigned, around 128
-                flat = np.frombuffer(data, np.uint8) / 128.0 - 1.0
-            else:
-                width = BYTES[bits]
-                octets = np.zeros((count * n_channels, 4), np.uint8)
-                octets[:, 4 - width :] = np.frombuffer(data, np.uint8).reshape(-1, width)
-                flat = octets.view("<i4")[:, 0] / 2.0**31
-            yield flat.reshape(count, n_channels)
-            n_frames -= count
+    bits = format.bits
+    for data in pieces:
+        if bits in ("float", "double"):
+            form = "<f4" if bits == "float" else "<f8"
+            with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
+                flat = np.frombuffer(data, form).astype(np.float64)
+        elif bits == 8:  # unsigned, around 128
+            flat = np.frombuffer(data, np.uint8) / 128.0 - 1.0
+        else:
+            width = BYTES[bits]
+            octets = np.zeros((len(data) // width, 4), np.uint8)
+            octets[:, 4 - width :] = np.frombuffer(data, np.uint8).reshape(-1, width)
+            flat = octets.view("<i4")[:, 0] / 2.0**31
+        yield flat.reshape(-1, format.n_channels)
 
 
 def hash_samples(path: Path) -> str:
@@ -136,16 +136,21 @@ def hash_samples(path: Path) -> str:
 
     Raises NotWaveError or OSError.
     """
-    info = read_info(path)
     digest = hashlib.sha256()
+    for data in _samples(path, read_info(path), 1 << 20):
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
+    """The bytes of the samples, at most `n_bytes` at a time."""
     with open_regular(path) as file:
         file.seek(info.offset)
-        n_bytes = info.n_frames * info.format.frame_bytes
-        while n_bytes:
-            data = read_exactly(file, min(n_bytes, 1 << 20), _CUT_SAMPLES)
-            digest.update(data)
-            n_bytes -= len(data)
-    return digest.hexdigest()
+        left = info.n_frames * info.format.frame_bytes
+        while left:
+            data = read_exactly(file, min(left, n_bytes), _CUT_SAMPLES)
+            yield data
+            left -= len(data)
 
 
 def is_render(path: Path) -> bool:

@@ -26,7 +26,7 @@ CHANNELS_MAX = 64
 # A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
 RIFF_LIMIT = 2**32 - 1
 BYTES: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
-_Container = Literal["RIFF", "RF64", "BW64", "FLAC"]
+_Container = Literal["RIFF", "RF64", "BW64", "FLAC", "AIFF", "AIFC"]
 _CONTAINERS: dict[bytes, _Container] = {b"RIFF": "RIFF", b"RF64": "RF64", b"BW64": "BW64"}
 _UNKNOWN = (0, 0xFFFFFFFF)  # sizes that programs leave which cannot go back to write them
 _SOX_UNKNOWN = 0x7FFFF000  # and what SoX leaves, rounded down to whole frames (its wav.c)
@@ -98,6 +98,7 @@ class WaveInfo:
     mask: int = 0  # loudspeakers of the channels (WAVE_FORMAT_EXTENSIBLE); 0: not said
     missing: int = 0  # bytes of samples that the header announces beyond the end of the file
     others: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
+    marks: tuple[tuple[str, int], ...] = ()  # names and frames
 
     @property
     def damage(self) -> str | None:

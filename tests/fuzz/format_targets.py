@@ -17,6 +17,7 @@ import numpy as np
 import soundfile
 from corrupted import corrupted
 
+from ergon.common.sound_files import is_sound
 from ergon.exchange import sofa
 from ergon.exchange.layout_files import FORMS, Form, LayoutFileError, as_yaml
 from ergon.exchange.sofa import SofaError
@@ -172,7 +173,7 @@ def _read_stroke(case: tuple[str, bytes], folder: Path) -> None:
     suffix, data = case
     path = folder / f"a{suffix}"
     path.write_bytes(data)
-    if suffix in (".wav", ".flac"):
+    if is_sound(path):
         stroke.stroke("a", *stroke.read(path))
     else:
         resonances.read(path)

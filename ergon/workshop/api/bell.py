@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Literal
 
 from ergon.api.errors import OptionError
 from ergon.common.report import Report
+from ergon.common.sound_files import is_sound
 
 if TYPE_CHECKING:
     from ergon.workshop.bells.bell import Bell
 
 Form = Literal["modes", "cels", "chain"]
-SOUNDS = (".wav", ".wave", ".flac", ".rf64", ".bwf")
 PLACE = "point"
 _MODES_MAX = 500
 
@@ -32,7 +32,9 @@ def bell(
     *,
     report: Report | None = None,
 ) -> Bell:
-    """The modes of a struck object, from recordings of strokes (WAV, FLAC) or a resonance table.
+    """The modes of a struck object, from recordings of strokes or a table of resonances.
+
+    Recordings are WAV, FLAC or AIFF.
 
     `strokes` is a file, several files of one place from soft to hard, or a mapping from names of
     places to their files; all are of one object, heard from one point. A table is a single file.
@@ -57,11 +59,11 @@ def bell(
             message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
             message += "with a letter, and is not all, last, centre or mic"
             raise OptionError("strokes", message)
-    tables = [file for _, file in files if file.suffix.lower() not in SOUNDS]
+    tables = [file for _, file in files if not is_sound(file)]
     if tables:
         if len(files) > 1:
             message = (
-                f"{tables[0]} is neither WAV nor FLAC, so it is read as a table of resonances; "
+                f"{tables[0]} is not WAV, FLAC or AIFF, so it is read as a table of resonances; "
             )
             message += "use a table without other files"
             raise OptionError("strokes", message)

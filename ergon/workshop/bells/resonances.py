@@ -33,7 +33,7 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     except UnicodeDecodeError:
         if (foreign := foreign_file(path)) is not None:
             raise TableError(f"{path}: {foreign}") from None
-        message = f"{path}: it is neither a WAV or FLAC file nor a text; give a recorded stroke or "
+        message = f"{path}: it is neither WAV, FLAC or AIFF nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
     rows = []
     for number, line in enumerate(lines[:_LINES_MAX], 1):

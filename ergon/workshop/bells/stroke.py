@@ -47,7 +47,7 @@ class Stroke:
 
 
 def read(path: Path, report: Report | None = None) -> tuple[Array, float]:
-    """The loudest channel of a WAV or FLAC file (n,), and its rate [Hz].
+    """The loudest channel of a sound file (n,), and its rate [Hz].
 
     Raises NotAStrokeError and OSError.
     """
