@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ergon.common.report import Progress, Report
@@ -47,6 +48,13 @@ class Console(Report):
         """What happened; left out under --quiet and --json."""
         if not self.quiet and not self.json:
             print(clean(message), file=sys.stderr)
+
+    def wrote(self, path: Path) -> None:
+        """Say that a file was written."""
+        if self.json:
+            self.record("wrote", file=str(path))
+        else:
+            self.say(f"wrote {path}")
 
     def event(self, name: str, **fields: object) -> None:
         """A JSON line under --json alone."""

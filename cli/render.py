@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @options.declared(
     FileOptions,
-    "from_ until stems only except_ channels bits seed rate threads block hands input",
+    "from_ until stems wet only except_ channels bits seed rate threads block hands input",
 )
 @click.option(
     "--freeze",

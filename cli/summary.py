@@ -167,7 +167,7 @@ def print_finer_steps(console: Console, reports: Reports) -> None:
 def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     """Say what a render would write, and how sure it is that its plan is stable."""
     guarantee = _guarantee(stage)
-    n_files = 1 + (len(stage.stems()) if job.stems is not None else 0)
+    n_files = 1 + (len(stage.stems(is_split=job.splits_stems)) if job.stems is not None else 0)
     size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     simulated = job.simulated_frames(stage.n_frames)
     held = 0

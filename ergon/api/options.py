@@ -215,6 +215,10 @@ class FileOptions(RenderOptions):
         PathTo("folder"),
         metavar="DIR",
     )
+    wet: bool = option(
+        False,
+        "Of instruments that rooms hear, write two stems: dry, and wet (the answer of the rooms).",
+    )
     force: bool = option(
         False, "Also overwrite files that ergon did not write, or that were edited since."
     )

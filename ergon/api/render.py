@@ -148,6 +148,8 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         raise OptionError("see", "the only possible value is all", value=file.see)
     if file.see and not file.motion:
         raise OptionError("see", "this needs a motion file; add the option motion")
+    if file.wet and file.stems is None:
+        raise OptionError("wet", "this is about stems; add the option stems")
     if options.on is not None:
         check_shared(options)
     recorded = _recorded(loaded, options, report)
@@ -266,6 +268,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
             chunks_of_layout(piece.mix.layout, n_channels, piece.title),
         ),
         stems=None if file.stems is None else Path(file.stems),
+        splits_stems=file.wet,
         block=options.block,
         threads=options.threads,
         force=file.force,

@@ -21,6 +21,7 @@ _DECIDED = (
     "from_",
     "until",
     "stems",
+    "wet",
     "only",
     "except_",
     "channels",
@@ -51,7 +52,7 @@ def render_journal(
     from ergon.repl.session.replay import ReplayedSession
 
     for name in _DECIDED:
-        if getattr(options, name) is not None:
+        if getattr(options, name) not in (None, False):
             raise OptionError(name, "a journal is rendered as it was played, without this option")
     if options.motion:
         raise OptionError("motion", "a journal has no motion file; render its score")

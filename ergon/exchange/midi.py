@@ -71,7 +71,7 @@ def tempo_file(
     `seconds_at(beat)` [s] is the piece's tempo map. Raises ValueError if a tempo or a meter
     cannot be written in MIDI.
     """
-    ruler = _Ruler(meters)
+    ruler = Ruler(meters)
     events: list[tuple[int, int, bytes]] = []  # tick, order within the tick, event
 
     def add(beat: float, order: int, kind: int, content: bytes) -> None:
@@ -82,7 +82,7 @@ def tempo_file(
     add(0, 1, _TEXT, b"tempo map, made by ergon")
     for meter in ruler.meters:
         add(meter.beat, 2, _METER, bytes((meter.n_beats, meter.unit.bit_length() - 1, 24, 8)))
-    for beat, tempo in _tempos(seconds_at, length, ruler):
+    for beat, tempo in tempo_steps(seconds_at, length, ruler):
         add(beat, 3, _TEMPO, tempo.to_bytes(3, "big"))
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
@@ -100,7 +100,7 @@ def _track(events: list[tuple[int, int, bytes]]) -> bytes:
     return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
 
 
-def _note_track(track: NoteTrack, ruler: _Ruler) -> bytes:
+def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name = track.name.encode()
     title = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
     events: list[tuple[int, int, bytes]] = [(0, 0, title)]
@@ -114,10 +114,11 @@ def _note_track(track: NoteTrack, ruler: _Ruler) -> bytes:
     return _track([*events, (last, 3, b"\xff" + bytes((_END, 0)))])
 
 
-class _Ruler:
+class Ruler:
     """Converts beats to ticks; the unit of the meter says how many ticks a beat has."""
 
     def __init__(self, meters: Sequence[Meter]) -> None:
+        """Before the first meter is 4/4. Raises ValueError for one that MIDI lacks."""
         self.meters = sorted(meters, key=lambda meter: meter.beat) or [Meter(0, 4, 4)]
         if self.meters[0].beat > 0:
             self.meters.insert(0, Meter(0, 4, 4))
@@ -132,16 +133,18 @@ class _Ruler:
             self._starts.append(self._starts[-1] + length)
 
     def quarters(self, beat: float) -> float:
+        """Quarter notes from beat 0."""
         index = max(bisect_right(self._beats, beat) - 1, 0)
         meter = self.meters[index]
         return self._starts[index] + (beat - meter.beat) * 4 / meter.unit
 
     def tick(self, beat: float) -> int:
+        """The nearest tick."""
         return round(self.quarters(beat) * PPQ)
 
 
-def _tempos(
-    seconds_at: Callable[[float], float], length: float, ruler: _Ruler
+def tempo_steps(
+    seconds_at: Callable[[float], float], length: float, ruler: Ruler
 ) -> list[tuple[float, int]]:
     """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
     time.

@@ -35,6 +35,7 @@ class RenderJob:
     level: Level
     stamp: Stamp
     stems: Path | None = None
+    splits_stems: bool = False  # without rooms, and their answer
     block: int = BLOCK
     threads: int = 1
     force: bool = False

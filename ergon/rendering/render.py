@@ -66,7 +66,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     highpass, reference = job.level.highpass, job.level.reference
     stems = []
     if job.stems is not None:
-        stems = list(stage.stems(highpass=highpass, reference=reference))
+        stems = list(stage.stems(highpass=highpass, reference=reference, is_split=job.splits_stems))
     suffix = sound.suffix_of(job.target)
     paths = stem_paths(job.stems, [name for name, _ in stems], suffix) if job.stems else []
     for path in paths:

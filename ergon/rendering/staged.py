@@ -54,9 +54,16 @@ class Staged(Protocol):
         """
 
     def stems(
-        self, *, highpass: float | None = None, reference: float | None = None
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        is_split: bool = False,
     ) -> Sequence[tuple[str, Mixer]]:
-        """A new mixer for every player or instrument, with its name."""
+        """A new mixer for every player or instrument, with its name.
+
+        `is_split`: two for each that a room hears, without the room and of its answer.
+        """
 
 
 @runtime_checkable

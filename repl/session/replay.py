@@ -134,7 +134,11 @@ class ReplayedSession:
         return _PassThrough()
 
     def stems(
-        self, *, highpass: float | None = None, reference: float | None = None
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        is_split: bool = False,
     ) -> list[tuple[str, _PassThrough]]:
         """No stems: a session is rendered as one sound."""
         return []

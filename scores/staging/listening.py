@@ -79,10 +79,12 @@ class Listening:
         highpass: float | None = None,
         reference: float | None = None,
         parts: Collection[str] | None = None,
+        is_wet: bool | None = None,
     ) -> _core.Mixer:
         """A new mixer of all ways, or of those of some parts; `highpass` [Hz] is for ways without
         their own.
 
+        `is_wet`: True for the ways into rooms alone, False for all others.
         `reference` is the ratio of full scale at which reference quantities are heard; None
         leaves SI units.
         """
@@ -95,7 +97,8 @@ class Listening:
         # The routes of an instrument form a group, whose gain may change while it sounds.
         groups = {name: group for group, name in enumerate(self.parts())}
         for path in self.ways:
-            if parts is None or path.part in parts:
+            is_chosen = is_wet is None or is_wet == (path.room is not None)
+            if is_chosen and (parts is None or path.part in parts):
                 cut = highpass if path.highpass is None else path.highpass
                 mixer.route(
                     path.tap,

@@ -100,27 +100,50 @@ class Stage:
         highpass: float | None = None,
         reference: float | None = None,
         parts: Collection[str] | None = None,
+        is_wet: bool | None = None,
     ) -> _core.Mixer:
         """A new mixer of all instruments, or of some `parts`.
 
         `highpass` [Hz] is for routes without their own; `reference` is the ratio of full scale
-        at which reference quantities are heard, None for samples in SI units.
+        at which reference quantities are heard, None for samples in SI units. `is_wet`: True for
+        what rooms answer alone, False for all but that.
         """
         mixer = self.listening.mixer(
-            self.rate, self.simulation.n_out, highpass=highpass, reference=reference, parts=parts
+            self.rate,
+            self.simulation.n_out,
+            highpass=highpass,
+            reference=reference,
+            parts=parts,
+            is_wet=is_wet,
         )
         for placed_sample in self.placed:
             mixer.freeze(*placed_sample)
         return mixer
 
     def stems(
-        self, *, highpass: float | None = None, reference: float | None = None
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        is_split: bool = False,
     ) -> list[tuple[str, _core.Mixer]]:
-        """A new mixer for every instrument that is heard, with all its notes."""
-        return [
-            (name, self.mixer(highpass=highpass, reference=reference, parts=parts))
-            for name, parts in self._stem_parts().items()
-        ]
+        """A new mixer for every instrument that is heard, with all its notes.
+
+        `is_split`: those that a room hears have two, without the room (`NAME-dry`) and of its
+        answer alone (`NAME-wet`).
+        """
+        wet = {way.part for way in self.listening.ways if way.room is not None}
+        stems = []
+        for name, parts in self._stem_parts().items():
+            pieces: dict[str, bool | None] = {name: None}
+            if is_split and not wet.isdisjoint(parts):
+                pieces = {f"{name}-dry": False, f"{name}-wet": True}
+            for piece, is_wet in pieces.items():
+                mixer = self.mixer(
+                    highpass=highpass, reference=reference, parts=parts, is_wet=is_wet
+                )
+                stems.append((piece, mixer))
+        return stems
 
     def _stem_parts(self) -> dict[str, list[str]]:
         family = self.piece.note_families()

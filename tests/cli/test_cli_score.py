@@ -245,7 +245,7 @@ def test_plot_of_a_sound(capsys: Capture) -> None:
 def test_export(capsys: Capture) -> None:
     assert app.run(["export", "bell.yaml", "-o", "daw"]) == 0
     assert {path.name for path in Path("daw").iterdir()} == {
-        "tempo.mid", "marks.csv", "mix.wav", "stems",
+        "tempo.mid", "marks.csv", "mix.wav", "stems", "project.rpp",
     }  # fmt: skip
     rows = Path("daw/marks.csv").read_text().splitlines()
     assert rows[2:] == ["A,1|1,0.000000", "B,2|3,3.000000"]
@@ -275,7 +275,7 @@ render: {tail: 1s}
     assert {path.name for path in Path("slow").iterdir()} == {"marks.csv", "mix.wav", "stems"}
     warning = " ".join(capsys.readouterr().err.split())
     assert "a quarter note lasts 30 s there" in warning
-    assert "tempo.mid is left out" in warning
+    assert "tempo.mid and slow/project.rpp are left out" in warning
 
 
 def test_info_of_a_render_and_its_score(capsys: Capture) -> None:

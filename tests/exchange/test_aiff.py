@@ -108,7 +108,7 @@ def test_every_command_reads_it_under_any_name(tmp_path: Path, name: str):
     """And says the same as of the WAV file of the same samples."""
     t = np.arange(24_000) / 48_000.0
     stroke = 0.5 * np.exp(-8.0 * t) * np.sin(2 * np.pi * 440.0 * t)
-    said = {}
+    printed = {}
     for folder, kind in (("one", "AIFF"), ("two", "WAV")):
         (tmp_path / folder).mkdir()
         path = tmp_path / folder / name
@@ -122,8 +122,8 @@ def test_every_command_reads_it_under_any_name(tmp_path: Path, name: str):
             command, *more = words
             done = forked((command, name, *more), tmp_path / folder)
             assert done.returncode == 0, (words, done.stderr)
-            said.setdefault(command, []).append(done.stdout)
-    assert all(first == second for first, second in said.values())
+            printed.setdefault(command, []).append(done.stdout)
+    assert all(first == second for first, second in printed.values())
     first, second = ((tmp_path / folder / "o.wav").read_bytes() for folder in ("one", "two"))
     assert first == second
 

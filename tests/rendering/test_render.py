@@ -55,7 +55,11 @@ class Stage:
         return Matrix([list(row) for row in self.matrix])
 
     def stems(
-        self, *, highpass: float | None = None, reference: float | None = None
+        self,
+        *,
+        highpass: float | None = None,
+        reference: float | None = None,
+        is_split: bool = False,
     ) -> list[tuple[str, Matrix]]:
         first, second = (list(row) for row in self.matrix)
         silent = [0.0] * 3

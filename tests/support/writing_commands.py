@@ -62,7 +62,7 @@ WRITERS = (
     _writer("plot in.wav --svg g.svg", "g.svg"),
     _writer("import in.mdl -o imported.yaml", "imported.yaml"),
     _writer("export s.yaml -o out", "out/tempo.mid", "out/marks.csv", "out/mix.wav",
-            "out/stems/01_bell.wav"),
+            "out/stems/01_bell.wav", "out/project.rpp"),
     _writer("export s.yaml --to modal -o out", "out/bell.csv", "out/k1.csv"),
     _writer("export s.yaml --to faust -o out", "out/s.dsp"),
     _writer("export s.yaml --to mdl -o out", "out/s.mdl"),

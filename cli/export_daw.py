@@ -1,0 +1,142 @@
+"""`ergon export` for a workstation: tempo map, marks, sound, and a project that lines them up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import cycle
+from math import log2
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.api import score
+
+from .console import Console
+from .summary import print_finer_steps, print_rendered
+
+if TYPE_CHECKING:
+    from ergon.api.options import FileOptions
+    from ergon.api.render import Completed
+    from ergon.exchange.midi import Marker, Meter, NoteTrack
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+_DRUMS, _FIRST_DRUM = 9, 36  # channel from 0, and key of the first one
+_CHANNELS = [channel for channel in range(16) if channel != _DRUMS]
+_AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
+
+
+def export_daw(
+    console: Console, score_path: str, output: Path, asked: FileOptions, *, is_rendered: bool
+) -> None:
+    """Write `tempo.mid`, `marks.csv` and, if it `is_rendered`, `mix.wav`, `stems/` and
+    `project.rpp`.
+    """
+    from ergon.api.render import prepare, write
+    from ergon.exchange.markers import markers_csv
+    from ergon.exchange.midi import tempo_file
+    from ergon.exchange.safe import check_target, file_group
+
+    loaded = score.read(score_path, asked, console)
+    prepared = prepare(loaded, str(output / "mix.wav"), asked, console) if is_rendered else None
+    stage = (prepared or score.stage_piece(loaded, None, console)).stage
+    piece, end = stage.piece, stage.n_analysed_frames / stage.rate
+    tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
+    project_path = output / "project.rpp"
+    paths = [tempo_path, marks_path, *([project_path] if is_rendered else [])]
+    for path in paths:
+        check_target(path, force=asked.force, inputs=loaded.inputs)
+    tempo = piece.tempo_map
+    marks = [
+        (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
+        for name, beats in score.marks_of(piece)
+    ]
+    clock = _clock(piece, end)
+    files = {marks_path: markers_csv(marks).encode()}
+    try:
+        written = tempo_file(*clock, piece.title, _note_tracks(stage))
+        files = {tempo_path: written, **files}
+    except ValueError as error:
+        left_out = " and ".join(str(path) for path in paths if path != marks_path)
+        verb = "are" if is_rendered else "is"
+        console.warn(f"{error}; {left_out} {verb} left out, and the other files are written")
+    done = None
+    # What is small is on the disk before the sound, and gets its names after it: all or nothing.
+    with file_group(force=asked.force, inputs=loaded.inputs) as small:
+        for path, content in files.items():
+            small.write(path, content)
+        if prepared is not None:
+            done = write(prepared, console)
+            if tempo_path in files:
+                files[project_path] = _project(clock, piece.title, done, output)
+                small.write(project_path, files[project_path])
+    for path in files:
+        console.wrote(path)
+    if done is not None:
+        print_rendered(console, done)
+        print_finer_steps(console, done.reports)
+
+
+def _clock(
+    piece: Piece, end: float
+) -> tuple[Callable[[float], float], float, list[Meter], list[Marker]]:
+    """Tempo, meters and marks of a piece, up to `end` [s], or up to the last change of tempo within
+    an hour after that.
+    """
+    from ergon.exchange.midi import Marker, Meter
+
+    tempo = piece.tempo_map
+    ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
+    written = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
+    length = min(written, tempo.beats(end + _AFTER))  # a ramp may last for years
+    meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
+    marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
+    return tempo.seconds, length, meters, marks
+
+
+def _project(
+    clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]],
+    title: str,
+    done: Completed,
+    output: Path,
+) -> bytes:
+    """The project of REAPER: a track for each stem, and the mix, which is muted."""
+    from ergon.exchange.reaper import SoundFormat, SoundTrack, project
+
+    format = done.job.format
+    tracks = [
+        SoundTrack(path.stem.partition("_")[2], path.relative_to(output).as_posix())
+        for path in (Path(stem.path) for stem in done.files.stems)
+    ]
+    mix = SoundTrack("mix", Path(done.files.mix.path).name, is_muted=bool(tracks))
+    sounds = SoundFormat(done.files.n_frames / format.rate, format.rate, format.n_channels)
+    return project(*clock, title, [*tracks, mix], sounds).encode()
+
+
+def _note_tracks(stage: Stage) -> list[NoteTrack]:
+    """A track for each instrument that is struck, at the nearest keys; those without a pitch share
+    the channel of drums, each at a key of its own.
+    """
+    from ergon.exchange.midi import Note, NoteTrack
+    from ergon.scores.staging.struck_notes import struck_notes
+
+    tempo = stage.piece.tempo_map
+    notes: dict[str, list[Note]] = {}
+    drums: dict[str, int] = {}  # by instrument: its key
+    for note in struck_notes(stage):
+        if note.pitch is None:
+            key = drums.setdefault(note.instrument, _FIRST_DRUM + len(drums))
+        else:
+            key = round(69.0 + 12.0 * log2(note.pitch / 440.0))
+        notes.setdefault(note.instrument, []).append(
+            Note(
+                tempo.beats(note.begin),
+                tempo.beats(note.end),
+                min(127, max(0, key)),
+                max(1, round(127.0 * note.strength)),
+            )
+        )
+    channels = cycle(_CHANNELS)
+    return [
+        NoteTrack(name, _DRUMS if name in drums else next(channels), part_notes)
+        for name, part_notes in notes.items()
+    ]

@@ -1,0 +1,133 @@
+"""A piece as a project of REAPER: its tempo, meters and marks, and sound files on tracks.
+
+A project is text: a line is a word and its values, `<NAME …` begins a block and `>` ends it.
+Meaning of the values: Cockos, "ReaScript API" (SetTempoTimeSigMarker, AddProjectMarker2,
+GetSetMediaItemInfo), and projects that REAPER saved. The same piece gives the same text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from .midi import Marker, Meter, Ruler, tempo_steps
+
+_SQUARE = 1  # a tempo that stays up to the next one
+_SETS_METER = 1  # of a point that sets both tempo and meter
+_QUOTES = "\"'`"
+
+
+@dataclass(frozen=True, slots=True)
+class SoundTrack:
+    """A track with a sound file that begins with the piece; `file` is relative to the project."""
+
+    name: str
+    file: str
+    is_muted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SoundFormat:
+    """What all sound files of a project have: length [s], rate [Hz], channels."""
+
+    length: float
+    rate: int
+    n_channels: int
+
+
+def project(
+    seconds_at: Callable[[float], float],
+    length: float,
+    meters: Sequence[Meter],
+    marks: Sequence[Marker],
+    title: str,
+    tracks: Sequence[SoundTrack],
+    sounds: SoundFormat,
+) -> str:
+    """The text of a project.
+
+    `seconds_at(beat)` [s] is the piece's tempo map, written up to beat `length` in the steps of a
+    MIDI file. Raises ValueError if a tempo or a meter cannot be written so.
+    """
+    points = _points(seconds_at, length, Ruler(meters))
+    _, bpm, (n_beats, unit) = points[0]
+    n_channels = max(2, sounds.n_channels + sounds.n_channels % 2)  # REAPER has them in pairs
+    lines = [
+        '<REAPER_PROJECT 0.1 "6.0" 0',
+        "  <NOTES 0 0",
+        "    |made by ergon",
+        f"    |{_printable(title)}",
+        "  >",
+        f"  SAMPLERATE {sounds.rate} 1 0",
+        f"  TEMPO {bpm:.10f} {n_beats} {unit}",
+        f"  MASTER_NCH {n_channels} 2",
+        "  <TEMPOENVEX",
+        "    ACT 1 -1",
+        "    VIS 1 0 1",
+        "    ARM 0",
+        f"    DEFSHAPE {_SQUARE} -1 -1",
+    ]
+    before = None
+    for seconds, bpm, meter in points:
+        line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
+        if meter != before:
+            line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
+        lines.append(line)
+        before = meter
+    lines.append("  >")
+    for number, mark in enumerate(marks, 1):
+        lines.append(f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted(mark.name)} 0")
+    for track in tracks:
+        lines += _track(track, sounds, n_channels)
+    return "\n".join([*lines, ">", ""])
+
+
+def _points(
+    seconds_at: Callable[[float], float], length: float, ruler: Ruler
+) -> list[tuple[float, float, tuple[int, int]]]:
+    """Seconds, quarter notes a minute, and the meter at each change of one of them."""
+    tempos = dict(tempo_steps(seconds_at, length, ruler))
+    meters = {meter.beat: (meter.n_beats, meter.unit) for meter in ruler.meters}
+    points = []
+    micros, meter = tempos[0.0], meters[0.0]
+    for beat in sorted({*tempos, *meters}):
+        micros, meter = tempos.get(beat, micros), meters.get(beat, meter)
+        points.append((seconds_at(beat), 60e6 / micros, meter))
+    return points
+
+
+def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]:
+    """The block of a track, whose only item is the whole file."""
+    kind = "FLAC" if track.file.lower().endswith(".flac") else "WAVE"
+    return [
+        "  <TRACK",
+        f"    NAME {_quoted(track.name)}",
+        "    VOLPAN 1 0 -1 -1 1",
+        f"    MUTESOLO {int(track.is_muted)} 0 0",
+        f"    NCHAN {n_channels}",
+        "    MAINSEND 1 0",
+        "    <ITEM",
+        "      POSITION 0",
+        f"      LENGTH {sounds.length:.12f}",
+        "      LOOP 0",
+        f"      NAME {_quoted(track.name)}",
+        "      SOFFS 0",
+        f"      <SOURCE {kind}",
+        f"        FILE {_quoted(track.file)}",
+        "      >",
+        "    >",
+        "  >",
+    ]
+
+
+def _quoted(text: str) -> str:
+    """A text as a value: within the first kind of quote that it does not hold."""
+    text = _printable(text)
+    quote = next((each for each in _QUOTES if each not in text), None)
+    if quote is None:
+        quote, text = "`", text.replace("`", "'")
+    return f"{quote}{text}{quote}"
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else " " for c in text)
