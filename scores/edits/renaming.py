@@ -39,6 +39,18 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
 
     Raises EditError.
     """
+    text, after = "", 0
+    for start, stop in places_named(texts, piece, old, new):
+        text, after = f"{text}{texts.text[after:start]}{new}", stop
+    changed = texts.changed(text + texts.text[after:])
+    section, _ = definition_path(texts, old)
+    if section in (*_PARTS, "phrases"):
+        _check(piece, changed, SoundingNames({new: old} if section in _PARTS else {}), old)
+    return changed
+
+
+def places_named(texts: Texts, piece: Piece, old: str, new: str) -> list[Span]:
+    """Where a score names what `rename` gives the name `new`, in order. Raises EditError."""
     section, _ = definition_path(texts, old)
     if section not in _RENAMED or "." in old:
         raise EditError(
@@ -52,24 +64,18 @@ def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
         raise EditError(f"the name {quote(new)} is in use")
     root = texts.document().root
     assert isinstance(root, document.Mapping)
-    find = (
+    places = (
         _part_named(root, piece, section, old) if section in _PARTS else _named(root, section, old)
     )
-    text, after = "", 0
-    for start, stop in sorted({*find}):
-        text, after = f"{text}{texts.text[after:start]}{new}", stop
-    changed = texts.changed(text + texts.text[after:])
-    if section in _PARTS:
-        _check(piece, changed, old, new)
-    return changed
+    return sorted({*places})
 
 
-def _check(piece: Piece, changed: Texts, old: str, new: str) -> None:
+def _check(piece: Piece, changed: Texts, names: SoundingNames, old: str) -> None:
     """Raise EditError if the renamed text is not the same piece: then some use of the name was not
     found.
     """
     piece_after = changed.load().piece
-    back = None if piece_after is None else SoundingNames({new: old}).piece(piece_after)
+    back = None if piece_after is None else names.piece(piece_after)
     if back is None or digest_of(replace(back, takes={})) != digest_of(replace(piece, takes={})):
         raise EditError(
             f"`rename` cannot find every use of {old}, so nothing was changed; rename it in the "
@@ -172,6 +178,11 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
         if section in ("phrases", "takes"):  # a take that is a MIDI file
             yield from _same(node.get("play") if isinstance(node, document.Mapping) else None, name)
     if section == "phrases":
+        phrases = root.get("phrases")
+        for _, node in phrases.entries.values() if isinstance(phrases, document.Mapping) else ():
+            if isinstance(node, document.Mapping):
+                yield from _same(node.get("like"), name)
+                yield from _in_phrase(node.get("entries"), name)
         return
     if section == "players":
         if name in players:
@@ -198,6 +209,20 @@ def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
         for line in lines:
             for match in word.finditer(line.document.text, line.start, line.end):
                 yield match.span()
+
+
+def _in_phrase(entries: Node | None, name: str) -> Iterator[Span]:
+    """Where entries of a phrase are another phrase: it stands alone where notes could stand."""
+    if isinstance(entries, document.Sequence):
+        for item in entries.items:
+            what = item.get("what") if isinstance(item, document.Mapping) else None
+            alone = isinstance(what, document.Sequence) and len(what.items) == 1
+            yield from _same(what.items[0] if alone else what, name)
+    elif isinstance(entries, Scalar):
+        for row, offset in words.rows(entries.text):
+            cells = [*_WORD.finditer(row)]
+            if len(cells) > 1 and cells[1].group() == name:
+                yield _span(entries, offset + cells[1].start(), len(name))
 
 
 def _same(node: Node | None, name: str) -> Iterator[Span]:

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 from ergon.notation.clock.meter import MAX_BEATS, Meter, parse_meter
 from ergon.notation.clock.tempo import FASTEST, SLOWEST
 from ergon.notation.text.errors import TextError
+from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.file_meters import on_bar_lines
 from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
 from ergon.scores.gesture.musicxml_bytes import read_root
@@ -251,7 +252,8 @@ def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
         raise TakeError("it has no notes", path)
     what = "has no notes" if chosen else "is not there"
     message = f"part {part} {what}; those with notes are {there}"
-    raise TakeError(message, path, field="channel")
+    names = [name for each in score.parts if each.notes for name in (each.id, each.name)]
+    raise TakeError(message, path, suggestion=nearest(part or "", names), field="channel")
 
 
 def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:

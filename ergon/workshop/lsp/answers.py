@@ -18,6 +18,7 @@ from ergon.scores.reading.part import SHAPES, Part
 from ergon.scores.reading.rhythms import RHYTHM
 
 from . import cursor as cursors
+from . import music_parts
 from .catalogue import Catalogue, Definition
 from .cursor import Cursor
 
@@ -47,7 +48,9 @@ def _completions(text: str, index: int, file: Document, known: Catalogue) -> lis
     in_text = cursors.cursor_at(file, index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
         return list(_value_completions(in_text.shape, known, number))
-    for cursor, _ in cursors.cursors_at_unwritten(text, index, file):
+    for cursor, read in cursors.cursors_at_unwritten(text, index, file):
+        for part in music_parts.parts_beside(cursor, read):
+            by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
         words = (
             _key_completions(cursor)
             if cursor.is_name
@@ -152,6 +155,9 @@ def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -
             return None
     elif meaning := _meaning(index, cursor, file.text):
         return meaning
+    for part in music_parts.parts_beside(cursor, file):
+        if cursor.node.text in (part.id, part.name):
+            return f"**{part.id}**: {music_parts.about(part)}"
     definition_place = definition(index, file, known)
     heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
     if definition_place is None or heights is not None:

@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import unquote, urlparse
 
 from lsprotocol import types as t
+from pygls.exceptions import JsonRpcInvalidRequest
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path
 from pygls.workspace import TextDocument
@@ -27,13 +28,17 @@ from ergon import _core
 from ergon.api import score as scores
 from ergon.api.check import try_stage
 from ergon.common.regular import read_bounded
+from ergon.notation.tables.shapes import NAME
 from ergon.notation.text import document
 from ergon.notation.text.document import Document
-from ergon.notation.text.errors import Collector, Diagnostic, TextError
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import Collector, Diagnostic, TextError, quote
 from ergon.notation.text.files import installed_path
 from ergon.notation.text.format import formatted
 from ergon.notation.text.syntax import MAX_BYTES
 from ergon.notation.text.values import Place
+from ergon.scores.edits.renaming import places_named, rename
+from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import Loaded, load
 
 from . import answers, cursor
@@ -123,6 +128,28 @@ class Server(LanguageServer):
         }
         text = self.workspace.get_text_document(uri).source
         return load(path, text=text, overlay=overlay, bounds=scores.bounds(str(path), False))
+
+    def places_named(self, uri: str, old: str, new: str) -> list[tuple[int, int]]:
+        """Begin and end of each place where a score names what is to be called `new`. Raises
+        EditError.
+        """
+        if not NAME.fullmatch(new):
+            raise EditError(
+                f"{quote(new)} is not a name: a name has letters, digits, '-' and '_', and begins "
+                "with a letter"
+            )
+        loaded = self._load(uri)
+        if loaded.piece is None:
+            raise EditError("the score has mistakes; mend them first, so that all uses are known")
+        path = str(_path(uri))
+        texts = Texts(
+            path,
+            self.workspace.get_text_document(uri).source,
+            {name: file.text for name, file in loaded.files.items() if name != path},
+            bounds=scores.bounds(path, False),
+        )
+        rename(texts, loaded.piece, old, new)  # which also tries whether it is the same piece
+        return places_named(texts, loaded.piece, old, new)
 
     def _publish(
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
@@ -296,6 +323,27 @@ def _actions(ls: Server, params: t.CodeActionParams) -> list[t.CodeAction]:
     ]
 
 
+def _rename(ls: Server, params: t.RenameParams) -> t.WorkspaceEdit:
+    """Another name for what is called so, in every place of the score. Raises JsonRpcException
+    with the reason where it is not renamed.
+    """
+    uri = params.text_document.uri
+    text, index, *_ = ls.locate(uri, params.position)
+    name = cursor.word_at(text.source, index).strip("/-").partition(".")[0]
+    try:
+        spans = ls.places_named(uri, name, params.new_name)
+    except EditError as error:
+        raise JsonRpcInvalidRequest(str(error)) from None
+    edits = [
+        t.TextEdit(
+            t.Range(text.client_position_at_offset(start), text.client_position_at_offset(stop)),
+            params.new_name,
+        )
+        for start, stop in spans
+    ]
+    return t.WorkspaceEdit({uri: edits})
+
+
 def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbol]:
     """Sections, and the names below them."""
     uri = params.text_document.uri
@@ -361,6 +409,7 @@ _HANDLERS: dict[str, Callable[..., Any]] = {
     t.TEXT_DOCUMENT_HOVER: _hover,
     t.TEXT_DOCUMENT_DEFINITION: _definition,
     t.TEXT_DOCUMENT_CODE_ACTION: _actions,
+    t.TEXT_DOCUMENT_RENAME: _rename,
     t.TEXT_DOCUMENT_DOCUMENT_SYMBOL: _symbols,
     t.TEXT_DOCUMENT_FORMATTING: _format,
 }
