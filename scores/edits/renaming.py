@@ -216,8 +216,9 @@ def _in_phrase(entries: Node | None, name: str) -> Iterator[Span]:
     if isinstance(entries, document.Sequence):
         for item in entries.items:
             what = item.get("what") if isinstance(item, document.Mapping) else None
-            alone = isinstance(what, document.Sequence) and len(what.items) == 1
-            yield from _same(what.items[0] if alone else what, name)
+            if isinstance(what, document.Sequence) and len(what.items) == 1:
+                what = what.items[0]
+            yield from _same(what, name)
     elif isinstance(entries, Scalar):
         for row, offset in words.rows(entries.text):
             cells = [*_WORD.finditer(row)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -18,7 +18,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.file_meters import on_bar_lines
 from ergon.scores.gesture.midi_file import MAX_NOTES, FileState, state_of
 from ergon.scores.gesture.musicxml_bytes import read_root
-from ergon.scores.gesture.musicxml_notes import Event, Loudness, Pitch, XmlNotes
+from ergon.scores.gesture.musicxml_notes import Event, Loudness, MeasureContent, Pitch, XmlNotes
 from ergon.scores.gesture.musicxml_order import TooLongError, played, turns
 from ergon.scores.gesture.take_file import TakeError
 
@@ -164,15 +164,13 @@ def _measures(
     readers: Mapping[str, XmlNotes],
     meters: list[tuple[int, str]],
 ) -> list[dict[str, list[Event]]]:
-    """Read each measure once; its length is that of its longest part, or of an empty bar."""
+    """Read each measure once."""
     result: list[dict[str, list[Event]]] = []
     meter = "4/4"
     for index, column in enumerate(columns):
-        events: dict[str, list[Event]] = {}
+        contents: dict[str, MeasureContent] = {}
         for name, measure in column.measures.items():
-            part_content = readers[name].measure(measure)
-            events[name] = part_content.events
-            column.length = max(column.length, part_content.length)
+            part_content = contents[name] = readers[name].measure(measure)
             if (part_content.meter is not None and part_content.meter != meter) or (
                 part_content.meter and not meters
             ):
@@ -182,10 +180,23 @@ def _measures(
         is_implicit = any(
             m.get("implicit") == "yes" or m.get("number") == "0" for m in column.measures.values()
         )
-        column.length = column.length or nominal
+        column.length = _measure_length(contents.values(), nominal, is_implicit) or nominal
         column.is_upbeat = index == 0 and is_implicit and column.length < nominal
-        result.append(events)
+        result.append({name: content.events for name, content in contents.items()})
     return result
+
+
+def _measure_length(
+    contents: Collection[MeasureContent], nominal: Fraction, is_implicit: bool
+) -> Fraction:
+    """The length of a measure in all parts: rests of one part that are longer than the bar, or than
+    another part of a bar that counts as incomplete, do not lengthen it.
+    """
+    lengths = [content.length for content in contents if content.length]
+    sounding = max((content.sounding for content in contents), default=Fraction(0))
+    if is_implicit and lengths:
+        return max(sounding, min(lengths))
+    return max(sounding, nominal) if nominal in lengths else max(lengths, default=Fraction(0))
 
 
 def _current(meters: Sequence[tuple[int, str]], index: int) -> str:

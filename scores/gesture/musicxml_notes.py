@@ -78,10 +78,13 @@ class Event:
 
 @dataclass(slots=True)
 class MeasureContent:
-    """What a measure holds; its length in quarters; a meter that begins with it."""
+    """What a measure holds; its length in quarters, and where its last note ends; a meter that
+    begins with it.
+    """
 
     events: list[Event] = field(default_factory=list)
     length: Fraction = Fraction(0)
+    sounding: Fraction = Fraction(0)
     meter: str | None = None
 
 
@@ -127,6 +130,8 @@ class XmlNotes:
                     graces = []
                     onset, cursor = begin, cursor + lasting
                 note = self._note(element, begin, _GRACE if is_grace else lasting)
+                if element.find("rest") is None:
+                    content.sounding = max(content.sounding, cursor)
                 if note is not None:
                     (graces if is_grace else content.events).append(note)
             content.length = max(content.length, cursor)

@@ -305,3 +305,28 @@ def test_score_with_musicxml_take(tmp_path):
     notes = struck_notes(stage(result.piece))
     listened = [(n.member, round(n.begin, 9), round(n.strength, 9)) for n in notes]
     assert listened == [("cell.C4", 0.0, 0.0), ("cell.E4", 2.0, 1.0), ("cell.G4", 4.0, 1.0)]
+
+
+REST = "<note><rest/><duration>{}</duration><voice>1</voice></note>"
+
+
+def test_rests_longer_than_the_bar_do_not_lengthen_it(tmp_path):
+    """Programs write two whole rests, or one of a breve, where the other parts have a bar."""
+    melody = part(note("C", 4, 8), note("D", 4, 8), note("E", 4, 8))
+    silent = part(REST.format(8), REST.format(8) * 2, note("G", 3, 8), name="P2")
+    path = written(tmp_path, melody, silent)
+    assert played(path) == [(0.0, "C4", 4.0), (4.0, "D4", 4.0), (8.0, "G3", 4.0), (8.0, "E4", 4.0)]
+
+
+def test_rests_in_an_incomplete_bar_do_not_fill_it(tmp_path):
+    """A bar that counts for nothing (`implicit`) is as long as its shortest part."""
+    upbeat = part(note("C", 4, 8), note("D", 4, 2), note("E", 4, 8))
+    silent = part(REST.format(8), REST.format(8), note("G", 3, 8), name="P2")
+    marked = [text.replace('number="2"', 'number="X1" implicit="yes"') for text in (upbeat, silent)]
+    path = written(tmp_path, *marked)
+    assert played(path) == [(0.0, "C4", 4.0), (4.0, "D4", 1.0), (5.0, "G3", 4.0), (5.0, "E4", 4.0)]
+
+
+def test_a_bar_without_notes_lasts_as_long_as_its_rests(tmp_path):
+    path = written(tmp_path, part(note("C", 4, 8), REST.format(12), note("E", 4, 8)))
+    assert played(path) == [(0.0, "C4", 4.0), (10.0, "E4", 4.0)]
