@@ -52,6 +52,12 @@ impl Section {
         (self.band, self.low) = (other.band, other.low);
     }
 
+    /// Whether both remember the same, to the bit.
+    pub(crate) fn is_in_state_of(&self, other: &Self) -> bool {
+        let bits = |section: &Self| [section.band, section.low].map(f64::to_bits);
+        bits(self) == bits(other)
+    }
+
     /// Set the state to which a constant input `x` leads.
     pub(crate) fn settle(&mut self, x: f64) {
         (self.band, self.low) = (0.0, x);

@@ -1,5 +1,7 @@
 //! A gain that is written as a curve over the frames of a piece.
 
+use std::ops::Range;
+
 use crate::maths::{atan2, pow, sincos, sqrt};
 
 /// The way into a point of a [`Curve`].
@@ -44,6 +46,16 @@ fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -
         (Some(only), None) | (None, Some(only)) => Some(only.value),
         (None, None) => None,
     }
+}
+
+/// Whether [`along`] gives the same at all of these frames, because they lie before the first point or after the last.
+fn is_even(points: &[Point], frames: &Range<u64>) -> bool {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return true;
+    };
+    let [start, stop] =
+        [frames.start, frames.end].map(|frame| i64::try_from(frame).unwrap_or(i64::MAX));
+    stop <= first.frame || start >= last.frame
 }
 
 fn sorted(mut points: Vec<Point>) -> Vec<Point> {
@@ -151,6 +163,19 @@ impl Curve {
         let share = self.pan.as_ref().map_or(1.0, |pan| pan.at(frame));
         level.unwrap_or(1.0) * share
     }
+
+    /// Its gains from frame `first` on.
+    pub(super) fn fill(&self, first: u64, gains: &mut [f64]) {
+        let frames = first..first.saturating_add(gains.len() as u64);
+        let mut points =
+            std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
+        if points.all(|points| is_even(points, &frames)) {
+            gains.fill(self.at(first));
+        } else {
+            let pairs = gains.iter_mut().zip(frames);
+            pairs.for_each(|(gain, frame)| *gain = self.at(frame));
+        }
+    }
 }
 
 #[cfg(test)]
@@ -189,6 +214,24 @@ mod tests {
             point(100, 0.0, Way::Line),
         ]);
         assert_eq!((curve.at(0), curve.at(50), curve.at(100)), (0.5, 0.25, 0.0));
+    }
+
+    #[test]
+    fn spans_have_the_gains_of_their_frames() {
+        let levels = vec![point(100, 0.5, Way::Line), point(200, 2.0, Way::Smooth)];
+        let places = vec![point(150, -1.0, Way::Line), point(260, 0.5, Way::Smooth)];
+        let plain = Curve::new(levels.clone());
+        let panned = Curve::new(levels).panned(Pan::new(places, Side::Second));
+        for curve in [plain, panned, Curve::new(Vec::new())] {
+            for length in [1, 7, 50, 64] {
+                for first in (0..400).step_by(length) {
+                    let mut gains = vec![0.0; length];
+                    curve.fill(first, &mut gains);
+                    let each: Vec<f64> = (first..).take(length).map(|n| curve.at(n)).collect();
+                    assert_eq!(gains, each, "{length} frames from {first}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -117,15 +117,23 @@ impl Filter {
         self.section.take_over(&other.section);
     }
 
-    /// Filter the next sample.
-    #[inline]
-    pub(super) fn next(&mut self, x: f64) -> f64 {
-        let split = self.section.next(x);
+    /// Whether both remember the same, to the bit.
+    pub(super) fn is_in_state_of(&self, other: &Self) -> bool {
+        self.section.is_in_state_of(&other.section)
+    }
+
+    /// Filter samples in place.
+    pub(super) fn process(&mut self, signal: &mut [f64]) {
+        let mut section = self.section.clone(); // in registers
         match self.weights {
-            Weights::High => split.high,
-            Weights::Low => split.low,
-            Weights::Shelf([input, band, low]) => input * x + band * split.band + low * split.low,
+            Weights::High => signal.iter_mut().for_each(|x| *x = section.next(*x).high),
+            Weights::Low => signal.iter_mut().for_each(|x| *x = section.next(*x).low),
+            Weights::Shelf([input, band, low]) => signal.iter_mut().for_each(|x| {
+                let split = section.next(*x);
+                *x = input * *x + band * split.band + low * split.low;
+            }),
         }
+        self.section = section;
     }
 }
 
@@ -137,12 +145,18 @@ mod tests {
 
     const RATE: f64 = 48_000.0;
 
+    fn next(filter: &mut Filter, x: f64) -> f64 {
+        let mut signal = [x];
+        filter.process(&mut signal);
+        signal[0]
+    }
+
     /// Level of a filter at a frequency [dB], by a Fourier sum of its impulse response.
     fn level(tone: Tone, f: f64) -> f64 {
         let mut filter = Filter::new(tone, RATE);
         let (mut re, mut im) = (0.0, 0.0);
         for i in 0..40_000 {
-            let h = filter.next(if i == 0 { 1.0 } else { 0.0 });
+            let h = next(&mut filter, if i == 0 { 1.0 } else { 0.0 });
             let (sin, cos) = sincos(TAU * f * f64::from(i) / RATE);
             re += h * cos;
             im += h * sin;
@@ -185,7 +199,7 @@ mod tests {
             RATE,
         );
         for x in [0.3, -1.0, 0.25, 1e-12] {
-            assert_eq!(filter.next(x), x);
+            assert_eq!(next(&mut filter, x), x);
         }
     }
 }

@@ -13,7 +13,7 @@ use super::room::{Room, RoomSpec};
 use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
 
-/// Frames that rooms process, and for which frozen outputs are summed, at a time.
+/// Frames that are mixed at a time.
 const SPAN_FRAMES: usize = 256;
 /// Largest number of routes that fade out at once; further routes stop without a fade.
 const FADING_OUT_MAX: usize = 32;
@@ -62,6 +62,10 @@ pub struct Mixer {
     frozen_fading_out: Vec<Option<Placed>>,
     /// Sum of the frozen outputs of one route in a span   (SPAN_FRAMES)
     frozen_sum: Vec<f64>,
+    /// What a route adds to its target in a span, before its gain   (SPAN_FRAMES)
+    signal: Vec<f64>,
+    /// Sums of the routes to each channel in a span   (n_channels · SPAN_FRAMES)
+    sums: Vec<f64>,
     /// Whether any fade may be running.
     is_fading: bool,
     frame: u64,
@@ -86,6 +90,8 @@ impl Mixer {
             frozen: Vec::new(),
             frozen_fading_out: vec![None; FROZEN_FADING_OUT_MAX],
             frozen_sum: vec![0.0; SPAN_FRAMES],
+            signal: vec![0.0; SPAN_FRAMES],
+            sums: vec![0.0; n_channels * SPAN_FRAMES],
             is_fading: false,
             frame: 0,
         }
@@ -158,6 +164,7 @@ impl Mixer {
         let curve = treatment.curve.clone();
         let mut route = Route::new(rate, [out, group], to, gain, treatment)?;
         route.shared_curve = curve.map(|curve| self.share(curve));
+        route.repeats = self.routes.last().is_some_and(|last| route.hears_as(last));
         let n_groups = self.groups.len().max(group + 1);
         self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(route);
@@ -328,25 +335,17 @@ impl Mixer {
         let n_frames = mixed.len().checked_div(self.n_channels).unwrap_or(0);
         assert_eq!(mixed.len(), n_frames * self.n_channels);
         assert_eq!(frames.len(), n_frames * self.n_out);
-        mixed.fill(0.0);
         let mut frame = 0;
         while frame < n_frames {
             let n = self.frame;
             self.groups.iter_mut().for_each(|glide| glide.begin_due(n));
             let rests = self.begin_fades();
             let steady = rests && self.groups.iter().all(|glide| glide.steady(n).is_some());
-            let is_frozen =
-                !self.frozen.is_empty() || self.frozen_fading_out.iter().any(Option::is_some);
-            let block_max = if self.rooms.is_empty() && self.curves.is_empty() && !is_frozen {
-                u64::MAX
-            } else {
-                SPAN_FRAMES as u64
-            };
             let count = until(n, steady)
                 .min((n_frames - frame) as u64)
-                .min(block_max) as usize;
+                .min(SPAN_FRAMES as u64) as usize;
             let span = frame..frame + count;
-            self.add(
+            self.mix_span(
                 &frames[span.start * self.n_out..span.end * self.n_out],
                 &mut mixed[span.start * self.n_channels..span.end * self.n_channels],
             );
@@ -355,47 +354,54 @@ impl Mixer {
         }
     }
 
-    /// Add all routes and rooms of a span in which no glide begins.
-    fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
+    /// Mix all routes and rooms of a span in which no glide begins.
+    fn mix_span(&mut self, frames: &[f64], mixed: &mut [f64]) {
         let (first, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
-        let n_frames = frames.len().checked_div(n_out).unwrap_or(0);
+        let n_frames = mixed.len().checked_div(n_channels).unwrap_or(0);
         self.sent.fill(0.0);
+        self.sums.fill(0.0);
         let gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
         for (curve, gains) in self.curves.iter().zip(gains) {
-            let gains = gains.iter_mut().take(n_frames).zip(first..);
-            gains.for_each(|(gain, n)| *gain = curve.at(n));
+            curve.fill(first, &mut gains[..n_frames]);
         }
+        let signal = &mut self.signal[..n_frames];
+        let mut before: Option<&Route> = None;
         let fading_out = self.fading_out.iter_mut().flatten();
         let fading_out = fading_out.filter(|route| !route.has_faded_out(first));
         for route in self.routes.iter_mut().chain(fading_out) {
-            let group = &self.groups[route.group];
-            let out = route.out;
+            if let Some(before) = before.filter(|_| route.repeats) {
+                route.repeat(before);
+            } else {
+                let out = route.out;
+                let heard = frames.iter().skip(out).step_by(n_out);
+                signal.iter_mut().zip(heard).for_each(|(x, y)| *x = *y);
+                let fading_out = self.frozen_fading_out.iter().flatten();
+                let frozen = self.frozen.iter().chain(fading_out);
+                let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
+                if frozen.peek().is_some() {
+                    let sums = &mut self.frozen_sum[..n_frames];
+                    sums.fill(0.0);
+                    for placed in frozen {
+                        let sums = sums.iter_mut().zip(first..);
+                        sums.for_each(|(sum, n)| *sum += placed.at(n));
+                    }
+                    signal.iter_mut().zip(sums).for_each(|(x, sum)| *x += *sum);
+                }
+                route.filter(signal);
+            }
             let shared = route.shared_curve;
-            let gains = shared.map(|at| &self.curve_gains[at * SPAN_FRAMES..][..SPAN_FRAMES]);
-            let (to, step) = match route.to {
-                To::Channel(channel) => (&mut mixed[channel..], n_channels),
-                To::Room(room) => (&mut self.sent[room * SPAN_FRAMES..], 1),
+            let gains = shared.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
+            let to = match route.to {
+                To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
+                To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],
             };
-            let to = to.iter_mut().step_by(step);
-            let from = frames.iter().skip(out).step_by(n_out).copied();
-            let fading_out = self.frozen_fading_out.iter().flatten();
-            let frozen = self.frozen.iter().chain(fading_out);
-            let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
-            if frozen.peek().is_none() {
-                route.add((group, gains), first, from, to);
-                continue;
-            }
-            self.frozen_sum.fill(0.0);
-            for placed in frozen {
-                let sums = self.frozen_sum.iter_mut().zip(first..).take(n_frames);
-                sums.for_each(|(sum, n)| *sum += placed.at(n));
-            }
-            route.add(
-                (group, gains),
-                first,
-                from.zip(&self.frozen_sum).map(|(x, y)| x + y),
-                to,
-            );
+            let group = &self.groups[route.group];
+            route.add((group, gains), first, signal, &mut to[..n_frames]);
+            before = Some(route);
+        }
+        for (channel, sums) in self.sums.chunks_exact(SPAN_FRAMES).enumerate() {
+            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
+            column.zip(sums).for_each(|(x, sum)| *x = *sum);
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             room.process(sent, mixed, n_channels);

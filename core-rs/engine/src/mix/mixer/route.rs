@@ -128,6 +128,8 @@ pub(super) struct Route {
     pub(super) entry: Option<Glide>,
     /// A gain added to its own, which glides to 0 since a takeover; used where a factor cannot lead to the new gain.
     pub(super) residual_gain: Option<Glide>,
+    /// Whether its filters give what those of the route before it give, for they hear the same in the same state.
+    pub(super) repeats: bool,
 }
 
 impl Route {
@@ -175,6 +177,7 @@ impl Route {
             fade: None,
             entry: None,
             residual_gain: None,
+            repeats: false,
         })
     }
 
@@ -239,61 +242,81 @@ impl Route {
         self.fade = Some(Glide::between(rate, from, to));
     }
 
-    /// Add the route's signal to its target; `first` is the first frame in the piece, `gains` are those of its curve
-    /// from there on, if they are known.
-    pub(super) fn add<'a>(
-        &mut self,
-        gains: (&Glide, Option<&[f64]>),
-        first: u64,
-        from: impl Iterator<Item = f64>,
-        to: impl Iterator<Item = &'a mut f64>,
-    ) {
+    /// Whether its filters hear the same as those of another route, and are in the same state.
+    pub(super) fn hears_as(&self, other: &Self) -> bool {
+        (self.out, self.is_squared) == (other.out, other.is_squared)
+            && self.pairs(other, |own, other| {
+                own.continues(other) && own.is_in_state_of(other)
+            })
+    }
+
+    /// Filter samples of its output in place. A sample that is not finite counts as 0 for a filter: it would keep the
+    /// channel silent long after its cause was muted.
+    pub(super) fn filter(&mut self, signal: &mut [f64]) {
         if self.is_squared {
-            self.add_signal(gains, first, from.map(|x| x * x), to);
-        } else {
-            self.add_signal(gains, first, from, to);
+            signal.iter_mut().for_each(|x| *x *= *x);
+        }
+        if !self.filters.is_empty() {
+            for x in signal.iter_mut().filter(|x| !x.is_finite()) {
+                *x = 0.0;
+            }
+        }
+        for filter in &mut self.filters {
+            filter.process(signal);
         }
     }
 
-    fn add_signal<'a>(
+    /// Put its filters into the state of those of a route that has heard the same.
+    pub(super) fn repeat(&mut self, before: &Self) {
+        let pairs = self.filters.iter_mut().zip(&before.filters);
+        pairs.for_each(|(own, before)| own.take_over(before));
+    }
+
+    /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its
+    /// curve from there on, if they are known.
+    pub(super) fn add(
         &mut self,
         (group, gains): (&Glide, Option<&[f64]>),
         first: u64,
-        from: impl Iterator<Item = f64>,
-        to: impl Iterator<Item = &'a mut f64>,
+        signal: &[f64],
+        to: &mut [f64],
     ) {
-        let is_plain = self.delay.is_none() && self.curve.is_none() && self.fade.is_none();
-        let is_plain = is_plain && self.residual_gain.is_none();
-        match (group.steady(first), &mut *self.filters) {
-            (Some(gain), []) if is_plain => {
-                let gain = self.gain * gain;
-                to.zip(from).for_each(|(y, x)| *y += gain * x);
+        let glides = self.fade.is_some() || self.residual_gain.is_some();
+        let is_plain = self.delay.is_none() && self.entry.is_none() && !glides;
+        let steady = group.steady(first).filter(|_| is_plain);
+        let gain = steady.map(|group| self.gain * group);
+        match (gain, &self.curve, gains) {
+            (Some(gain), None, _) => {
+                let pairs = to.iter_mut().zip(signal);
+                pairs.for_each(|(y, x)| *y += gain * x);
             }
-            (Some(gain), filters) if is_plain => {
-                let gain = self.gain * gain;
-                to.zip(from)
-                    .for_each(|(y, x)| *y += gain * filtered(filters, x));
+            (Some(gain), Some(_), Some(curve)) => {
+                let rows = to.iter_mut().zip(signal).zip(curve);
+                rows.for_each(|((y, x), curve)| *y += gain * curve * x);
             }
-            (_, filters) => {
-                for (at, ((y, x), n)) in to.zip(from).zip(first..).enumerate() {
-                    let x = if filters.is_empty() {
-                        x
-                    } else {
-                        filtered(filters, x)
-                    };
-                    let x = self.entry.map_or(x, |entry| entry.at(n) * x);
-                    let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
-                    let curve = match (gains, &self.curve) {
-                        (Some(gains), _) => gains[at],
-                        (None, Some(curve)) => curve.at(n),
-                        (None, None) => 1.0,
-                    };
-                    let fade = self.fade.map_or(1.0, |fade| fade.at(n));
-                    *y += self.gain * group.at(n) * fade * curve * x;
-                    if let Some(residual) = self.residual_gain {
-                        *y += residual.at(n) * group.at(n) * x;
-                    }
-                }
+            _ => self.add_gliding((group, gains), first, signal, to),
+        }
+    }
+
+    fn add_gliding(
+        &mut self,
+        (group, gains): (&Glide, Option<&[f64]>),
+        first: u64,
+        signal: &[f64],
+        to: &mut [f64],
+    ) {
+        for (index, ((y, &x), n)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
+            let x = self.entry.map_or(x, |entry| entry.at(n) * x);
+            let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
+            let curve = match (gains, &self.curve) {
+                (Some(gains), _) => gains[index],
+                (None, Some(curve)) => curve.at(n),
+                (None, None) => 1.0,
+            };
+            let fade = self.fade.map_or(1.0, |fade| fade.at(n));
+            *y += self.gain * group.at(n) * fade * curve * x;
+            if let Some(residual) = self.residual_gain {
+                *y += residual.at(n) * group.at(n) * x;
             }
         }
     }
@@ -310,12 +333,4 @@ fn check_tone(tone: &Tone, rate: f64) -> Result<(), RouteError> {
         }
         _ => Ok(()),
     }
-}
-
-/// The filtered sample. A sample that is not finite counts as 0: in a filter it would keep the channel silent long
-/// after its cause was muted.
-#[inline]
-fn filtered(filters: &mut [Filter], x: f64) -> f64 {
-    let x = if x.is_finite() { x } else { 0.0 };
-    filters.iter_mut().fold(x, |x, filter| filter.next(x))
 }

@@ -63,6 +63,12 @@ impl Mixer {
                 group.fade(self.rate, gain_before / new_gain, 1.0);
             }
         }
+        for index in 1..self.routes.len() {
+            let (earlier, later) = self.routes.split_at_mut(index);
+            if let (Some(before), Some(route)) = (earlier.last(), later.first_mut()) {
+                route.repeats = route.hears_as(before);
+            }
+        }
         let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
         let old_gain = old.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
         self.residual_gain = old.residual_gain;
@@ -143,6 +149,7 @@ impl Mixer {
                 delay,
                 curve,
                 shared_curve: None,
+                repeats: false,
                 ..before.clone()
             };
             let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));

@@ -1,3 +1,5 @@
+mod repeated_routes;
+
 use super::route::DELAY_MAX;
 use super::*;
 use crate::maths;

@@ -1,0 +1,96 @@
+//! Routes of one output that follow each other are filtered once: they sound as routes that stand apart.
+
+use super::super::*;
+use crate::mix::delay::Echo;
+
+const RATE: f64 = 48_000.0;
+
+/// Routes of two outputs, each to both channels and two rooms; those of one output side by side, or apart.
+fn mixer(side_by_side: bool, gain: f64) -> Mixer {
+    let mut mixer = Mixer::new(RATE, 2, 2);
+    for (name, channel) in [("left", 0), ("right", 1)] {
+        let spec = RoomSpec {
+            name: name.to_owned(),
+            size: 10.0,
+            t60: [(200.0, 1.5), (6_000.0, 0.8)],
+            channels: vec![channel],
+            gain: 1.0,
+        };
+        mixer.room(spec).unwrap();
+    }
+    let targets = [To::Channel(0), To::Room(0), To::Channel(1), To::Room(1)];
+    let apart = targets.map(|to| [(0, to), (1, to)]).concat();
+    let beside = [0, 1].map(|out| targets.map(|to| (out, to))).concat();
+    for (out, to) in if side_by_side { beside } else { apart } {
+        let delay = if out == 1 { 40 } else { 0 };
+        let treatment = Treatment {
+            tones: vec![Tone::Highpass { f: 8.0 }, Tone::Lowpass { f: 3_000.0 }],
+            is_squared: out == 1,
+            delay,
+            echo: (delay > 0).then_some(Echo {
+                frames: 30,
+                ratio: 0.5,
+            }),
+            curve: None,
+        };
+        mixer.treated(out, out, to, gain, treatment).unwrap();
+    }
+    mixer
+}
+
+fn mixed(mixer: &mut Mixer, n_frames: usize) -> Vec<u64> {
+    let first = mixer.frame as usize;
+    let sample = |index: usize| ((index * 7_919) % 1_013) as f64 / 500.0 - 1.0;
+    let heard: Vec<f64> = (2 * first..2 * (first + n_frames)).map(sample).collect();
+    let mut sums = vec![0.0; 2 * n_frames];
+    mixer.process(&heard, &mut sums);
+    sums.into_iter().map(f64::to_bits).collect()
+}
+
+#[test]
+fn side_by_side_they_sound_as_apart() {
+    let (mut beside, mut apart) = (mixer(true, 0.5), mixer(false, 0.5));
+    for n_frames in [1, 255, 3_000] {
+        assert_eq!(mixed(&mut beside, n_frames), mixed(&mut apart, n_frames));
+        let gain = 1.0 / n_frames as f64;
+        beside.set_gain(1, gain);
+        apart.set_gain(1, gain);
+    }
+}
+
+#[test]
+fn taken_over_they_sound_as_apart() {
+    let (mut beside, mut apart) = (mixer(true, 0.5), mixer(false, 0.5));
+    assert_eq!(mixed(&mut beside, 1_000), mixed(&mut apart, 1_000));
+    for gain in [0.25, 0.0, 1.0] {
+        let (mut next_beside, mut next_apart) = (mixer(true, gain), mixer(false, gain));
+        next_beside.take_over(&mut beside, None);
+        next_apart.take_over(&mut apart, None);
+        (beside, apart) = (next_beside, next_apart);
+        assert_eq!(mixed(&mut beside, 700), mixed(&mut apart, 700), "{gain}");
+    }
+}
+
+#[test]
+fn added_beside_another_it_begins_at_rest() {
+    // A silent route between the two keeps them apart.
+    let routes = |apart: bool, count: usize| {
+        let mut mixer = Mixer::new(RATE, 2, 2);
+        mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
+        if apart {
+            mixer.route(1, 0, 0.0, None).unwrap();
+        }
+        for _ in 1..count {
+            mixer.route(0, 1, 1.0, Some(8.0)).unwrap();
+        }
+        mixer
+    };
+    let sounds = [false, true].map(|apart| {
+        let mut before = routes(apart, 1);
+        mixed(&mut before, 1_000);
+        let mut after = routes(apart, 2);
+        after.take_over(&mut before, None);
+        mixed(&mut after, 2_000)
+    });
+    assert_eq!(sounds[0], sounds[1]);
+}
