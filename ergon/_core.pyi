@@ -1608,7 +1608,8 @@ class Simulation:
         """Hashes of everything that determines each output up to each of the rising frames `stops`
         (n_stops; n_out).
 
-        Outputs of two simulations with the same hash have the same samples up to there.
+        Outputs of two simulations with the same hash have the same samples up to there. The hash
+        is empty where an output is silent up to there.
         """
 
     def recall(self, island: StorableIsland, sound: _Floats) -> None:

@@ -125,7 +125,7 @@ class Listening:
         parts: Collection[str] | None = None,
     ) -> str:
         """A hash of all that the frames of such a mixer depend on, up to a frame up to which `taps`
-        are the hashes of what each tap gives.
+        are the hashes of what each tap gives, empty where that is silence, which changes no mix.
         """
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
         ways = [
@@ -143,7 +143,7 @@ class Listening:
                 *(("squared",) if path.is_squared else ()),
             )
             for path in self.ways
-            if parts is None or path.part in parts
+            if taps[path.tap] and (parts is None or path.part in parts)
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, ways)).encode()).hexdigest()
 

@@ -221,6 +221,35 @@ def test_an_edit_that_changes_no_island_computes_none(
     assert len(recalled.all) < 3 or recalled.computed <= last_stretches
 
 
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_unplayed_note_leaves_the_mix_as_it_is(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    score, recalled = Score(), Recalled(monkeypatch)
+    first = rendered(score, monkeypatch)
+    n_computed = len(recalled.all)
+    more = with_note(score, number)
+    assert more.notes != score.notes
+    assert digest(rendered(more, monkeypatch)) == digest(first)
+    assert len(recalled.all) == n_computed
+    scratch = rendered(more, monkeypatch, saved=False)
+    assert digest(scratch) == digest(first)
+
+
+def test_what_moves_without_a_stroke_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An instrument that nothing plays is no silence if it begins away from its rest."""
+    score = Score()
+    first = rendered(score, monkeypatch)
+    swing = "  swing: {modules: {m: {CEL: {M: 2g, f: 300Hz, t60: 1s, X0: 1mm}}}, out: {SOX: m}}\n"
+    text = score.text().replace("  chime:", f"{swing}  chime:")
+    sounds = []
+    for saved in ("on", "off"):
+        Path("a.yaml").write_text(text)
+        monkeypatch.setenv("ERGON_CACHE", saved)
+        sounds.append(digest(ergon.render("a.yaml")))
+    assert sounds[0] == sounds[1] != digest(first)
+
+
 def test_a_retuned_part_is_computed_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     score, recalled = Score(), Recalled(monkeypatch)
     rendered(score, monkeypatch)

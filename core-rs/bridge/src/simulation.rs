@@ -325,7 +325,8 @@ impl Simulation {
         py.detach(|| self.0.island_key(&island.0, (start, stop), before))
     }
 
-    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
+    /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out); empty
+    /// where it is silent up to there.
     fn output_keys(&self, py: Python<'_>, stops: Vec<u64>) -> Vec<Vec<String>> {
         py.detach(|| self.0.output_keys(&stops))
     }

@@ -111,6 +111,22 @@ pub(crate) struct BankPlan {
     pub(crate) is_open: bool,
 }
 
+impl BankPlan {
+    /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
+    pub(crate) fn silent_until(&self) -> u64 {
+        let rests = |own: &Oscillator| own.now == 0.0 && own.before == 0.0;
+        if self.is_open || !self.oscillators.iter().all(rests) {
+            return 0;
+        }
+        let blows = self.oscillators.iter().flat_map(|own| &own.blows);
+        let strikes = self.strikes.iter().flat_map(|own| &own.blows);
+        let frames = blows
+            .map(|blow| blow.frame)
+            .chain(strikes.map(|blow| blow.0));
+        frames.min().unwrap_or(u64::MAX)
+    }
+}
+
 /// One unit of computation: an island or a bank.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit {

@@ -24,6 +24,8 @@ const GAP_MAX: u64 = 1 << 15;
 /// Steps before an event from which on steps are computed, because bodies are computed ahead and strikes may fall
 /// between frames.
 const MARGIN: u64 = 4 * energy_account::BLOCK;
+/// Frames after which a search for silence ends, and the island counts as one that sounds.
+const SILENCE_FRAMES: u64 = 1_024;
 /// States larger than this are not compared [bytes].
 const STATE_MAX: usize = 1 << 26;
 
@@ -182,6 +184,33 @@ impl Island {
             Stage::Resting(last) | Stage::Asleep(last) if last < u64::MAX - MARGIN => Some(last),
             Stage::Resting(_) | Stage::Asleep(_) | Stage::Computed | Stage::Alike(_) => None,
         }
+    }
+
+    /// The frame up to which its outputs are 0 if nothing comes from outside, found on a copy that is computed until it
+    /// rests; the present frame if it sounds or moves soon.
+    pub(crate) fn silent_until(&self) -> u64 {
+        let often = u64::from(self.oversampling);
+        let now = self.state.frame / often;
+        if self.due(self.state.frame) <= self.state.frame + SILENCE_FRAMES * often {
+            return now;
+        }
+        let mut copy = self.clone();
+        let mut row = vec![0.0; self.n_out()];
+        let is_silent = |row: &[f64]| row.iter().all(|x| *x == 0.0);
+        let team = |team: &mut ThreadTeam<'_>| {
+            for _ in 0..SILENCE_FRAMES {
+                if copy.process(&mut row, 1, team).is_err() || !is_silent(&row) {
+                    return now;
+                }
+                if let Stage::Resting(last) = copy.rest.stage {
+                    // What it would give if it slept later.
+                    copy.quiet.iter().for_each(|quiet| quiet.hold(&mut row));
+                    return if is_silent(&row) { last / often } else { now };
+                }
+            }
+            now
+        };
+        ThreadTeam::with(1, team)
     }
 
     /// Reserve room for the state, so that looks at it do not allocate.

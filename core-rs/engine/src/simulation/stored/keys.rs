@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use crate::plan::{BankContent, Content, Plan, Unit, whole};
 use crate::simulation::Simulation;
-use crate::simulation::group::GROUPS_MAX;
+use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
 /// What the units of a plan depend on, each computed when its first key is asked for.
 #[derive(Clone, Debug)]
@@ -47,7 +47,8 @@ impl Simulation {
 
     /// Hashes of everything that determines each output up to each of the rising frames `stops` (n_stops; n_out).
     ///
-    /// Outputs of two simulations with the same hash have the same samples up to there.
+    /// Outputs of two simulations with the same hash have the same samples up to there. Units that are silent up to there
+    /// do not count, so notes that are not played change no hash; where nothing else is heard, the hash is empty.
     pub fn output_keys(&self, stops: &[u64]) -> Vec<Vec<String>> {
         let plan = &*self.plan;
         let still = plan.network.outputs().iter().zip(&plan.still);
@@ -62,32 +63,42 @@ impl Simulation {
             })
             .collect();
         let mut keys = vec![first; stops.len()];
+        let is_silent = plan.still.iter().map(|still| *still == 0.0).collect();
+        let mut is_silent: Vec<Vec<bool>> = vec![is_silent; stops.len()];
         // Sums are rounded group by group.
-        let mut last_group = vec![usize::MAX; plan.still.len()];
+        let mut last_group = vec![vec![usize::MAX; plan.still.len()]; stops.len()];
+        let running: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
         for (group, units) in plan.groups(GROUPS_MAX).into_iter().enumerate() {
             for unit in units.filter(|unit| *unit < plan.n_heard) {
                 let outputs = self.outputs_of(unit);
+                let silent_until = match (running[unit], &plan.units[unit]) {
+                    (RunningUnit::Island(island), _) => island.silent_until(),
+                    (_, Unit::Bank(bank)) => bank.silent_until(),
+                    _ => 0,
+                };
                 let (mut from, mut before) = (0, String::new());
-                for (keys, &stop) in keys.iter_mut().zip(stops) {
+                for (place, &stop) in stops.iter().enumerate() {
                     before = self.unit_key(unit, (from, stop), &before);
                     from = stop;
+                    if stop <= silent_until {
+                        continue;
+                    }
                     for (local, &output) in outputs.iter().enumerate() {
-                        let next = if last_group[output] == group {
-                            '+'
-                        } else {
-                            ','
-                        };
-                        let key = &mut keys[output];
-                        *key += &format!("{next}{before}.{local}");
+                        let last_group = &mut last_group[place][output];
+                        let next = if *last_group == group { '+' } else { ',' };
+                        *last_group = group;
+                        is_silent[place][output] = false;
+                        keys[place][output] += &format!("{next}{before}.{local}");
                     }
                 }
-                outputs
-                    .iter()
-                    .for_each(|&output| last_group[output] = group);
             }
         }
-        for key in keys.iter_mut().flatten() {
-            *key = crate::plan::hex_of(format_args!("{key}"));
+        for (key, is_silent) in keys.iter_mut().flatten().zip(is_silent.iter().flatten()) {
+            *key = if *is_silent {
+                String::new()
+            } else {
+                crate::plan::hex_of(format_args!("{key}"))
+            };
         }
         keys
     }
