@@ -41,6 +41,7 @@ class ShownPerformance:
     ) -> None:
         """Show a stage that hands play."""
         from ergon.live.display import PerformanceViewer
+        from ergon.live.repeated_notices import RepeatedNotices
 
         self._console, self._stage, self._performance = console, stage, performance
         self._watcher = PerformanceViewer(stage)
@@ -53,6 +54,7 @@ class ShownPerformance:
         self._last_report = 0.0
         self._troubled = False
         self._sound_events = 0
+        self._notices = RepeatedNotices(stage.rate)
         self._osc: OscServer | None = None
 
     def run(self, osc: OscServer | None, config: PlaybackConfig, begin: Callable[[], None]) -> None:
@@ -117,13 +119,15 @@ class ShownPerformance:
         performance, console = self._performance, self._console
         self._tell(performance.events())
         sound = performance.sound_events()
+        status = performance.status()
         for _, sentence in sound[self._sound_events :]:
-            self._say(sentence)
+            for _, line in self._notices.shown(status.frame, "sound", sentence):
+                self._say(line)
         self._sound_events = len(sound)
+        self._say_at(self._notices.due(status.frame))
         self._remark()
         recording = performance.recording_trouble()
         self._doubt(recording)
-        status = performance.status()
         view = self._watcher.view(status, recording)
         now = time.monotonic()
         if console.json:
@@ -152,9 +156,15 @@ class ShownPerformance:
         from ergon.live.display import event_sentence
 
         for event in events:
+            frame, kind, number = event
             if sentence := event_sentence(event, self._players, self._boards):
-                instant = where(self._stage.piece, event[0] / self._stage.rate)
-                self._say(f"{instant} {sentence}")
+                seconds = number if kind == "lost" else 0.0
+                self._say_at(self._notices.shown(frame, kind, sentence, seconds))
+
+    def _say_at(self, lines: Sequence[tuple[int, str]]) -> None:
+        """Say lines, each with the place in the piece of its frame."""
+        for frame, line in lines:
+            self._say(f"{where(self._stage.piece, frame / self._stage.rate)} {line}")
 
     def _say(self, sentence: str) -> None:
         self._clear()
@@ -164,8 +174,11 @@ class ShownPerformance:
             self._console.say(sentence)
 
     def _summarise(self) -> None:
-        """Say what came for keys without a device, also when the performance was ended."""
+        """Say what was counted, and what came for keys without a device, also when the performance
+        was ended.
+        """
         self._clear()
+        self._say_at(self._notices.rest())
         for sentence in self._hands.summaries():
             self._say(sentence)
 

@@ -11,6 +11,7 @@ from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.force_bounds import ForceBoundsFinder
 from ergon.live.perform import PlaybackConfig, bar_frames, perform, tick_frames
+from ergon.live.repeated_notices import RepeatedNotices
 from ergon.live.trouble import troubles
 from ergon.repl.session.engine import (
     Change,
@@ -60,6 +61,7 @@ class LiveEngine:
         self._final_status: _core.Status | None = None
         self._final_sound: SoundFileStatus | None = None
         self._unreported: list[_core.PerformanceEvent] = []
+        self._notices = RepeatedNotices(stage.rate)
 
     @property
     def performance(self) -> _core.Performance:
@@ -194,15 +196,20 @@ class LiveEngine:
             elif what in ("acted", "missed"):
                 events.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
-                events.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
+                real = self._real_now(event)
+                seconds = number if what == "lost" else 0.0
+                events += [
+                    EngineEvent(event_frame, sentence=line, real=real)
+                    for event_frame, line in self._notices.shown(frame, what, sentence, seconds)
+                ]
         self._unreported = []
+        lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
         if self._final_status is None:
             sound = self._performance.sound_events()
-            events += [
-                EngineEvent(self.frame, sentence=sentence)
-                for _, sentence in sound[self._n_sound_events :]
-            ]
+            for _, sentence in sound[self._n_sound_events :]:
+                lines += self._notices.shown(self.frame, "sound", sentence)
             self._n_sound_events = len(sound)
+        events += [EngineEvent(event_frame, sentence=line) for event_frame, line in lines]
         while self._pages is not None and self._pages.remarks:
             events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
         return events

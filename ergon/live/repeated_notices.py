@@ -1,0 +1,75 @@
+"""Notices of a performance that come again and again: the first at once, then how many more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# Kinds of events that may come many times a second. Others, such as trips, are shown each time.
+REPEATING = frozenset({"lost", "muted", "gained", "finer", "sound"})
+_PAUSE = 10.0  # [s] of the piece between two lines of one kind
+
+
+@dataclass(slots=True)
+class _Counted:
+    """Notices of one kind since the last line: their number, the sum of their amounts [s], and the
+    latest.
+    """
+
+    line_frame: int
+    count: int = 0
+    seconds: float = 0.0
+    frame: int = 0
+    sentence: str = ""
+
+    def line(self) -> tuple[int, str]:
+        """What came since the last line, which begins anew."""
+        if self.seconds:
+            words = f"{self.count} times more, for {self.seconds:.3f} s in all"
+            sentence = f"the physics thread was stopped {words}"
+        else:
+            sentence = f"{self.sentence} ({self.count} times more)"
+        self.line_frame, self.count, self.seconds = self.frame, 0, 0.0
+        return self.frame, sentence
+
+
+class RepeatedNotices:
+    """Counts notices that repeat, so that each kind is a line every ten seconds at most."""
+
+    def __init__(self, rate: float) -> None:
+        """Count by frames of the piece at `rate` [Hz]."""
+        self._pause = int(_PAUSE * rate)
+        self._counted: dict[str, _Counted] = {}
+
+    def shown(
+        self, frame: int, kind: str, sentence: str, seconds: float = 0.0
+    ) -> list[tuple[int, str]]:
+        """The lines to show now for a notice of an event: itself, or nothing if it is counted.
+
+        `seconds` is how long the physics thread was stopped, 0 for other kinds.
+        """
+        if kind not in REPEATING:
+            return [(frame, sentence)]
+        name = kind if seconds else sentence
+        counted = self._counted.get(name)
+        if counted is None or (not counted.count and frame >= counted.line_frame + self._pause):
+            self._counted[name] = _Counted(frame)
+            return [(frame, sentence)]
+        counted.count += 1
+        counted.seconds += seconds
+        counted.frame, counted.sentence = frame, sentence
+        return self.due(frame)
+
+    def due(self, frame: int) -> list[tuple[int, str]]:
+        """The lines of what was counted, for kinds whose last line is ten seconds old."""
+        return self._lines(frame - self._pause)
+
+    def rest(self) -> list[tuple[int, str]]:
+        """The lines of all that was counted, at the end of a performance."""
+        return self._lines(None)
+
+    def _lines(self, latest: int | None) -> list[tuple[int, str]]:
+        """Of kinds whose last line came at frame `latest` or before, or of all."""
+        pending = (each for each in self._counted.values() if each.count)
+        return sorted(
+            counted.line() for counted in pending if latest is None or counted.line_frame <= latest
+        )
