@@ -57,3 +57,10 @@ def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
     console.say(
         f"{prepared.folder} {word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}"
     )
+    if prepared.stage.fades_from is not None:
+        tail = seconds((n_frames - prepared.stage.fades_from) / prepared.stage.rate)
+        console.say(
+            f"of this, {tail} come after the last event, for the tail of the score is `auto` and "
+            "frozen parts have to last until everything has faded; `render: {tail: 10s}` in the "
+            "score makes them shorter"
+        )
