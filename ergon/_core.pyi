@@ -1124,6 +1124,12 @@ class Timeline:
         """
     def release(self, mats: Sequence[tuple[int, int]], links: Sequence[tuple[int, int]]) -> None:
         """Let nothing move the parameters of MATs and LIAs any more; rows of (first, number)."""
+    def delay_forces(self, port: int, key: int, delay: float) -> None:
+        """Let the fixed point `port` go where the MAT `key` goes, and pass the sum of the forces on
+        it to the key `delay` [s] later, at least a step.
+
+        Raises EngineError if the delay is not from 0 to 1 s.
+        """
     def strike_point(self, mat: int, point: int, *, lasts: float | None = ...) -> None:
         """Let Simulation.strike strike a MAT, which it calls by the number `point`; each strike
         lasts as in `strike`.

@@ -45,6 +45,8 @@ class Assembly:
     seed: int = 0
     # (part, module) in space -> the MATs of its first point, axis by axis
     points: dict[tuple[str, str], list[int]] = field(default_factory=dict)
+    # (part, module) of a key whose motor is late -> the point in its place for links of other parts
+    ports: dict[tuple[str, str], int] = field(default_factory=dict)
     # Why modules are left out. If None, the first refusal of the engine is raised.
     refused: list[_core.EngineError] | None = None
 
@@ -156,7 +158,7 @@ class Assembly:
             index = self._link_in_space(module, a, b)
             self.links[part, module.name] = range(index, self.network.n_lia)
             return index
-        ends = self.mat(a), self.mat(b)
+        ends = self._end(part, a), self._end(part, b)
         if by := following.values(module, self.mat):
             law_fields = picked(module.fields, "law", "damping", "constants", "rest")
             law_fields = {"law": None, "damping": None} | law_fields
@@ -167,6 +169,16 @@ class Assembly:
             index = add(self.network, module.name, *ends, fields, reach)
         self.links[part, module.name] = range(index, index + 1)
         return index
+
+    def port(self, part: str, module: str, x: float) -> None:
+        """Add a fixed point at `x` [m] to which other parts link in place of a module."""
+        self.network.part(f"{part}, late")
+        self.ports[part, module] = self.network.sol("port", X0=x)
+
+    def _end(self, part: str, target: Target) -> int:
+        """Index of the MAT to which a link of a part goes."""
+        port = None if part == target.part else self.ports.get(_home(target))
+        return self.mat(target) if port is None else port
 
     def _link_in_space(self, module: Module, a: Target, b: Target) -> int:
         fields = module.fields

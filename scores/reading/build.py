@@ -88,8 +88,13 @@ def key(values: Values, files: Files) -> Key:
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
     known = None if measured is None else calibration.key_constants(measured)
+    delay = values["delay"]
+    if delay is None and known is not None and not values["simple"]:
+        delay = known[2]
+    if known is not None:
+        known = *known[:2], delay
     arguments = values.context.name, modules, struck, travel, values["reach"], values.place
-    return Key(*arguments, measured=known)
+    return Key(*arguments, measured=known, delay=delay or 0.0)
 
 
 def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:

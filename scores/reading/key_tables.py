@@ -31,6 +31,12 @@ KEY = Record(
         Field("X0", k.POSITION, "position at the beginning", 0.0),
         Field("V0", k.SPEED, "velocity at the beginning", 0.0),
         Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
+        Field(
+            "delay",
+            k.PAUSE,
+            "how much later the piece's forces reach it, as by its motor",
+            shown="as measured, or 0s",
+        ),
         Field("reach", k.POSITIVE, "factor from the movement of the key to that of the piece", 1.0),
         Field("modules", NamesOf(module_table("si"), "module", has_loops=True), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),

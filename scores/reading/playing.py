@@ -28,7 +28,8 @@ class Key:
 
     `{M, K, Z}` is one CEL with the name "". `travel` [m]; the piece sees `reach` times the key's
     movement. Its springs act once in `every` frames. `measured` is what its calibration says of
-    the real key: mass without modes [kg], damping [N·s/m], delay [s] if known.
+    the real key: mass without modes [kg], damping [N·s/m], delay [s] if known. The forces of the
+    piece reach the struck MAT `delay` [s] later.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Key:
     place: Place
     every: int = 1
     measured: tuple[float, float, float | None] | None = None
+    delay: float = field(default=0.0, metadata={"hash_omits_empty": True})
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from ergon.instruments.module_kinds import member_count
 from ergon.notation.clock.shifted import OffsetTempoMap
 from ergon.scores.reading.digest import is_same_matter
 from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.late_keys import links_on_keys
 from ergon.scores.staging.listening import Listening, fades, listen
 
 COUPLING_ENDED = -math.inf  # the end of a coupling that acts no longer
@@ -76,6 +77,11 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     # Links reach the <M> points of other parts, so all of these are added first.
     for name, key in piece.keys.items():
         assembly.part(name, key.modules, reach=key.reach, every=key.every)
+    for name in dict.fromkeys(end.part for _, end, _ in links_on_keys(piece)):
+        key = piece.keys[name]
+        if key.delay and (name, key.struck) in assembly.mats:
+            struck = next(module for module in key.modules if module.name == key.struck)
+            assembly.port(name, key.struck, key.reach * struck.fields["X0"])
     for name, instrument in piece.instruments.items():
         assembly.part(
             name,

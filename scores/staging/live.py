@@ -139,12 +139,13 @@ def check_players(piece: Piece, real: Real, collector: Collector) -> None:
 def held(piece: Piece, real: Real) -> Piece:
     """The piece with the keys in real hands reduced to their struck MAT.
 
-    The real key has its own modes and friction, so those that were measured are left out.
+    The real key has its own modes, friction and delay, so those that were measured are left out.
     """
     keys = {
-        name: replace(piece.keys[name], modules=struck_modules)
+        name: replace(key, modules=struck_modules, delay=0.0)
         for name in dict.fromkeys(piece.players[player].key for player in real)
-        if len(struck_modules := _struck(piece.keys[name])) < len(piece.keys[name].modules)
+        for key in [piece.keys[name]]
+        if len(struck_modules := _struck(key)) < len(key.modules) or key.delay
     }
     return replace(piece, keys={**piece.keys, **keys}) if keys else piece
 

@@ -26,6 +26,7 @@ from ergon.scores.staging.drawn_notes import DrawnNote, DrawnNotes
 from ergon.scores.staging.drives import drive, sounds_in
 from ergon.scores.staging.hands import ALL, Hands, Window
 from ergon.scores.staging.known_automation import KnownAutomation
+from ergon.scores.staging.late_keys import check_delays
 from ergon.scores.staging.listening import check_mix
 from ergon.scores.staging.live import LiveHand, check_players, held, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
@@ -111,6 +112,8 @@ def prepare(
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
+        for (part, module), port in assembly.ports.items():
+            timeline.delay_forces(port, assembly.mats[part, module], piece.keys[part].delay)
         takes = Takes(piece, collector, like.takes if like else {})
         hands = Hands(piece, timeline, takes, collector)
         # A session has no end up to which a stand-in could play.
@@ -126,6 +129,7 @@ def prepare(
         end = max([end, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
+        check_delays(computed, collector)
         check_mix(piece, collector)
         n_frames = _frames(piece, end, collector) if spans is None else 0
         (paths, moved), paths_until = _automate(piece, spans, n_frames, collector, begin, known)

@@ -353,6 +353,15 @@ impl Timeline {
             .map_err(|error| module_error("drive", error))
     }
 
+    /// Let a fixed point go where a key goes, and pass the forces on it to the key `delay` seconds later.
+    fn delay_forces(&mut self, port: usize, key: usize, delay: f64) -> PyResult<()> {
+        self.check_mat("delay_forces", port)?;
+        self.check_mat("delay_forces", key)?;
+        self.inner
+            .delay_forces(port, key, delay)
+            .map_err(|error| module_error("delay_forces", error))
+    }
+
     /// Let `Simulation.strike` strike a MAT, which it calls by the number `point`; each strike lasts as in `strike`.
     #[pyo3(signature = (mat, point, *, lasts=Some(0.0)))]
     fn strike_point(&mut self, mat: usize, point: u32, lasts: Option<f64>) -> PyResult<()> {

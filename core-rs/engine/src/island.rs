@@ -3,6 +3,7 @@
 mod build;
 mod coast;
 mod contact_peaks;
+mod delayed_ports;
 mod emulated_key;
 mod energy_account;
 pub(crate) mod energy_gain;
@@ -76,6 +77,7 @@ pub(crate) struct Script {
     glides: Vec<glide::Glide>,
     led: Vec<glide::Led>,
     pub(crate) hand_bindings: Vec<real_hands::HandBinding>,
+    pub(crate) port_bindings: Vec<delayed_ports::PortBinding>,
     strike_points: Vec<live_strikes::StrikePoint>,
     sound_drives: Vec<sounds_in::SoundDrive>,
     on_fault: OnFault,
@@ -127,6 +129,8 @@ struct Hands {
     layers: Vec<f64>,
     stream: Stream,
     hand_states: Vec<real_hands::HandState>,
+    /// What has still to act on keys with a delay   (n_ports)
+    port_states: Vec<delayed_ports::PortState>,
     /// What live strikes have still to do   (n_strike_points)
     pending: Vec<live_strikes::Pending>,
     /// What each input received: samples or told values   (n_sound_drives)

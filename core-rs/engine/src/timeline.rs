@@ -1,6 +1,7 @@
 //! Timeline: strikes, ergons, gestures, imposed positions and couplings of a piece, by instant [s].
 
 mod cut;
+mod delayed_port;
 mod drive;
 mod gate;
 mod glide;
@@ -19,6 +20,7 @@ use crate::interrupt;
 use crate::network::Network;
 use crate::units::{Rate, score_frame};
 
+pub use delayed_port::DelayedPort;
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::{FADE, GRID};
 pub(crate) use gate::{Gate, GateContinuation};
@@ -224,7 +226,8 @@ impl Timeline {
     /// a gesture is too fast for it, or something is played live, because live values come by frames of the score.
     pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() / f64::from(every)).ok()?;
-        let is_live = |drive: &Drive| drive.hand().is_some() || drive.is_heard();
+        let is_live =
+            |drive: &Drive| drive.hand().is_some() || drive.port().is_some() || drive.is_heard();
         let fits = |gesture: &Arc<Gesture>| gesture.check_rate(rate.hertz()).is_ok();
         if self.drives.iter().any(is_live) || !self.gestures.iter().all(fits) {
             return None;

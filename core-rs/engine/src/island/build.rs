@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::contact_peaks::ContactPeaks;
+use super::delayed_ports::{PortBinding, port_bindings};
 use super::energy_gain::{self, Gains};
 use super::energy_rise::Rise;
 use super::fault::Mutes;
@@ -85,6 +86,7 @@ impl Island {
             Ledger::new(scheme, &timeline.gates, &mut matter.body)
         });
         let hand_bindings = hand_bindings(&timeline.drives);
+        let port_bindings = port_bindings(&timeline.drives, timeline.rate.hertz());
         let strike_points = strike_points(timeline);
         let (sound_drives, played) = sound_drives(&timeline.drives);
         // A contact that is computed finely is added to the CEL's own motion, so the CEL still counts as alone.
@@ -109,6 +111,7 @@ impl Island {
                 layers: vec![0.0; timeline.keys.len()],
                 stream: Stream::new(options.record),
                 hand_states: vec![HandState::default(); hand_bindings.len()],
+                port_states: port_bindings.iter().map(PortBinding::silent).collect(),
                 pending: Pending::none(&strike_points),
                 played,
             },
@@ -133,6 +136,7 @@ impl Island {
             glides,
             led,
             hand_bindings,
+            port_bindings,
             strike_points,
             sound_drives,
             on_fault: options.on_fault,

@@ -1,11 +1,13 @@
 //! Parts that diverge: named and stopped, or muted while all others play on.
 
+use super::delayed_ports::PortBinding;
 use super::{Gain, Island, inside};
 use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::network::Term;
 use crate::scheme::Scheme;
 use crate::scheme::Spring;
+use crate::timeline::Drive;
 
 /// A muted part's outputs fade from where they were over this time [s].
 const FADE: f64 = 0.005;
@@ -250,7 +252,22 @@ impl Island {
             }
         }
         state.matter.bodies.retain(|body| !body.is_of(&ours, part));
-        script.drives.retain(|drive| !ours[drive.mat]);
+        let ends = |port: &PortBinding| ours[port.port] || ours[port.key];
+        for port in script.port_bindings.iter().filter(|port| ends(port)) {
+            state.matter.body.d[port.port] = 0.0;
+        }
+        let mut stays = script.port_bindings.iter().map(|port| !ends(port));
+        state
+            .hands
+            .port_states
+            .retain(|_| stays.next().unwrap_or(true));
+        drop(stays);
+        script.port_bindings.retain(|port| !ends(port));
+        let ends = |drive: &Drive| {
+            let port = drive.port();
+            ours[drive.mat] || port.is_some_and(|port| ours[port.key])
+        };
+        script.drives.retain(|drive| !ends(drive));
         let mut stays = script.sound_drives.iter().map(|drive| !ours[drive.mat]);
         state.hands.played.retain(|_| stays.next().unwrap_or(true));
         drop(stays);

@@ -20,7 +20,10 @@ pub(super) fn start(
         .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
     let x = positions(network, timeline, drives);
-    let d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
+    let mut d = backward_steps(network, timeline, scheme, &x, &pushes, acts);
+    for (port, key) in timeline.ports() {
+        d[port] = d[key];
+    }
     Body::new(scheme, x, d)
 }
 
@@ -30,9 +33,12 @@ pub(super) fn positions(network: &Network, timeline: &Timeline, drives: &[Drive]
     for drive in drives
         .iter()
         // The position of a real hand is not yet known: its key begins where the network has it.
-        .filter(|drive| drive.kind == DriveKind::Position && drive.hand().is_none())
+        .filter(|drive| drive.is_path())
     {
         x[drive.mat] = drive.value(0, timeline.rate.hertz());
+    }
+    for (port, key) in timeline.ports() {
+        x[port] = x[key];
     }
     for proxy in network.proxies() {
         x[proxy.mat] = proxy.sum(|mat| x[mat], |mat| x[mat]);

@@ -1,7 +1,7 @@
 //! The phases of a step (`step` says what each reads and writes).
 
 use super::strikes::strike;
-use super::{Matter, Script, State, glide, live_strikes, real_hands, sounds_in};
+use super::{Matter, Script, State, delayed_ports, glide, live_strikes, real_hands, sounds_in};
 use crate::guard;
 use crate::island::written_hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
@@ -34,6 +34,7 @@ pub(super) fn values(script: &Script, state: &mut State, mut scheme: Option<&mut
     }
     let states = &mut hands.hand_states;
     real_hands::arrive(&script.hand_bindings, states, n, &mut matter.body);
+    delayed_ports::follow(&script.port_bindings, &mut matter.body);
     if let Some(scheme) = scheme {
         glide::apply_following_masses(&script.scheme, scheme, &matter.body.x);
     }
@@ -89,6 +90,7 @@ impl Frame<'_, '_> {
         for drive in &script.drives {
             drive.apply(n, scheme.rate, body, targets);
         }
+        delayed_ports::pass_on(&script.port_bindings, &hands.port_states, body);
         sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
         if let Some(rise) = &mut watch.rise
             && hands.is_struck()
@@ -154,6 +156,8 @@ impl Frame<'_, '_> {
             ..
         } = matter;
         real_hands::feel(&script.hand_bindings, &mut hands.hand_states, n, body);
+        delayed_ports::note(&script.port_bindings, &mut hands.port_states, body);
+        delayed_ports::lead(&script.port_bindings, scheme, targets, body);
         watch.touches.step(n, &body.link);
         if let Some(out) = out {
             kernel::tap(scheme, body, out);

@@ -67,6 +67,7 @@ impl Archived for State {
             ergons,
             layers,
             hand_states,
+            port_states,
             pending
         )?;
         state_of!(values, archive, gates, damped)?;

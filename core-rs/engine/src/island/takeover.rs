@@ -2,7 +2,7 @@
 
 use super::{Island, State};
 use crate::kernel;
-use crate::timeline::{DriveKind, GateContinuation};
+use crate::timeline::GateContinuation;
 
 /// An item whose state passes from an island to one of another version. Indices are in the old island first, then in
 /// the new.
@@ -14,6 +14,8 @@ pub(crate) enum ItemTakeover {
     Gate(Option<usize>, usize),
     /// From a hand to a hand.
     Hand(usize, usize),
+    /// From a delayed port to a delayed port.
+    Port(usize, usize),
     /// From a gesture's report to that of the same gesture, and whether MATs have the same indices in both islands.
     Report(usize, usize, bool),
     /// From a body to an equal one.
@@ -64,7 +66,7 @@ impl Island {
             body.seek(n);
         }
         for drive in &script.drives {
-            if drive.kind == DriveKind::Position && drive.hand().is_none() && n > 0 {
+            if drive.is_path() && n > 0 {
                 let x = drive.value(n, rate);
                 state.matter.body.x[drive.mat] = x;
                 state.matter.body.d[drive.mat] = x - drive.value(n - 1, rate);
@@ -170,6 +172,9 @@ impl Island {
                 );
                 self.state.matter.body.x[mat] = old.state.matter.body.x[their];
                 self.state.matter.body.d[mat] = old.state.matter.body.d[their];
+            }
+            ItemTakeover::Port(from, to) => {
+                self.state.hands.port_states[to].take_over(&old.state.hands.port_states[from]);
             }
             ItemTakeover::Report(from, to, is_same) => {
                 let report = &mut self.state.hands.reports[to];

@@ -1,5 +1,6 @@
 //! Imposed positions and forces: ENX and ENF.
 
+use super::delayed_port::DelayedPort;
 use super::hand::{Hand, HandWay};
 use super::sound_in::SoundIn;
 use crate::gesture::placed::Placed;
@@ -33,6 +34,8 @@ pub enum Source {
     Take(Placed),
     /// A real hand.
     Hand(Hand),
+    /// A key, whose port it is.
+    Key(DelayedPort),
     /// Impulses that [`Simulation::strike`](crate::simulation::Simulation::strike) sends while it plays. Without an
     /// impulse the force is 0.
     Strikes {
@@ -53,9 +56,10 @@ pub enum Source {
 }
 
 impl Drive {
-    /// Whether it is a force that may act at any time; strikes are events.
+    /// Whether it is a force that may act at any time, that of a port on its key too; strikes are events.
     pub(crate) fn pushes(&self) -> bool {
-        self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
+        self.port().is_some()
+            || self.kind == DriveKind::Force && !matches!(self.source, Source::Strikes { .. })
     }
 
     /// Value at frame `n` [m or N].
@@ -64,7 +68,7 @@ impl Drive {
             Source::Constant(value) => *value,
             Source::Take(path) => path.at(n as f64 / rate).0,
             Source::Hand(hand) => hand.at(n),
-            Source::Strikes { .. } => 0.0,
+            Source::Key(_) | Source::Strikes { .. } => 0.0,
             Source::SoundIn {
                 sound,
                 scale,
@@ -90,6 +94,20 @@ impl Drive {
             Source::Hand(hand) => Some(hand),
             _ => None,
         }
+    }
+
+    /// The key that it follows, if it is a delayed port.
+    pub(crate) fn port(&self) -> Option<&DelayedPort> {
+        match &self.source {
+            Source::Key(port) => Some(port),
+            _ => None,
+        }
+    }
+
+    /// Whether it imposes a position that is known beforehand: neither a hand's nor a key's.
+    pub(crate) fn is_path(&self) -> bool {
+        let is_known = self.hand().is_none() && self.port().is_none();
+        self.kind == DriveKind::Position && is_known
     }
 
     /// The same event at `oversampling` times the rate.
@@ -127,6 +145,8 @@ impl Drive {
                         HandWay::Hold => body.x[self.mat],
                         HandWay::Line => body.x[self.mat] + body.d[self.mat],
                     },
+                    // It goes on as the key does, until the key has moved.
+                    Source::Key(_) => body.x[self.mat] + body.d[self.mat],
                     _ => self.value(n + 1, rate),
                 };
                 targets.push(Target {

@@ -35,6 +35,10 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(a, b);
         }
     }
+    // A port moves with its key.
+    timeline
+        .ports()
+        .for_each(|(port, key)| _ = forest.join(port, key));
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
         let part = network.mats().part[key.struck];
@@ -101,8 +105,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     let keys = timeline.keys.iter().map(|key| key.struck);
     let glides = timeline.glides.iter().map(|glide| glide.mat);
-    let drives = timeline.drives.iter().map(|drive| drive.mat);
-    for mat in keys.chain(drives).chain(glides) {
+    for mat in keys.chain(timeline.driven()).chain(glides) {
         members[index[forest.root(mat)] as usize].is_handled = true;
     }
     for (link, a, b) in ends(network) {
@@ -128,7 +131,7 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mut is_free: Vec<bool> = kinds.map(|&kind| !kind.is_held()).collect();
     for drive in &timeline.drives {
         if drive.kind == DriveKind::Position {
-            is_free[drive.mat] = false;
+            is_free[drive.mat] = drive.port().is_some();
         }
     }
     is_free

@@ -497,10 +497,7 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
         (used[a], used[b]) = (true, true);
     }
-    timeline
-        .drives
-        .iter()
-        .for_each(|drive| used[drive.mat] = true);
+    timeline.driven().for_each(|mat| used[mat] = true);
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         if let Term::Position { first, len, .. } | Term::Ground { first, len, .. } = *term {
             used[first..first + len].fill(true);

@@ -137,6 +137,7 @@ fn find_bodies(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body>
             DriveKind::Force => is_port[drive.mat] = true,
         }
     }
+    timeline.ports().for_each(|(_, key)| is_port[key] = true);
     timeline
         .glides
         .iter()

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::network::Subset;
-use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
+use crate::timeline::{DelayedPort, Drive, Ergon, Glide, Source, Strike, Timeline};
 
 /// The timeline of one island, and the indices of its keys and gestures in the whole network.
 #[derive(Clone)]
@@ -70,10 +70,22 @@ pub(in crate::plan) fn split(
             let drive = drive.clone();
             // The input is not known in advance: nothing is tried, and nothing left out.
             timelines[subset_index].timeline.is_open |= drive.is_heard();
-            timelines[subset_index]
-                .timeline
-                .drives
-                .push(Drive { mat, ..drive });
+            let source = match drive.source {
+                Source::Key(port) => {
+                    let here = home(port.key as u32).iter();
+                    let mut keys = here.filter(|(subset, _)| *subset == subset_index);
+                    let Some(&(_, key)) = keys.next() else {
+                        continue;
+                    };
+                    Source::Key(DelayedPort { key, ..port })
+                }
+                other => other,
+            };
+            timelines[subset_index].timeline.drives.push(Drive {
+                mat,
+                source,
+                ..drive
+            });
         }
     }
     for glide in &timeline.glides {
@@ -138,7 +150,7 @@ pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Opti
 fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
-    let drives = timeline.drives.iter().map(|drive| drive.mat as u32);
+    let drives = timeline.driven().map(|mat| mat as u32);
     let keys = timeline.keys.iter().map(|key| key.struck as u32);
     let glides = timeline.glides.iter().map(|glide| glide.mat as u32);
     let all = strikes

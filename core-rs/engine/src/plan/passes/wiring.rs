@@ -65,10 +65,7 @@ impl Wiring {
         let mats = network.mats();
         let n = network.n_mat();
         let mut is_driven = vec![false; n];
-        timeline
-            .drives
-            .iter()
-            .for_each(|drive| is_driven[drive.mat] = true);
+        timeline.driven().for_each(|mat| is_driven[mat] = true);
         let mut has_key = vec![false; network.parts().len()];
         for key in &timeline.keys {
             has_key[mats.part[key.struck] as usize] = true;

@@ -98,6 +98,25 @@ impl Takeover {
         }
     }
 
+    /// Matches delayed ports by their names.
+    fn ports(&mut self, there: &Side<'_>, here: &Side<'_>) {
+        let mut known: HashMap<String, (UnitIndex, usize)> = HashMap::new();
+        for &(from, island, island_plan) in &there.islands {
+            for (index, binding) in island.script().port_bindings.iter().enumerate() {
+                known.insert(island_plan.network.mat_name(binding.port), (from, index));
+            }
+        }
+        for &(to, island, island_plan) in &here.islands {
+            for (index, binding) in island.script().port_bindings.iter().enumerate() {
+                let name = island_plan.network.mat_name(binding.port);
+                if let Some(&(from, before)) = known.get(&name) {
+                    self.items
+                        .push((from, to, ItemTakeover::Port(before, index)));
+                }
+            }
+        }
+    }
+
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
     pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
@@ -153,6 +172,7 @@ impl Takeover {
                 }
             }
         }
+        self.ports(there, here);
         for &(from, to) in &self.units.clone() {
             let island = |side: &Side<'_>, unit: UnitIndex| {
                 let mut all = side.islands.iter();

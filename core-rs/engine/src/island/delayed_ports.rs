@@ -1,0 +1,107 @@
+//! Delayed ports in an island: they are where their keys are, and what pushes them pushes the keys later.
+
+use crate::kernel;
+use crate::maths::floor;
+use crate::scheme::Scheme;
+use crate::state::{Body, Target};
+use crate::timeline::Drive;
+
+/// A port, and the key that it follows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PortBinding {
+    pub(crate) port: usize,
+    pub(crate) key: usize,
+    /// The delay in steps, at least 1.
+    steps: f64,
+}
+
+/// The forces on a port that have not yet acted.
+#[derive(Clone, Debug)]
+pub(super) struct PortState {
+    /// The last forces [N]; the oldest stands at `oldest`   (full steps of the delay + 1)
+    forces: Vec<f64>,
+    oldest: usize,
+}
+
+crate::archive::state!(PortState { forces, oldest });
+
+impl PortBinding {
+    /// A port at which nothing has pushed yet.
+    pub(super) fn silent(&self) -> PortState {
+        PortState {
+            forces: vec![0.0; floor(self.steps) as usize + 1],
+            oldest: 0,
+        }
+    }
+}
+
+impl PortState {
+    /// Take the newest forces of a port of another version, whose delay may be another. Allocates nothing.
+    pub(super) fn take_over(&mut self, old: &Self) {
+        let (room, count) = (self.forces.len(), old.forces.len());
+        for age in 0..room {
+            let force = if age < count {
+                old.forces[(old.oldest + count - 1 - age) % count]
+            } else {
+                0.0
+            };
+            self.forces[(self.oldest + room - 1 - age) % room] = force;
+        }
+    }
+}
+
+/// The delayed ports among drives, in steps of 1/`rate`.
+pub(super) fn port_bindings(drives: &[Drive], rate: f64) -> Vec<PortBinding> {
+    let binding = |drive: &Drive| {
+        let port = drive.port()?;
+        Some(PortBinding {
+            port: drive.mat,
+            key: port.key,
+            steps: (port.delay * rate).max(1.0),
+        })
+    };
+    drives.iter().filter_map(binding).collect()
+}
+
+/// Put every port where its key is.
+pub(super) fn follow(bindings: &[PortBinding], body: &mut Body) {
+    for binding in bindings {
+        body.x[binding.port] = body.x[binding.key];
+        body.d[binding.port] = body.d[binding.key];
+    }
+}
+
+/// Push every key by the force on its port a delay ago; between two steps by their forces, in proportion.
+pub(super) fn pass_on(bindings: &[PortBinding], states: &[PortState], body: &mut Body) {
+    for (binding, state) in bindings.iter().zip(states) {
+        let share = binding.steps - floor(binding.steps);
+        let next = (state.oldest + 1) % state.forces.len();
+        let force = if share > 0.0 {
+            share * state.forces[state.oldest] + (1.0 - share) * state.forces[next]
+        } else {
+            state.forces[next]
+        };
+        body.push(binding.key, force);
+    }
+}
+
+/// Lead every port to where its key will be, now that all forces are known.
+pub(super) fn lead(bindings: &[PortBinding], scheme: &Scheme, targets: &mut [Target], body: &Body) {
+    for binding in bindings {
+        let imposed = targets.iter().find(|target| target.mat == binding.key);
+        let x = imposed.map_or_else(
+            || kernel::predict(scheme, body, binding.key),
+            |target| target.x,
+        );
+        let port = targets.iter_mut().find(|target| target.mat == binding.port);
+        port.into_iter().for_each(|target| target.x = x);
+    }
+}
+
+/// Note the complete forces of a step.
+pub(super) fn note(bindings: &[PortBinding], states: &mut [PortState], body: &Body) {
+    for (binding, state) in bindings.iter().zip(states) {
+        state.forces[state.oldest] = body.force[binding.port];
+        state.oldest = (state.oldest + 1) % state.forces.len();
+    }
+}

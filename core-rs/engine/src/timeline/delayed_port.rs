@@ -1,0 +1,45 @@
+//! A point that goes where a key goes, and passes the forces on it to the key later, as a motor does.
+
+use super::{Drive, DriveKind, Source, StrikeError, Timeline};
+
+/// Longest delay of a motor [s], as of [`KeyModel`](crate::key_model::KeyModel).
+const DELAY_MAX: f64 = 1.0;
+
+/// The key of a delayed port.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DelayedPort {
+    /// The MAT that the port follows, and that feels the forces.
+    pub(crate) key: usize,
+    /// Time until a force on the port acts on the key [s]; at least a step.
+    pub(crate) delay: f64,
+}
+
+impl Timeline {
+    /// Let the fixed point `port` go where the MAT `key` goes, and pass the sum of the forces on it to that MAT `delay`
+    /// \[s\] later, or a step later if that is longer.
+    ///
+    /// Such a force is not passive: a spring K between port and ground acts on the key as a damper of −K·delay
+    /// (J. E. Colgate and J. M. Brown, Factors affecting the Z-width of a haptic display, ICRA 1994).
+    ///
+    /// # Errors
+    /// [`StrikeError`] if the delay is not from 0 to 1 s, or the position of the port is imposed already.
+    pub fn delay_forces(&mut self, port: usize, key: usize, delay: f64) -> Result<(), StrikeError> {
+        if !(0.0..=DELAY_MAX).contains(&delay) {
+            return Err(StrikeError::Value("a delay", " from 0 to 1 s", delay));
+        }
+        let source = Source::Key(DelayedPort { key, delay });
+        self.drive(port, DriveKind::Position, source, false)
+    }
+
+    /// The ports of keys whose forces are delayed: each port with its key.
+    pub(crate) fn ports(&self) -> impl Iterator<Item = (usize, usize)> {
+        let pair = |drive: &Drive| Some((drive.mat, drive.port()?.key));
+        self.drives.iter().filter_map(pair)
+    }
+
+    /// The MATs that drives move or push, with the keys that delayed ports push.
+    pub(crate) fn driven(&self) -> impl Iterator<Item = usize> {
+        let drives = self.drives.iter().map(|drive| drive.mat);
+        drives.chain(self.ports().map(|(_, key)| key))
+    }
+}

@@ -1,0 +1,59 @@
+"""Keys whose motors are late: whether a link on such a key can make it swing up by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ergon.notation.text.errors import quote
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ergon.instruments.model import Module, Target
+    from ergon.notation.text.errors import Collector
+    from ergon.scores.reading.piece import Key, Piece
+
+
+def links_on_keys(piece: Piece) -> Iterator[tuple[str, Target, Module]]:
+    """The links of instruments and couplings that end on keys: the link's part, its end, itself."""
+    for name, instrument in piece.instruments.items():
+        for module in instrument.modules:
+            for end in module.fields.get("between") or ():
+                if end.part in piece.keys:
+                    yield name, end, module
+    for coupling in piece.duet:
+        for end in (coupling.a, coupling.b):
+            yield "duet", end, coupling.link
+
+
+def check_delays(piece: Piece, collector: Collector) -> None:
+    """Warn of keys that a spring K on them can make swing (W336): by a delay it takes K·delay of
+    their damping (J. E. Colgate and J. M. Brown, ICRA 1994).
+    """
+    stiffest: dict[str, tuple[float, str]] = {}
+    for part, end, module in links_on_keys(piece):
+        key, stiffness = piece.keys[end.part], module.fields.get("K")
+        if key.delay and end.module == key.struck and isinstance(stiffness, float):
+            met = stiffness * key.reach**2, f"{part}.{module.name}"
+            stiffest[key.name] = max(met, stiffest.get(key.name, met))
+    for name, (stiffness, link) in stiffest.items():
+        key = piece.keys[name]
+        damping = _damping(key)
+        if damping is None or stiffness * key.delay <= damping:
+            continue
+        late = f"{1e3 * key.delay:g} ms"
+        message = (
+            f"{quote(name)}: the piece's forces reach this key {late} late, and by that the spring "
+            f"of {stiffness:,.0f} N/m of {quote(link)} takes {stiffness * key.delay:.2g} Ns/m of "
+            f"its damping of {damping:.2g} Ns/m: the key may swing up by itself"
+        )
+        bound = damping / key.delay
+        help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"
+        collector.error("W336", message, key.place, help=help)
+
+
+def _damping(key: Key) -> float | None:
+    """The damping of the struck mass to the ground [N·s/m], if it is written."""
+    struck = next(module for module in key.modules if module.name == key.struck)
+    damping = struck.fields.get("Z")
+    return damping if isinstance(damping, float) else None
