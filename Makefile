@@ -3,7 +3,7 @@
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing); installs the programs that tests
 #                   start, or skips these tests and names them. SKIPS=fail: a skipped test is a failed one, as in CI
 #   make test-terminal  the quick half of what is printed, in the plainest locale and a terminal of 80 columns
-#   make check      format, lint, types, Rust documentation; warnings are errors
+#   make check      format, lint, types, Rust documentation, workflows; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
@@ -30,7 +30,7 @@ PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cl
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python audit bench docs charts media site accuracy movie man vsix wheel test-long miri clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python check-workflows audit bench docs charts media site accuracy movie man vsix wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -72,7 +72,7 @@ miri:
 	  echo "Miri comes with a nightly Rust: rustup toolchain install nightly --component miri. Nothing was tried."; \
 	fi
 
-check: check-rust check-python
+check: check-rust check-python check-workflows
 
 check-rust:
 	cargo fmt --all --check
@@ -84,6 +84,11 @@ check-python: $(VENV)/dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest ergon._core --allowlist tests/data/stubs-allowed.txt
+
+check-workflows: $(VENV)/dev
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/zizmor --offline --quiet --no-progress .github
 
 # No part of `check`: advisories come from the network, and change without a change here.
 audit: $(VENV)/dev
@@ -137,12 +142,14 @@ vsix:
 	cd out/vscode && npm ci --ignore-scripts --no-audit --no-fund && \
 	  npx --yes @vscode/vsce@4 package --allow-missing-repository --out ../ergon.vsix
 
-# Linked against an old glibc by zig: what is linked here asks for the glibc of this machine. maturin looks for zig by the first
-# `python3` on the PATH. build.json says which commit `ergon --version` names.
-wheel: $(VENV)/dev
-	$(BIN)/pip install --quiet "maturin[zig]>=1.16,<2"
-	$(BIN)/python -m docs.generators.build_record ergon/api/build.json
-	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m maturin build --release --zig --compatibility manylinux_2_28 --out out; \
+# Linked against an old glibc by zig: what is linked here asks for the glibc of this machine. It needs nothing of the package's
+# environment: one of its own holds maturin and zig, which maturin looks for by the first `python3` on the PATH. build.json
+# says which commit `ergon --version` names.
+wheel:
+	@test -x $(VENV)-wheel/bin/pip || $(PYTHON) -m venv $(VENV)-wheel
+	$(VENV)-wheel/bin/pip install --quiet "maturin[zig]>=1.16,<2"
+	$(VENV)-wheel/bin/python -m docs.generators.build_record ergon/api/build.json
+	PATH="$(abspath $(VENV)-wheel/bin):$$PATH" maturin build --release --zig --compatibility manylinux_2_28 --out out; \
 	  code=$$?; rm -f ergon/api/build.json; exit $$code
 
 # The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
@@ -159,4 +166,4 @@ $(VENV)/dev: $(VENV)/built
 	@touch $@
 
 clean:
-	rm -rf target $(VENV) $(VENV)-audit out
+	rm -rf target $(VENV) $(VENV)-audit $(VENV)-wheel out

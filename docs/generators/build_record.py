@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from ergon.api.version import commit_of
+from ergon.common.commit import commit_of
 
 if __name__ == "__main__":
     text = json.dumps({"commit": commit_of(Path(__file__).resolve().parents[2])})

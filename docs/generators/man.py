@@ -31,7 +31,7 @@ def commands(
     """A command and all below it, each with its words."""
     yield words, command
     if isinstance(command, LazyGroup):
-        context = click.Context(command)
+        context = click.Context(command, **group.context_settings)
         for name in command.list_commands(context):
             inner = command.get_command(context, name)
             assert inner is not None
@@ -39,7 +39,7 @@ def commands(
 
 
 def _page(words: tuple[str, ...], command: click.Command) -> Iterator[str]:
-    context = click.Context(command, info_name=" ".join(words))
+    context = click.Context(command, info_name=" ".join(words), **group.context_settings)
     what, _, more = (command.help or "").partition("\n\n")
     yield f'.TH "{"-".join(words).upper()}" 1 "" "ergon {__version__}" "ergon"'
     yield ".SH NAME"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import platform
-import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from ergon.common.commit import commit_of
 
 # Written before a wheel is built (docs/generators/build_record.py), and absent from a checkout.
 RECORD = Path(__file__).with_name("build.json")
@@ -33,18 +34,6 @@ def commit() -> str:
     root = Path(__file__).resolve().parents[2]
     # Only a clone of ergon is asked: an installed package may lie in the repository of somebody.
     return commit_of(root) if (root / "core-rs").is_dir() else ""
-
-
-def commit_of(root: Path) -> str:
-    """The commit of a clone, as `commit` writes it; empty where git or its data are missing."""
-    command = ["git", "-C", str(root), "describe", "--always", "--exclude=*", "--abbrev=8"]
-    try:
-        done = subprocess.run(
-            [*command, "--dirty=+"], capture_output=True, text=True, check=True, timeout=5
-        )
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return done.stdout.strip()
 
 
 def build() -> str:

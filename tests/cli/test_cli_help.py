@@ -12,8 +12,9 @@ import pytest
 
 import ergon
 from ergon.api import version
-from ergon.api.version import build, commit, commit_of
+from ergon.api.version import build, commit
 from ergon.cli import app, manual
+from ergon.common.commit import commit_of
 
 ROOT = Path(__file__).parents[2]
 

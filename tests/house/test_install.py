@@ -92,11 +92,17 @@ def test_the_release_installs_what_it_builds():
     wheels = jobs["wheels"]["strategy"]["matrix"]["include"]
     kinds = {(one["os"].partition("-")[0], one["manylinux"]) for one in wheels}
     assert kinds >= {("ubuntu", "2_28"), ("ubuntu", "musllinux_1_2"), ("macos", "off")}
-    assert {one["target"] for one in wheels} >= {"x86_64", "aarch64", "x64"}
+    assert {one["target"] for one in wheels} == {"x86_64", "aarch64"}
     # A wheel goes out only after the demo sounded from it, and after every job before.
     assert set(jobs["publish"]["needs"]) == set(jobs) - {"publish"}
     assert jobs["publish"]["permissions"] == {"id-token": "write"}
     assert "ergon demo" in json.dumps(jobs["installed"])
+    # The wheel of Windows may be missing, and goes out only if it played.
+    assert jobs["windows"]["continue-on-error"] is True
+    steps = [json.dumps(step) for step in jobs["windows"]["steps"]]
+    played = next(i for i, step in enumerate(steps) if "ergon demo" in step)
+    assert "upload-artifact" in steps[-1]
+    assert played == len(steps) - 2
     assert "secrets." not in text
 
 
@@ -111,9 +117,25 @@ def test_musllinux_wheels_do_not_ask_for_numba():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="make")
 def test_make_wheel_finds_zig_without_an_activated_environment():
-    """maturin asks the first `python3` on the PATH for zig, which is installed in .venv."""
+    """maturin asks the first `python3` on the PATH for zig; a venv of the wheel's holds both."""
     command = ["make", "--dry-run", "wheel"]
     plain = {**os.environ, "PATH": "/usr/bin:/bin"}
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=plain, check=True)
     line = next(line for line in done.stdout.splitlines() if "maturin build" in line)
-    assert line.startswith(f'PATH="{ROOT}/.venv/bin:$PATH" ')
+    assert line.startswith(f'PATH="{ROOT}/.venv-wheel/bin:$PATH" ')
+    assert "--editable" not in done.stdout  # a wheel needs no build of the package before it
+
+
+def test_commit_of_a_wheel_is_written_without_the_compiled_core(tmp_path: Path):
+    """`make wheel` calls it in a fresh clone, where nothing is compiled yet."""
+    blocked = tmp_path / "ergon_core_blocked.py"
+    blocked.write_text("import sys\nsys.modules['ergon._core'] = None\n")
+    record = tmp_path / "build.json"
+    code = (
+        "import ergon_core_blocked, runpy, sys\n"
+        f"sys.argv = ['build_record', {str(record)!r}]\n"
+        "runpy.run_module('docs.generators.build_record', run_name='__main__')"
+    )
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    subprocess.run([sys.executable, "-S", "-c", code], check=True, env=environment, cwd=tmp_path)
+    assert re.fullmatch(r"[0-9a-f]{8}\+?", json.loads(record.read_text())["commit"])

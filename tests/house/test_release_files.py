@@ -62,7 +62,7 @@ def test_manual_pages_have_every_command_and_option():
     for words, command in listed:
         text = written[f"{'-'.join(words)}.1"].replace("\\-", "-").replace("\\e", "\\")
         assert text.startswith(".TH ")
-        for param in command.get_params(click.Context(command)):
+        for param in command.get_params(click.Context(command, **group.context_settings)):
             if isinstance(param, click.Option) and not param.hidden:
                 assert all(option in text for option in param.opts), (words, param.opts)
 
