@@ -54,7 +54,11 @@ from benches.voices import voices
 
 def main(arguments: list[str]) -> int:
     """Run scenes; results are written to the page only if all scenes are run."""
-    parser = argparse.ArgumentParser("python -m benches")
+    parser = argparse.ArgumentParser(
+        "python -m benches",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--runs", type=int, default=5)

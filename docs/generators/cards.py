@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import re
-import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from docs.generators.spectra import spectrogram
 from docs.generators.wrap import wrapped
+from ergon.common.module_arguments import module_arguments
 from ergon.instruments.kinds.outputs import OUTPUTS
 from ergon.notation.tables.notes import nearest_note
 from ergon.scores.reading.load import load
@@ -315,7 +315,8 @@ def counted(page: str, instruments: int) -> str:
 
 def main() -> None:
     """Measure the named families (all by default), and write their pages."""
-    folder = Path(sys.argv[1])
+    name, *families_named = module_arguments("FOLDER", more="FAMILY")
+    folder = Path(name)
     table = folder / "cards.csv"
     names = [one.name for one in fields(Figures)]
     cards_by_family: dict[str, list[dict[str, Any]]] = {}
@@ -324,7 +325,7 @@ def main() -> None:
             for row in csv.DictReader(file):
                 cards_by_family.setdefault(row["family"], []).append(row)
     families = described()
-    for family in sys.argv[2:] or families:
+    for family in families_named or families:
         texts = families[family]
         cards = [measured(family, name, card) for name, card in texts["cards"].items()]
         cards_by_family[family] = [asdict(card.figures) for card in cards]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import tempfile
 from dataclasses import dataclass, field
 from functools import cache
@@ -17,6 +16,7 @@ from ergon import _core
 from ergon.api import render as rendering
 from ergon.api.simulate import never_closed_warnings, never_stuck_warnings, simulate
 from ergon.api.strokes import closed_once_warnings
+from ergon.common.module_arguments import module_arguments
 from ergon.common.report import Report
 from ergon.notation.text.errors import Diagnostic, full
 from ergon.scores.reading.load import Loaded, load
@@ -146,4 +146,4 @@ def write(folder: str | Path) -> None:
 
 
 if __name__ == "__main__":
-    write(sys.argv[1])
+    write(module_arguments("FOLDER")[0])

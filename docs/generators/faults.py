@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
+from ergon.common.module_arguments import module_arguments
 from ergon.live import faults
 
 _HEAD = """\
@@ -54,7 +54,7 @@ def page() -> str:
 
 def main() -> None:
     """Write the page to the given path."""
-    Path(sys.argv[1]).write_text(page(), encoding="utf-8")
+    Path(module_arguments("PAGE")[0]).write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import av
 
 from docs.generators.pages import blocks, put
 from docs.generators.sizes import report_size
+from ergon.common.module_arguments import module_arguments
 
 PAGE = Path(__file__).resolve().parents[1] / "view.md"
 RATE = 15  # pictures a second
@@ -56,4 +57,4 @@ def main(target: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(module_arguments("FILE")[0]))

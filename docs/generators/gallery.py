@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from docs.generators.spectra import spectrogram
 from ergon.api.score import level_of
 from ergon.cli.bundled import bundled
+from ergon.common.module_arguments import module_arguments
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -76,7 +76,7 @@ def main() -> None:
     pieces = bundled()
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(r"\(gallery/(.+)\.svg\)", page)
-    for name in sys.argv[1:] or shown:
+    for name in module_arguments(more="PIECE") or shown:
         picture, line = drawn(pieces[name])
         (FOLDER / f"{name}.svg").write_text(picture, encoding="utf-8")
         below = re.compile(rf"(\(gallery/{name}\.svg\)\n\n)(?:\d+ s; centre .+\n\n)?")

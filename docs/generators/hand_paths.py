@@ -5,7 +5,6 @@ All is computed in virtual time: `python -m docs.generators.hand_paths docs/howt
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon import _core
+from ergon.common.module_arguments import module_arguments
 
 RATES = (60.0, 125.0, 250.0, 1000.0)  # positions a second
 JITTERS = (0.0, 2e-3, 10e-3)  # [s], the longest that a position is under way
@@ -90,5 +90,5 @@ def with_table(page: str) -> str:
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1])
+    target = Path(module_arguments("PAGE")[0])
     target.write_text(with_table(target.read_text()))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from docs.generators.pages import blocks
 from ergon.api.play import PlayOptions, begin, prepare
+from ergon.common.module_arguments import module_arguments
 from ergon.common.report import Report
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -132,6 +133,7 @@ def table() -> str:
 
 def main() -> None:
     """Write the pictures and the table."""
+    module_arguments()
     for name, text in effects().items():
         (PAGE.parent / f"haptic-{name}.svg").write_text(picture(name, text))
     before, _, rest = PAGE.read_text().partition(_HEAD)

@@ -7,11 +7,11 @@ The source is in Debian's package `libmysofa1`, in /usr/share/libmysofa.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from ergon.common.module_arguments import module_arguments
 from ergon.exchange import sofa
 from ergon.space.directions import angles, point, unit_vectors
 from ergon.space.head import FULL_SCALE, prepared
@@ -49,4 +49,5 @@ def text(path: Path) -> str:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[2]).write_text(text(Path(sys.argv[1])), encoding="utf-8")
+    source, target = map(Path, module_arguments("SOURCE", "TARGET"))
+    target.write_text(text(source), encoding="utf-8")

@@ -8,12 +8,14 @@ import tempfile
 from pathlib import Path
 
 from docs.generators.pages import blocks, commands, put
+from ergon.common.module_arguments import module_arguments
 
 HOWTO = Path(__file__).parents[1] / "howto"
 
 
 def main() -> None:
     """Run the commands of each page in an empty folder, and keep the pictures."""
+    module_arguments()
     for page in sorted(HOWTO.glob("*.md")):
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)

@@ -5,11 +5,11 @@ python -m docs.generators.icon editors/vscode/icon.png
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from ergon.common.module_arguments import module_arguments
 from ergon.view.sound import png
 
 SIZE = 256
@@ -29,4 +29,4 @@ def icon() -> bytes:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_bytes(icon())
+    Path(module_arguments("FILE")[0]).write_bytes(icon())

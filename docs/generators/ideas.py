@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+
+from ergon.common.module_arguments import module_arguments
 
 _HEAD = """\
 # Twelve ideas in four languages
@@ -115,7 +116,7 @@ def page() -> str:
 
 def main() -> None:
     """Write the page to the path that stands on the command line."""
-    Path(sys.argv[1]).write_text(page(), encoding="utf-8")
+    Path(module_arguments("PAGE")[0]).write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ python -m docs.generators.man out/man
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from ergon.api.version import __version__
 from ergon.cli.app import EXIT_CODES, group
 from ergon.cli.examples import EXAMPLES
 from ergon.cli.lazy import LazyGroup
+from ergon.common.module_arguments import module_arguments
 
 
 def pages() -> dict[str, str]:
@@ -100,4 +100,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(module_arguments("FOLDER")[0]))

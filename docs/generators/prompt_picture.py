@@ -17,6 +17,7 @@ from xml.sax.saxutils import escape
 from terminals import ENTER, Terminal
 
 from docs.generators.pages import blocks, put
+from ergon.common.module_arguments import module_arguments
 
 README = Path(__file__).resolve().parents[2] / "README.md"
 ROWS, COLUMNS = 20, 80
@@ -110,4 +111,4 @@ def main(target: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(module_arguments("FILE")[0]))

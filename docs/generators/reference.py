@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from ergon.common.module_arguments import module_arguments
 from ergon.instruments.materials import MATERIAL_RECORD, MATERIALS
 from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
 from ergon.instruments.read import INSTRUMENT, PLACING
@@ -138,5 +138,5 @@ def text() -> str:
 
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/reference.md")
+    path = Path(module_arguments("PAGE")[0])
     path.write_text(text(), encoding="utf-8")

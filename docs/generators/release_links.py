@@ -9,8 +9,9 @@ files of that version, so that they open on the package index. The release workf
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
+
+from ergon.common.module_arguments import module_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 _LINK = re.compile(r"(!?)(\[[^\]]*\])\((?!https?:|#)([^)\s]+)\)")
@@ -49,4 +50,5 @@ def main(repository: str, tag: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1].rstrip("/"), sys.argv[2])
+    repository, tag = module_arguments("REPOSITORY", "TAG")
+    main(repository.rstrip("/"), tag)

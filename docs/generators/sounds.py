@@ -5,7 +5,6 @@ python -m docs.generators.sounds docs/sounds
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +17,7 @@ import ergon
 from docs.generators.pages import blocks, put
 from docs.generators.sizes import report_size
 from ergon.cli.bundled import bundled
+from ergon.common.module_arguments import module_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 10
@@ -65,4 +65,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(module_arguments("FOLDER")[0]))

@@ -7,9 +7,10 @@ fit stay as they are.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+
+from ergon.common.module_arguments import module_arguments
 
 COLUMNS = 120
 _FENCE = re.compile(r"\s*(```|~~~)")
@@ -106,4 +107,4 @@ def main(paths: Iterable[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(module_arguments(more="FILE"))

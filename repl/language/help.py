@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ergon.common.module_arguments import module_arguments
 from ergon.repl.language.midi import SOURCES
 from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
@@ -122,5 +122,5 @@ def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) 
 
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/cheat-sheet.md")
+    path = Path(module_arguments("PAGE")[0])
     path.write_text(cheat_sheet(), encoding="utf-8")

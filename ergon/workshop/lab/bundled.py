@@ -6,10 +6,10 @@ The page beside the pictures says on which machine they were made.
 
 from __future__ import annotations
 
-import sys
 from importlib.resources import files
 from pathlib import Path
 
+from ergon.common.module_arguments import module_arguments
 from ergon.exchange.safe import write_text
 from ergon.scores.reading.load import load
 from ergon.workshop.lab import chart_table, draw_chart, draw_maps, map_catalogue, map_table
@@ -74,4 +74,4 @@ def _maps(folder: Path, method: str) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(module_arguments("FOLDER")[0]))

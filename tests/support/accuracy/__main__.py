@@ -19,6 +19,7 @@ from accuracy.audit import Audit, look, look_drawn
 from accuracy.kept import Kept, found, keep, kept
 from accuracy.random_scenes import FAMILIES
 from docs.generators.wrap import wrapped
+from ergon.common.module_arguments import module_arguments
 
 NAMED = Path(__file__).parents[2] / "data" / "accuracy"
 ALL = ("named", *FAMILIES)
@@ -148,4 +149,5 @@ def _told(audit: Audit) -> Audit:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2].split(",") if len(sys.argv) > 2 else ALL)
+    page, *named = module_arguments("PAGE", more="FAMILIES")
+    main(Path(page), [name for names in named for name in names.split(",")] or ALL)

@@ -1,0 +1,27 @@
+"""The words behind `python -m MODULE` of programs that have no options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+
+def module_arguments(*names: str, more: str = "") -> list[str]:
+    """The words behind the module that runs: one for each name, then any number of `more`.
+
+    `--help` prints the module's docstring. Both it and a word that is missing or begins with a dash
+    end the program before it does anything.
+    """
+    module = sys.modules["__main__"]
+    assert module.__spec__ is not None  # it was started by `python -m`
+    parser = argparse.ArgumentParser(
+        f"python -m {module.__spec__.name.removesuffix('.__main__')}",
+        description=module.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for name in names:
+        parser.add_argument(name)
+    if more:
+        parser.add_argument(more, nargs="*", metavar=more)
+    values = vars(parser.parse_args())
+    return [values[name] for name in names] + (values[more] if more else [])
