@@ -60,6 +60,30 @@ class State:
         return f"{self.bar}|{int(self.beat)}"
 
 
+class SoundingPlace(NamedTuple):
+    """Something that sounds: the file, line and column (from 1) where it is written, the characters
+    that are marked there, when it begins and ends [s of the session], and what it is.
+
+    The file may differ from the session's text by lines that were typed: the place is good as long
+    as `text` stands there. What has no end of its own ends when it begins.
+    """
+
+    file: str
+    line: int
+    column: int
+    text: str
+    start: float
+    end: float
+    what: str
+
+
+class Sounding(NamedTuple):
+    """The present instant of a session [s], and what has begun since the last look."""
+
+    now: float
+    began: tuple[SoundingPlace, ...]
+
+
 class Suggestion(NamedTuple):
     """A completion: `text` replaces the characters from column `start` to the cursor."""
 

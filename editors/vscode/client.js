@@ -22,10 +22,45 @@ function shown(reply) {
   return said.concat(reply.lines || []).join("\n");
 }
 
+const LOOK = 60; // [ms] between two questions what sounds
+const SHORTEST = 0.15; // [s] for which a place is lit
+
+/** The places that are lit: each until what is written there has ended. */
+class Lit {
+  constructor() {
+    this.places = [];
+  }
+
+  /** Take an answer to `sounding` (null: nothing sounds any more); `now` [ms] is the present. Returns whether anything changed. */
+  take(sounding, now) {
+    const before = this.places.length;
+    if (sounding === null) {
+      this.places = [];
+      return before > 0;
+    }
+    this.places = this.places.filter((place) => place.until > now);
+    for (const place of sounding.began) {
+      const left = Math.max(place.end, place.start + SHORTEST) - sounding.now;
+      if (left > 0) this.places.push({ ...place, until: now + 1000 * left });
+    }
+    return before !== this.places.length || sounding.began.length > 0;
+  }
+
+  /** Lines and columns, from 0, of the places in a file; `textAt(line, column, length)` reads the editor's text. */
+  ranges(file, textAt) {
+    return this.places
+      .filter((place) => place.file === file && place.text !== "")
+      .map(({ line, column, text }) => ({ line: line - 1, from: column - 1, to: column - 1 + text.length, text }))
+      .filter(({ line, from, to, text }) => textAt(line, from, to) === text);
+  }
+}
+
 class Client {
-  /** `say(text, isError)` shows a text. */
-  constructor(say) {
+  /** `say(text, isError)` shows a text; `sounds(sounding)` is called with what has begun to sound, and with null at the end. */
+  constructor(say, sounds) {
     this.say = say;
+    this.sounds = sounds;
+    this.timer = null;
     this.socket = null;
     this.number = 0;
     this.asked = new Map();
@@ -40,6 +75,7 @@ class Client {
       socket.setEncoding("utf8");
       socket.once("connect", () => {
         this.socket = socket;
+        if (this.sounds) this.timer = setInterval(() => this.look(), LOOK);
         resolve();
       });
       socket.once("error", () =>
@@ -53,6 +89,7 @@ class Client {
       socket.on("close", () => {
         if (this.socket === socket) {
           this.socket = null;
+          this.endLooks();
           this.say("the session is gone", true);
         }
       });
@@ -70,7 +107,10 @@ class Client {
     if (said === null || typeof said !== "object") return;
     const asked = this.asked.get(said.id);
     this.asked.delete(said.id);
-    if (said.ended !== undefined) this.say(`the session has ended: ${said.ended}`, true);
+    if (asked === "sounding") {
+      if (said.error === undefined) this.sounds(said.is);
+      else this.endLooks(); // a session of an earlier version
+    } else if (said.ended !== undefined) this.say(`the session has ended: ${said.ended}`, true);
     else if (said.ergon !== undefined) {
       const known = said.ergon === 1;
       this.say(known ? `joined ${said.score}` : "this session speaks another protocol", !known);
@@ -89,6 +129,18 @@ class Client {
     this.socket.write(JSON.stringify({ id: this.number, do: what, ...fields }) + "\n");
   }
 
+  /** Ask what sounds, unless the last answer has not come. */
+  look() {
+    if (![...this.asked.values()].includes("sounding")) this.ask("sounding", {});
+  }
+
+  endLooks() {
+    clearInterval(this.timer);
+    this.timer = null;
+    this.asked.clear();
+    if (this.sounds) this.sounds(null);
+  }
+
   /** Do a line, or a block of lines as one version. */
   submit(text) {
     this.ask("submit", { text });
@@ -103,8 +155,9 @@ class Client {
   leave() {
     const socket = this.socket;
     this.socket = null;
+    this.endLooks();
     if (socket !== null) socket.end();
   }
 }
 
-module.exports = { Client, place, shown };
+module.exports = { Client, Lit, place, shown };

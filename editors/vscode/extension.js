@@ -2,12 +2,29 @@
 "use strict";
 
 const vscode = require("vscode");
-const { Client, place } = require("./client");
+const { Client, Lit, place } = require("./client");
 const { startServer } = require("./languages");
 
 let channel;
 let client;
 let server;
+let glow;
+const lit = new Lit();
+
+/** Mark what sounds, in every editor that shows its file. */
+function light(sounding) {
+  if (!lit.take(sounding, Date.now())) return;
+  for (const editor of vscode.window.visibleTextEditors) {
+    const { document } = editor;
+    const textAt = (line, from, to) =>
+      line < document.lineCount ? document.lineAt(line).text.slice(from, to) : "";
+    const ranges = lit.ranges(document.uri.fsPath, textAt);
+    editor.setDecorations(
+      glow,
+      ranges.map(({ line, from, to }) => new vscode.Range(line, from, line, to)),
+    );
+  }
+}
 
 function say(text, isError) {
   if (client !== undefined) tellContext();
@@ -54,7 +71,13 @@ async function send(text) {
 
 function activate(context) {
   channel = vscode.window.createOutputChannel("ergon");
-  client = new Client(say);
+  glow = vscode.window.createTextEditorDecorationType({
+    backgroundColor: new vscode.ThemeColor("editor.findMatchHighlightBackground"),
+    borderRadius: "2px",
+  });
+  context.subscriptions.push(glow);
+  const isLit = vscode.workspace.getConfiguration("ergon").get("light") !== false;
+  client = new Client(say, isLit ? light : undefined);
   const inEditor = (act) => () => {
     const editor = vscode.window.activeTextEditor;
     return editor === undefined ? undefined : act(editor);

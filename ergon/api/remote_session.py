@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -75,6 +76,7 @@ def _place(options: SessionOptions) -> Path:
 
 def _serve(path: str | None, options: SessionOptions, here: Path, report: Report) -> None:
     from ergon._core import __version__, stop_on_signals
+    from ergon.repl.session.sounding import SoundingPlaces
     from ergon.repl.wire.local_socket import ServerSocket
     from ergon.repl.wire.serve import SessionServer
 
@@ -89,7 +91,8 @@ def _serve(path: str | None, options: SessionOptions, here: Path, report: Report
         "score": os.path.abspath(session.schedule.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
-    SessionServer(session, door, about, stop_on_signals).run()
+    follow = partial(SoundingPlaces, session.schedule)
+    SessionServer(session, door, about, stop_on_signals, follow).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------

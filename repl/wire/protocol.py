@@ -26,7 +26,7 @@ from typing import Any
 
 from ergon.common.errors import ErgonError
 from ergon.common.structured import MalformedTextError, parse_json
-from ergon.repl.session_protocol import Reply, State
+from ergon.repl.session_protocol import Reply, Sounding, State
 
 VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
@@ -44,6 +44,7 @@ REQUESTS: dict[str, dict[str, type]] = {
     "submit": {"text": str},  # a reply, when the line is done
     "state": {},  # as below
     "messages": {},  # sentences since the last call, for this prompt
+    "sounding": {},  # as below: what has begun since the last call of this prompt
     "panic": {},  # true, and silence
     "let_go": {},  # true, and no force
     "cancel": {},  # whether a line of this prompt was being computed, which is dropped
@@ -171,3 +172,8 @@ def decode_state(data: Any) -> State:
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("the session's answer is not a state") from None
+
+
+def encode_sounding(sounding: Sounding) -> dict[str, Any]:
+    """What has begun, as JSON: the present instant, and the places with their fields."""
+    return {"now": sounding.now, "began": [place._asdict() for place in sounding.began]}

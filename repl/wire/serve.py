@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ergon.repl.line_queue import LineQueue
-from ergon.repl.session_protocol import Reply, SessionProtocol, SignalWatch
+from ergon.repl.session_protocol import Reply, SessionProtocol, SignalWatch, Sounding
 
 from . import local_socket
 from .protocol import (
@@ -21,6 +21,7 @@ from .protocol import (
     decode,
     encode,
     encode_reply,
+    encode_sounding,
     encode_state,
     parse_request,
     request_id,
@@ -43,6 +44,7 @@ class PromptConnection:
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES_MAX)
         self.waiting = 0  # lines
+        self.look: Callable[[], Sounding] | None = None  # since it first asked what sounds
         self._writer = writer
 
     def send(self, **fields: Any) -> None:
@@ -75,12 +77,16 @@ class SessionServer:
         door: local_socket.ServerSocket,
         about: Mapping[str, str],
         watch: SignalWatch | None = None,
+        follow: Callable[[], Callable[[], Sounding]] = lambda: _no_sound,
     ) -> None:
         """Serve a session to which nobody else submits lines; `watch` is told the signals that end
         it.
+
+        `follow` begins to look at what sounds, for a prompt that asks for it.
         """
         self._session = session
         self._watch = watch
+        self._follow = follow
         self._server_socket = door
         self._about = dict(about)
         self._prompts: dict[int, PromptConnection] = {}
@@ -93,6 +99,7 @@ class SessionServer:
         self._handlers: Mapping[str, Callable[..., Any]] = {
             "state": lambda prompt: encode_state(self._session.state()),
             "messages": _pop_messages,
+            "sounding": self._sounding,
             "panic": lambda prompt: self._panic(prompt),
             "cancel": self._cancel,
             "let_go": lambda prompt: self._let_go(),
@@ -227,6 +234,11 @@ class SessionServer:
         cursor = max(0, min(cursor, len(line)))
         return [[one.text, one.start, one.hint] for one in self._session.complete(line, cursor)]
 
+    def _sounding(self, prompt: PromptConnection) -> dict[str, Any]:
+        if prompt.look is None:
+            prompt.look = self._follow()
+        return encode_sounding(prompt.look())
+
     def _let_go(self) -> bool:
         self._queue.let_go()
         return True
@@ -279,6 +291,10 @@ class SessionServer:
             self._broadcast(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
         if reply.leaves:
             self._end(f"prompt {prompt.number}: {text.strip()[:_LINE_SHOWN_MAX]}")
+
+
+def _no_sound() -> Sounding:
+    return Sounding(0.0, ())
 
 
 def _pop_messages(prompt: PromptConnection) -> list[str]:

@@ -11,6 +11,7 @@ from patience import PATIENCE
 from sockets import serving
 
 from ergon.instruments.module_kinds import KINDS
+from ergon.repl.session_protocol import SoundingPlace
 from ergon.scores.gesture.points import CURVES
 from ergon.scores.gesture.transforms import MEANINGS as GESTURE_WORDS
 from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_WORDS
@@ -91,6 +92,7 @@ const Module = require("module");
 const told = [];
 const commands = {};
 const contexts = [];
+const marks = [];
 let looked;
 let text = "gain -3dB";
 const lines = require("fs").readFileSync("piece.txt", "utf8").split("\n");
@@ -100,11 +102,17 @@ const editor = {
     lineAt: (n) => ({ text: lines[n], isEmptyOrWhitespace: lines[n].trim() === "" }),
     getText: () => text,
     languageId: "yaml",
+    uri: { fsPath: process.cwd() + "/piece.txt" },
   },
+  setDecorations: (kind, ranges) => marks.push(ranges.map(({ a, b, c, d }) => [a, b, c, d])),
   selection: { isEmpty: true, active: { line: 0 } },
 };
 const vscode = {
+  Range: class { constructor(a, b, c, d) { Object.assign(this, { a, b, c, d }); } },
+  ThemeColor: class {},
   window: {
+    createTextEditorDecorationType: () => ({ dispose() {} }),
+    visibleTextEditors: [editor],
     createOutputChannel: () => ({ appendLine: (text) => told.push(text), dispose() {} }),
     setStatusBarMessage() {},
     onDidChangeActiveTextEditor: (act) => ((looked = act), { dispose() {} }),
@@ -147,6 +155,7 @@ const until = async (count) => {
   await until(5);
   commands["ergon.panic"]();
   await until(6);
+  while (marks.length < 2) await new Promise((done) => setTimeout(done, 5));
   const joined = contexts.at(-1);
   commands["ergon.leave"]();
   const left = contexts.at(-1);
@@ -156,7 +165,7 @@ const until = async (count) => {
   const other = new Client(() => {});
   await other.connect("nowhere.sock").catch((error) => told.push(error.message));
   const names = Object.keys(commands);
-  console.log(JSON.stringify({ told, started, joined, left, score, commands: names }));
+  console.log(JSON.stringify({ told, started, joined, left, score, marks, commands: names }));
 })();
 """
 
@@ -166,6 +175,12 @@ def test_vs_code(tmp_path: Path):
     (tmp_path / "piece.txt").write_text(PIECE, encoding="utf-8")
     (tmp_path / "test.js").write_text(NODE, encoding="utf-8")
     with serving(tmp_path / "there.sock") as session:
+        file = str(tmp_path / "piece.txt")
+        session.sounding = [
+            SoundingPlace(file, 3, 11, "knock", 0.9, 1.0, "knock"),
+            SoundingPlace(file, 4, 11, "knock", 0.9, 30.0, "knock"),  # other text stands there
+            SoundingPlace("elsewhere.yaml", 1, 1, "tempo", 0.9, 30.0, "tempo"),
+        ]
         output = json.loads(run(["node", "test.js", str(EDITORS / "vscode")], tmp_path))
     block = "ada plays knock\nleo plays lean  # ü"
     [server] = output["started"]
@@ -183,6 +198,9 @@ def test_vs_code(tmp_path: Path):
     assert session.lines == ["tempo 72", block, "gain -3dB", "adda"]
     assert session.panicked.is_set()
     package = json.loads((EDITORS / "vscode" / "package.json").read_text())
+    # Lit, and dark again when it has ended.
+    assert output["marks"][0] == [[2, 10, 2, 15]]
+    assert output["marks"][-1] == []
     assert output["joined"] == ["setContext", "ergon.joined", True]
     assert output["left"] == ["setContext", "ergon.joined", False]
     assert output["score"] == ["setContext", "ergon.isScore", True]

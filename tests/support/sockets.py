@@ -10,7 +10,7 @@ from pathlib import Path
 
 from patience import PATIENCE, until
 
-from ergon.repl.session_protocol import Reply, State
+from ergon.repl.session_protocol import Reply, Sounding, SoundingPlace, State
 from ergon.repl.wire import local_socket
 from ergon.repl.wire.protocol import encode
 from ergon.repl.wire.remote import RemoteSession
@@ -30,6 +30,11 @@ class Acted:
         self.panicked = threading.Event()
         self.slow = threading.Event()
         self.closed = False
+        self.sounding: list[SoundingPlace] = []
+
+    def look(self) -> Sounding:
+        began, self.sounding = tuple(self.sounding), []
+        return Sounding(1.0, began)
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
         self.lines.append(text)
@@ -79,7 +84,10 @@ class Acted:
 def serving(path: Path, face: Acted | None = None) -> Iterator[Acted]:
     face = face or Acted()
     served = SessionServer(
-        face, local_socket.ServerSocket(path), {"version": "0", "score": "s", "journal": "j"}
+        face,
+        local_socket.ServerSocket(path),
+        {"version": "0", "score": "s", "journal": "j"},
+        follow=lambda: face.look,
     )
     thread = threading.Thread(target=served.run)
     thread.start()

@@ -1,0 +1,123 @@
+"""What sounds in a session, by where it is written: an editor lights these places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.notation.clock.meter import SAME
+from ergon.repl.session.played_versions import PlayedVersions
+from ergon.repl.session_protocol import Sounding, SoundingPlace
+from ergon.scores.pattern.search import n_before
+
+if TYPE_CHECKING:
+    from ergon.notation.text.values import Place
+    from ergon.repl.session.running import RunningVersion
+    from ergon.repl.session.schedule import Schedule
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.reading.piece import Piece, Strikes
+
+_WINDOW = 4.0  # [s] for which places are computed together
+_LARGEST = 1000  # places in one answer; those beyond are left out
+
+
+@dataclass(frozen=True, slots=True)
+class _Begun:
+    """What begins [s of the engine], when it ends, where it is written, and what it is."""
+
+    start: float
+    end: float
+    place: Place
+    what: str
+
+
+class SoundingPlaces:
+    """The places of what begins in a session, from now on, for one who looks again and again."""
+
+    def __init__(self, schedule: Schedule) -> None:
+        """Begin at the present frame."""
+        self._schedule = schedule
+        self._played = PlayedVersions(schedule)
+        list(self._played.pop_before(schedule.engine.frame))
+        self._running: RunningVersion | None = None
+        self._since = self._before = 0.0
+        self._known: list[_Begun] = []
+
+    def __call__(self) -> Sounding:
+        """What has begun since the last call, in order of time."""
+        frame, began = self._schedule.engine.frame, []
+        for running, first, last in self._played.pop_before(frame):
+            rate, texts = running.stage.rate, running.version.texts
+            for begun in self._between(running, first / rate, last / rate):
+                began.append(_shown(begun, texts))
+        return Sounding(frame / self._schedule.rate, tuple(began[:_LARGEST]))
+
+    def _between(self, running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
+        """What begins in a version between two instants [s]."""
+        if running.clock.began_at is None:
+            return
+        if running is not self._running or not self._since <= since <= before <= self._before:
+            self._running, self._since = running, since
+            self._before = max(before, since + _WINDOW)
+            self._known = sorted(_begun(running, since, self._before), key=lambda one: one.start)
+        yield from (begun for begun in self._known if since <= begun.start < before)
+
+
+def _shown(begun: _Begun, texts: Texts) -> SoundingPlace:
+    """A place with the characters that stand there in the session's text, which may differ from
+    the file.
+    """
+    place = begun.place
+    text = texts.text if place.file == texts.path else texts.overlay.get(place.file, "")
+    lines = text.splitlines()
+    line = lines[place.line - 1] if place.line <= len(lines) else ""
+    marked = line[place.column - 1 : place.column - 1 + place.length]
+    file = str(Path(place.file).absolute())
+    return SoundingPlace(file, place.line, place.column, marked, begun.start, begun.end, begun.what)
+
+
+def _begun(running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
+    for gesture in running.stage.gestures:
+        if since <= gesture.begins < before:
+            yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
+    piece = running.stage.piece
+    first, last = (piece.tempo_map.beats(instant) for instant in (since, before))
+    for strikes in piece.strikes:
+        yield from _strokes(piece, strikes, first - SAME, last + SAME)
+
+
+def _strokes(piece: Piece, strikes: Strikes, first: float, last: float) -> Iterator[_Begun]:
+    """What strikes begin between two beats."""
+    tempo = piece.tempo_map
+
+    def begun(beat: float, end: float, what: str, place: Place = strikes.place) -> _Begun:
+        return _Begun(tempo.seconds(beat), tempo.seconds(max(beat, end)), place, what)
+
+    if strikes.is_melody:
+        for beat, _, hit in strikes.falls(piece, first, last):
+            if first <= beat < last:
+                end = beat if hit.lasting is None else tempo.after(beat, hit.lasting)
+                yield begun(beat, end, hit.what, hit.place)
+    elif strikes.passing is not None:
+        assert strikes.length is not None
+        for beat in strikes.rounds(tempo):
+            if first <= beat < last:
+                yield begun(beat, tempo.after(beat, strikes.length), strikes.name)
+    elif strikes.pattern is not None:
+        steps = strikes.steps(piece)
+        for number in range(n_before(steps, first), n_before(steps, last)):
+            note = steps.course.named(number)
+            if note is not None:
+                end = steps[number + 1] if number + 1 < len(steps) else steps[number]
+                yield begun(steps[number], end, note if strikes.voices else strikes.name)
+    elif strikes.rate is not None:
+        beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        if first <= beat < last:
+            yield begun(beat, beat if stop is None else stop, strikes.name)
+    else:
+        beats = strikes.beats(tempo)
+        for number in range(n_before(beats, first), n_before(beats, last)):
+            yield begun(beats[number], -math.inf, strikes.name)
