@@ -112,6 +112,7 @@ docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.cards docs/instruments
 	$(BIN)/python -m docs.generators.ideas docs/ideas.md
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
+	$(BIN)/python -m docs.generators.verb_methods repl/session/verb_methods.pyi
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 
 charts: $(VENV)/dev

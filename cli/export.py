@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,14 +10,8 @@ import click
 
 from ergon.api.errors import OptionError
 from ergon.api.options import FileOptions
-from ergon.workshop.api.export import (
-    ExportedPart,
-    ExportOptions,
-    faust_programs,
-    mi_gen_models,
-    mode_tables,
-)
-from ergon.workshop.api.export_csound import csound_orchestras
+from ergon.workshop.api.exchanging import FORMATS
+from ergon.workshop.api.export import ExportedPart, ExportOptions
 
 from . import options
 from .console import Console
@@ -26,14 +20,7 @@ from .outcome import Refused
 if TYPE_CHECKING:
     from ergon.exchange.wave_header import Bits
 
-# The functions that write the files of parts, the endings of the files, and the options that each
-# format allows.
-FORMATS: Mapping[str, Callable[..., Sequence[ExportedPart]]] = {
-    "modal": mode_tables,
-    "faust": faust_programs,
-    "mdl": mi_gen_models,
-    "csound": csound_orchestras,
-}
+# The endings of the files, and the options that each format allows.
 _ENDINGS = {"modal": ".csv", "faust": ".dsp", "mdl": ".mdl", "csound": ".csd"}
 # The output is a folder: a new one may not have the ending of one of the written files.
 _FILES = {*_ENDINGS.values(), ".wav", ".mid"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import asdict
-from math import log2, nan
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
+from ergon.api.plot import NOTES, drawn_curves, struck_bars
 from ergon.common.sound_files import is_sound
 
 from . import options
@@ -19,16 +20,11 @@ from .console import Console
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from ergon.scores.reading.load import Loaded
-    from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.hands import StagedGesture
-    from ergon.scores.staging.stage import Stage
     from ergon.view.curve import Curve
 
-_NOTES = "notes"  # in place of a name
-_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 
 
@@ -68,18 +64,10 @@ def plot(
         _sound(console, Path(score_path), svg, width, height, force)
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    if name == _NOTES:
+    if name == NOTES:
         _notes(console, loaded, svg, width, height, force)
         return
-    if name is None:
-        known = _known(score.piece_of(loaded))
-        if not known:
-            raise Refused(
-                f"{score_path} has no gesture, take or player, which `ergon plot` draws; its sound "
-                f"is drawn from a file: `ergon render {score_path}`, then `ergon plot` of that file"
-            )
-        raise Refused(f"say what is to be drawn: {known}")
-    curves, title = _curves(console, loaded, name, key)
+    curves, title = drawn_curves(loaded, name, key, console)
     if console.json:
         for curve in curves:
             values = [None if x != x else x for x in curve.x]
@@ -97,19 +85,13 @@ def _notes(
     console: Console, loaded: Loaded, svg: str | None, width: int | None, height: int, force: bool
 ) -> None:
     """Draw the notes of a piece: a line for each, as high as its pitch."""
-    from ergon.scores.staging.struck_notes import struck_notes
     from ergon.view.curve import Curve
-    from ergon.view.roll import Bar, heights, picture
+    from ergon.view.roll import heights, picture
 
-    stage = score.stage_piece(loaded, None, console).stage
-    notes = struck_notes(stage)
-    if not notes:
-        raise Refused("no instrument is struck in this piece")
+    notes, bars, title = struck_bars(loaded, console)
     if console.json:
         for note in notes:
             console.record("note", **asdict(note))
-    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in notes]
-    title = f"notes of {stage.piece.title or 'a piece'}"
     if svg is not None:
         _write(console, svg, picture(bars, title=title), force, loaded.inputs)
     elif not console.json:
@@ -120,73 +102,7 @@ def _notes(
         if lanes:
             label += "; without a pitch: "
             label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
-        console.data(f"{title}\n{_text([Curve(_NOTES, t, x)], width, height, label)}")
-
-
-def _key(pitch: float | None) -> float | None:
-    """The key of MIDI of a pitch [Hz]."""
-    return None if pitch is None else 69.0 + 12.0 * log2(pitch / 440.0)
-
-
-def _curves(
-    console: Console, loaded: Loaded, name: str, key: str | None
-) -> tuple[tuple[Curve, Curve], str]:
-    from ergon.view.motion import asked_and_done
-
-    piece = score.piece_of(loaded)
-    if key is not None and key not in piece.keys:
-        raise Refused(f"there is no key '{key}'{_nearest(key, piece.keys)}")
-    every = [*piece.gestures, *piece.takes, *piece.players]
-    if name not in every:
-        raise Refused(f"there is no '{name}'{_nearest(name, every)}")
-    stage, gestures = _staged(console, loaded, name, key)
-    first = gestures[0]
-    start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
-    stop = max(gesture.stop for gesture in gestures)
-    reach = piece.keys[first.key].reach
-    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop, reach)
-    instant = "" if key is not None else f" at {score.where(piece, first.start)}"
-    return curves, f"{name}{instant} on {first.key}"
-
-
-def _staged(
-    console: Console, loaded: Loaded, name: str, key: str | None
-) -> tuple[Stage, Sequence[StagedGesture]]:
-    """The stage to look at, and the gestures of it that are meant."""
-    from ergon.scores.staging.recording_stages import solo
-
-    piece = score.piece_of(loaded)
-    if key is None:
-        stage = score.stage_piece(loaded, None, console).stage
-        if name in piece.players:
-            played = [gesture for gesture in stage.gestures if gesture.player == name]
-            if not played:
-                raise Refused(f"{name} plays nothing in this piece")
-            return stage, played
-        played = [gesture for gesture in stage.gestures if gesture.name == name]
-        if played:
-            return stage, played[:1]
-    if name in piece.players:
-        raise Refused("--key is for a gesture or a take; a player has a key of its own")
-    if not piece.keys:
-        raise Refused("this piece has no key that could play it")
-    with score.staging(lambda: loaded, console):
-        alone = solo(piece, name, key or next(iter(piece.keys)))
-    return alone, alone.gestures
-
-
-def _nearest(word: str, names: Iterable[str]) -> str:
-    from ergon.notation.text.spelling import nearest
-
-    names = list(names)
-    close = nearest(word, names)
-    asked = f"; did you mean '{close}'?" if close else ""
-    return f"{asked} (there is {', '.join(names)})" if names else asked
-
-
-def _known(piece: Piece) -> str:
-    kinds = {"gestures": piece.gestures, "takes": piece.takes, "players": piece.players}
-    return "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
+        console.data(f"{title}\n{_text([Curve(NOTES, t, x)], width, height, label)}")
 
 
 def _sound(

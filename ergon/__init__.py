@@ -5,8 +5,10 @@ take the path of a score, and options. `open_session` plays a score that is chan
 plays; `fold_file` converts a sound file to other channels (headphones, stereo, Ambisonics,
 another room); `take_stats` measures the hands of a recording; `bell` finds the modes of a struck
 object; `sweep` renders variants of a score; `pack` writes a score with all that it reads into
-one file, `unpack` its files into a folder. All errors are an `ErgonError`. The page
-docs/library.md shows each.
+one file, `unpack` its files into a folder. `play` plays a score to its end, `page` makes one file
+of HTML that moves and sounds, `plot` draws a gesture or the notes, `export` writes parts for other
+programs and `import_` reads models of them; `chart` holds error against cost. All errors are an
+`ErgonError`. The page docs/library.md shows each.
 """
 
 TYPE_CHECKING = False  # as in `typing`, which need not be imported
@@ -29,13 +31,17 @@ if TYPE_CHECKING:
     from ergon.api.options import (
         AccuracyOptions,
         FileOptions,
+        PlayOptions,
         ReadOptions,
         RenderOptions,
         SessionOptions,
     )
     from ergon.api.packs import PackedFile, pack, unpack
+    from ergon.api.page import Page, page
     from ergon.api.pictures import Picture
     from ergon.api.plan import Plan, plan
+    from ergon.api.play_to_end import Played, play
+    from ergon.api.plot import plot
     from ergon.api.render import Render, render
     from ergon.api.stats import LinkStats, PartStats, PointStats, StatsOptions, stats
     from ergon.api.sweep import Sweep, SweepOptions, sweep
@@ -54,7 +60,11 @@ if TYPE_CHECKING:
     from ergon.repl.session_protocol import Reply, State
     from ergon.scores.gesture.movement import MovementStats
     from ergon.workshop.api.bell import BellOptions, bell
+    from ergon.workshop.api.exchanging import export, import_
+    from ergon.workshop.api.export import ExportedPart, ExportOptions
+    from ergon.workshop.api.model import ImportedModel, ModelOptions
     from ergon.workshop.bells.bell import Bell
+    from ergon.workshop.lab.error_chart import ChartOptions, ErrorChart, chart
 
 __all__ = [
     "AccuracyOptions",
@@ -62,12 +72,16 @@ __all__ = [
     "AdmittanceOptions",
     "Bell",
     "BellOptions",
+    "ChartOptions",
     "Checked",
     "DeviceError",
     "Diagnostic",
     "DivergedError",
     "EngineExitError",
     "ErgonError",
+    "ErrorChart",
+    "ExportOptions",
+    "ExportedPart",
     "FileOptions",
     "FileRefusedError",
     "FoldError",
@@ -77,7 +91,9 @@ __all__ = [
     "FreezeOptions",
     "Frozen",
     "HandStats",
+    "ImportedModel",
     "LinkStats",
+    "ModelOptions",
     "ModesOptions",
     "MovementStats",
     "NotTaken",
@@ -85,11 +101,14 @@ __all__ = [
     "Pack",
     "PackError",
     "PackedFile",
+    "Page",
     "PartModes",
     "PartStats",
     "Picture",
     "Plan",
     "PlanRow",
+    "PlayOptions",
+    "Played",
     "PointStats",
     "PrintedReport",
     "Progress",
@@ -114,13 +133,19 @@ __all__ = [
     "TunedValue",
     "admittance",
     "bell",
+    "chart",
     "check",
+    "export",
     "fold_file",
     "freeze",
+    "import_",
     "modes",
     "open_session",
     "pack",
+    "page",
     "plan",
+    "play",
+    "plot",
     "render",
     "render_to_file",
     "stats",
@@ -137,13 +162,18 @@ _PLACES = {
     "AdmittanceOptions": "api.admittance",
     "Bell": "workshop.bells.bell",
     "BellOptions": "workshop.api.bell",
+    "ChartOptions": "workshop.lab.error_chart",
     "Checked": "api.check",
     "DeviceError": "api.errors",
     "Diagnostic": "notation.text.errors",
     "DivergedError": "api.errors",
     "EngineExitError": "api.errors",
     "ErgonError": "common.errors",
+    "ErrorChart": "workshop.lab.error_chart",
+    "ExportOptions": "workshop.api.export",
+    "ExportedPart": "workshop.api.export",
     "FileOptions": "api.options",
+    "FileRefusedError": "exchange.safe",
     "FoldError": "api.fold",
     "FoldOptions": "api.fold",
     "Folded": "api.fold",
@@ -151,7 +181,9 @@ _PLACES = {
     "FreezeOptions": "api.freeze",
     "Frozen": "exchange.frozen",
     "HandStats": "api.take_stats",
+    "ImportedModel": "workshop.api.model",
     "LinkStats": "api.stats",
+    "ModelOptions": "workshop.api.model",
     "ModesOptions": "api.modes",
     "MovementStats": "scores.gesture.movement",
     "NotTaken": "repl.session.api",
@@ -159,16 +191,18 @@ _PLACES = {
     "Pack": "exchange.pack",
     "PackError": "exchange.pack",
     "PackedFile": "api.packs",
+    "Page": "api.page",
     "PartModes": "api.modes",
     "PartStats": "api.stats",
     "Picture": "api.pictures",
     "Plan": "api.plan",
     "PlanRow": "_core",
+    "PlayOptions": "api.options",
+    "Played": "api.play_to_end",
     "PointStats": "api.stats",
     "PrintedReport": "common.report",
     "Progress": "common.report",
     "ReadOptions": "api.options",
-    "FileRefusedError": "exchange.safe",
     "Render": "api.render",
     "RenderOptions": "api.options",
     "RenderedFile": "rendering.job",
@@ -189,13 +223,19 @@ _PLACES = {
     "TunedValue": "api.tune",
     "admittance": "api.admittance",
     "bell": "workshop.api.bell",
+    "chart": "workshop.lab.error_chart",
     "check": "api.check",
+    "export": "workshop.api.exchanging",
     "fold_file": "api.fold",
     "freeze": "api.freeze",
+    "import_": "workshop.api.exchanging",
     "modes": "api.modes",
     "open_session": "api.open_session",
     "pack": "api.packs",
+    "page": "api.page",
     "plan": "api.plan",
+    "play": "api.play_to_end",
+    "plot": "api.plot",
     "render": "api.render",
     "render_to_file": "api.files",
     "stats": "api.stats",

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .cluster import Cluster
 
 _FAINT = 0.01  # -40 dBFS
+_UNNAMED = "piece.yaml"  # a score of which only the text is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +120,27 @@ def _is_silent(bits: Bits, peak: float) -> bool:
 
 
 def render(
-    score: str | Path, options: RenderOptions | None = None, *, report: Report | None = None
+    score: str | Path | None = None,
+    options: RenderOptions | None = None,
+    *,
+    text: str | None = None,
+    report: Report | None = None,
 ) -> Render:
     """The sound of a score in memory: the samples of `render_to_file` before they are rounded.
 
+    A `text` is the text of the score; files that it names are then looked for beside `score`, or in
+    the working folder.
     `report` hears of warnings and of progress. Raises ScoreError, DivergedError and OptionError.
     """
     from ergon.rendering.render import render_array
 
     options, report = options or RenderOptions(), report or Report()
+    if text is not None:
+        options = replace(options, text=text)
+    if score is None:
+        if options.text is None:
+            raise OptionError("score", "name a score, or give its text: render(text=…)")
+        score = _UNNAMED
     loaded = scores.read(score, options, report)
     prepared = prepare(loaded, "-", options, report)
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))

@@ -18,7 +18,7 @@ FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in VERB_OF_METHOD.values()},
     **VERB_OF_METHOD,
 }
-_WHEN = ("now", "at", "in", "sync")
+WHEN = ("now", "at", "in", "sync")  # the names of a time
 
 
 def build_line(verb: str, values: Sequence[object], named: Mapping[str, object]) -> str:
@@ -34,7 +34,7 @@ def build_line(verb: str, values: Sequence[object], named: Mapping[str, object])
     }
     for form in forms_of(verb):
         # A time is accepted only by verbs that take one.
-        when = {name: options[name] for name in _WHEN if name in options and form.timed}
+        when = {name: options[name] for name in WHEN if name in options and form.timed}
         rest = {name: value for name, value in options.items() if name not in when}
         words = _words_in_order(form, values, rest)
         if words is not None and len(when) <= 1:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from ergon.common.errors import ErgonError
 from ergon.repl.language import building
 from ergon.repl.language.verbs import forms_of
 from ergon.repl.session_protocol import Reply, SessionProtocol, State
+
+if TYPE_CHECKING:
+    from ergon.repl.session.verb_methods import VerbMethods
+else:
+    VerbMethods = object  # `__getattr__` makes each method when it is called
 
 
 class NotTaken(ErgonError):
@@ -21,7 +26,7 @@ class NotTaken(ErgonError):
         self.reply = reply
 
 
-class SessionProxy:
+class SessionProxy(VerbMethods):
     """A callable session: `s("ada plays knock every 1")` is `s.plays("ada", "knock", every=1)`.
 
     Every verb is a method; `NAME = NOTATION` is `define`, `? NAME` is `look`.
@@ -40,21 +45,23 @@ class SessionProxy:
             self.close()
         return reply
 
-    def __getattr__(self, name: str) -> Callable[..., Reply]:
-        """The method of a verb."""
-        verb = building.FUNCTIONS.get(name)
-        if verb is None:
-            raise AttributeError(f"a session has no verb '{name}'", name=name, obj=self)
+    if not TYPE_CHECKING:  # a checker knows the verbs from the stub alone
 
-        def call(*given: object, **named: object) -> Reply:
-            return self(building.build_line(verb, given, named))
+        def __getattr__(self, name: str) -> Callable[..., Reply]:
+            """The method of a verb."""
+            verb = building.FUNCTIONS.get(name)
+            if verb is None:
+                raise AttributeError(f"a session has no verb '{name}'", name=name, obj=self)
 
-        call.__name__ = call.__qualname__ = name
-        call.__doc__ = "\n\n".join(
-            f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
-            for form in forms_of(verb)
-        )
-        return call
+            def call(*given: object, **named: object) -> Reply:
+                return self(building.build_line(verb, given, named))
+
+            call.__name__ = call.__qualname__ = name
+            call.__doc__ = "\n\n".join(
+                f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
+                for form in forms_of(verb)
+            )
+            return call
 
     def __dir__(self) -> list[str]:
         """List the verbs too, for completion."""

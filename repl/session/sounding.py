@@ -62,7 +62,9 @@ class SoundingPlaces:
         if running is not self._running or not self._since <= since <= before <= self._before:
             self._running, self._since = running, since
             self._before = max(before, since + _WINDOW)
-            self._known = sorted(_begun(running, since, self._before), key=lambda one: one.start)
+            self._known = sorted(
+                _begun(running, since, self._before), key=lambda begun: begun.start
+            )
         yield from (begun for begun in self._known if since <= begun.start < before)
 
 

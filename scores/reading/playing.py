@@ -40,7 +40,7 @@ class Key:
     place: Place
     every: int = 1
     measured: tuple[float, float, float | None] | None = None
-    delay: float = field(default=0.0, metadata={"hash_omits_empty": True})
+    delay: float = field(default=0.0, metadata=OMIT_EMPTY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class TakeFile:
     trim: tuple[float, float] | None
     smooth: float | None
     rate: float | None
-    unit: float | None = field(metadata={"hash_omits_empty": True})
+    unit: float | None = field(metadata=OMIT_EMPTY)
     place: Place
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
     input: SoundInput | None = field(default=None, metadata=OMIT_EMPTY)

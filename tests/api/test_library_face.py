@@ -53,7 +53,7 @@ def test_nothing_public_imports_the_command_line():
 def test_options_and_results_are_frozen():
     kinds = [getattr(ergon, name) for name in ergon.__all__]
     options = [kind for kind in kinds if kind.__name__.endswith("Options")]
-    assert len(options) == 14
+    assert len(options) == 18
     for kind in options:
         assert is_dataclass(kind)
         assert all(field.kw_only for field in fields(kind))

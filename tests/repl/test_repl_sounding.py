@@ -67,7 +67,9 @@ def test_places_of_what_sounds(tmp_path: Path, step: float):
     session.ok("play")
     began = followed(session, 4.9, step)
     zero = min(place.start for place in began)
-    result = sorted((one.line, one.text, one.start - zero, one.end - one.start) for one in began)
+    result = sorted(
+        (place.line, place.text, place.start - zero, place.end - place.start) for place in began
+    )
     wanted = sorted((line, text, beat / 2, long / 2) for line, text, beat, long in WRITTEN)
     wanted = [row for row in wanted if zero + row[2] < 4.9]
     assert [row[:2] for row in result] == [row[:2] for row in wanted]

@@ -1,0 +1,68 @@
+"""A score played through the loudspeakers, from its first frame to its last."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+
+from .options import PlayOptions
+from .play import begin, prepare, warn_of_scaled_forces
+
+_LOOK = 0.05  # [s] between two looks whether it has ended, or Ctrl-C was pressed
+_AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What was played: its duration [s], ticks of the physics, those that were late, and gaps in
+    the sound.
+    """
+
+    seconds: float
+    ticks: int
+    late: int
+    gaps: int
+
+
+def play(
+    score: str | Path, options: PlayOptions | None = None, *, report: Report | None = None
+) -> Played:
+    """Play a score, and return when it has ended; Ctrl-C (KeyboardInterrupt) ends it at once.
+
+    However it ends, no force is left on a hand and nothing sounds. Raises ScoreError, OptionError
+    and DeviceError.
+    """
+    from ergon import _core
+    from ergon.live.trouble import gap_count
+
+    report = report or Report()
+    ready = prepare(score, options or PlayOptions(), report)
+    try:
+        performance = begin(ready.stage, ready.config, report)
+        try:
+            warn_of_scaled_forces(performance, ready.stage, report)
+            if ready.osc is not None:
+                ready.osc.begin(performance, ready.stage, ready.config.gain, ready.config.start)
+            while not performance.wait(_LOOK):
+                pass
+            status = performance.status()
+        except BaseException:
+            performance.panic()
+            performance.stop()
+            with contextlib.suppress(_core.EngineError):
+                performance.close(_LOOK)
+            raise
+        finally:
+            if ready.osc is not None:
+                ready.osc.stop_serving()
+        performance.close(_AFTER)
+    except _core.EngineError as error:
+        raise ErgonError(str(error)) from None
+    finally:
+        ready.close()
+    seconds = status.frame / ready.stage.rate
+    return Played(seconds, status.ticks, status.late, gap_count(status))

@@ -1,0 +1,147 @@
+"""Pictures of a score: a gesture as it was asked for and as it was done, or what is struck."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import log2
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+
+from . import score as scores
+from .options import ReadOptions
+from .pictures import Picture
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.hands import StagedGesture
+    from ergon.scores.staging.stage import Stage
+    from ergon.scores.staging.struck_notes import StruckNote
+    from ergon.view.curve import Curve
+    from ergon.view.roll import Bar
+
+NOTES = "notes"  # in place of a name
+_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
+
+
+def plot(
+    score: str | Path,
+    name: str,
+    options: ReadOptions | None = None,
+    *,
+    key: str | None = None,
+    report: Report | None = None,
+) -> Picture:
+    """Draw a gesture, a take or a player of a score as written and as played; "notes" draws what is
+    struck.
+
+    A gesture with a `key` is played alone, on that key. Positions are in mm, times in s. Raises
+    ScoreError, and ErgonError if the score has nothing of this name.
+    """
+    from ergon.view import roll, svg
+
+    report = report or Report()
+    loaded = scores.read(score, options, report)
+    if name == NOTES:
+        _, bars, title = struck_bars(loaded, report)
+        return Picture(roll.picture(bars, title=title))
+    curves, title = drawn_curves(loaded, name, key, report)
+    return Picture(svg.plot(curves, title=title, x_label="position [mm]"))
+
+
+def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], Sequence[Bar], str]:
+    """The notes of a piece, the bars that draw them, and the title of the picture.
+
+    Raises ScoreError, and ErgonError if nothing is struck.
+    """
+    from ergon.scores.staging.struck_notes import struck_notes
+    from ergon.view.roll import Bar
+
+    stage = scores.stage_piece(loaded, None, report).stage
+    notes = struck_notes(stage)
+    if not notes:
+        raise ErgonError("no instrument is struck in this piece")
+    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in notes]
+    return notes, bars, f"notes of {stage.piece.title or 'a piece'}"
+
+
+def _key(pitch: float | None) -> float | None:
+    """The key of MIDI of a pitch [Hz]."""
+    return None if pitch is None else 69.0 + 12.0 * log2(pitch / 440.0)
+
+
+def drawn_curves(
+    loaded: Loaded, name: str | None, key: str | None, report: Report
+) -> tuple[tuple[Curve, Curve], str]:
+    """A gesture as it was asked for and as it was done, and the title of the picture.
+
+    Raises ScoreError, and ErgonError if the score has nothing of this name.
+    """
+    from ergon.view.motion import asked_and_done
+
+    piece = scores.piece_of(loaded)
+    if name is None:
+        known = _known(piece)
+        path = loaded.inputs[0] if loaded.inputs else "this score"
+        if not known:
+            raise ErgonError(
+                f"{path} has no gesture, take or player, which `ergon plot` draws; its sound "
+                f"is drawn from a file: `ergon render {path}`, then `ergon plot` of that file"
+            )
+        raise ErgonError(f"say what is to be drawn: {known}")
+    if key is not None and key not in piece.keys:
+        raise ErgonError(f"there is no key '{key}'{_nearest(key, piece.keys)}")
+    every = [*piece.gestures, *piece.takes, *piece.players]
+    if name not in every:
+        raise ErgonError(f"there is no '{name}'{_nearest(name, every)}")
+    stage, gestures = _staged(loaded, name, key, report)
+    first = gestures[0]
+    start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
+    stop = max(gesture.stop for gesture in gestures)
+    reach = piece.keys[first.key].reach
+    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop, reach)
+    instant = "" if key is not None else f" at {scores.where(piece, first.start)}"
+    return curves, f"{name}{instant} on {first.key}"
+
+
+def _staged(
+    loaded: Loaded, name: str, key: str | None, report: Report
+) -> tuple[Stage, Sequence[StagedGesture]]:
+    """The stage to look at, and the gestures of it that are meant."""
+    from ergon.scores.staging.recording_stages import solo
+
+    piece = scores.piece_of(loaded)
+    if key is None:
+        stage = scores.stage_piece(loaded, None, report).stage
+        if name in piece.players:
+            played = [gesture for gesture in stage.gestures if gesture.player == name]
+            if not played:
+                raise ErgonError(f"{name} plays nothing in this piece")
+            return stage, played
+        played = [gesture for gesture in stage.gestures if gesture.name == name]
+        if played:
+            return stage, played[:1]
+    if name in piece.players:
+        raise ErgonError("--key is for a gesture or a take; a player has a key of its own")
+    if not piece.keys:
+        raise ErgonError("this piece has no key that could play it")
+    with scores.staging(lambda: loaded, report):
+        alone = solo(piece, name, key or next(iter(piece.keys)))
+    return alone, alone.gestures
+
+
+def _nearest(word: str, names: Iterable[str]) -> str:
+    from ergon.notation.text.spelling import nearest
+
+    names = list(names)
+    close = nearest(word, names)
+    asked = f"; did you mean '{close}'?" if close else ""
+    return f"{asked} (there is {', '.join(names)})" if names else asked
+
+
+def _known(piece: Piece) -> str:
+    kinds = {"gestures": piece.gestures, "takes": piece.takes, "players": piece.players}
+    return "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
