@@ -5,6 +5,7 @@
 #   make test-terminal  the quick half of what is printed, in the plainest locale and a terminal of 80 columns
 #   make check      format, lint, types, Rust documentation, workflows; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
+#   make ear        what each instrument is taken for, and how far it lies from recordings (docs/ear.md; minutes)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
 #   make media      the film, the sounds and the still of the prompt on README.md (docs/pictures, docs/sounds; a few minutes)
@@ -30,7 +31,7 @@ PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cl
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python check-workflows audit bench docs charts media site accuracy movie man vsix wheel test-long miri clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python check-workflows audit bench ear docs charts media site accuracy movie man vsix wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -101,6 +102,9 @@ audit: $(VENV)/dev
 
 bench: $(VENV)/dev
 	$(BIN)/python -m benches
+
+ear: $(VENV)/dev
+	$(BIN)/python -m benches ear --page
 
 docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.error_pages docs/errors

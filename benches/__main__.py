@@ -3,7 +3,8 @@
 `--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
 20`: how often each stop is made, and how many keys `metrology` and `random_keys` measure.
 `--pieces bloom,workshop`: the bundled pieces that `pieces` renders. `--instruments guitar,viol`:
-those of which `voices` counts the voices; `--page`: it writes docs/voices.md.
+those of which `voices` counts the voices and that `ear` compares with recordings; `--page`: they
+write docs/voices.md and docs/ear.md.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from benches import hands, reading, report
 from benches.bank import bank
 from benches.cluster import cluster
 from benches.duet import duet
+from benches.ear.scene import ear
 from benches.edits import edits
 from benches.enter import enter
 from benches.evening import evening
@@ -101,6 +103,9 @@ def main(arguments: list[str]) -> int:
     if "voices" in wanted:
         names = [name for name in asked.instruments.split(",") if name]
         scenes["voices"] = partial(voices, names, asked.page)
+    if "ear" in wanted:
+        names = [name for name in asked.instruments.split(",") if name]
+        scenes["ear"] = partial(ear, names, asked.page)
     if "random_keys" in wanted:
         scenes["random_keys"] = partial(random_keys, asked.runs)
     if "soak_live" in wanted:

@@ -82,6 +82,12 @@ def plan(instrument: Instrument) -> Planned:
     )
 
 
+def stated_cost(instrument: Instrument) -> float:
+    """What the plan of one voice states, as a share of a core of the reference machine."""
+    planned = _staged(instrument, 1).plan
+    return sum(row.cost for row in planned.rows()) if planned else 0.0
+
+
 def _staged(instrument: Instrument, count: int) -> Stage:
     loaded = load(_PLACE, text=score(instrument, count, _LENGTH))
     assert loaded.piece is not None, f"{instrument.name}: {loaded.diagnostics}"

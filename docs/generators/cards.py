@@ -80,8 +80,13 @@ def described() -> dict[str, dict[str, Any]]:
     return read
 
 
-def score(family: str, name: str, card: dict[str, Any]) -> str:
-    """A score that plays the instrument soft, middle and hard, each into a channel of its own."""
+def score(
+    family: str, name: str, card: dict[str, Any], tail: float = SECONDS, rubbed: float = 2.0
+) -> str:
+    """A score that plays the instrument soft, middle and hard, each into a channel of its own.
+
+    `tail` is how long it sounds after a strike, `rubbed` how long a bow moves [s].
+    """
     lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
     if "strike" in card:
         lines += [
@@ -104,7 +109,7 @@ def score(family: str, name: str, card: dict[str, Any]) -> str:
             "gestures:",
         ]
         for stroke_name, speed in zip(STROKES, card["speed"].split(), strict=True):
-            lines.append(f"  g-{stroke_name}: 0mm@0 line {2 * float(speed):g}mm@2s")
+            lines.append(f"  g-{stroke_name}: 0mm@0 line {rubbed * float(speed):g}mm@{rubbed:g}s")
         parts = [
             f"  p-{stroke_name}: [{{at: 0, play: g-{stroke_name}, touch: tracked}}]"
             for stroke_name in STROKES
@@ -113,7 +118,7 @@ def score(family: str, name: str, card: dict[str, Any]) -> str:
     routes = ", ".join(
         f"{{from: {stroke_name}, to: {i}}}" for i, stroke_name in enumerate(STROKES, 1)
     )
-    lines += [f"mix: {{channels: 3, route: [{routes}]}}", f"render: {{tail: {SECONDS}s}}"]
+    lines += [f"mix: {{channels: 3, route: [{routes}]}}", f"render: {{tail: {tail}s}}"]
     return "\n".join(lines) + "\n"
 
 

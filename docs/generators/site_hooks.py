@@ -14,7 +14,17 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Write": ("language.md", "rhythm.md", "matter.md", "takes.md", "bells.md", "sweeps.md"),
     "Play": ("repl.md", "cheat-sheet.md", "live.md", "midi.md", "osc.md", "socket.md"),
     "See": ("view.md", "motion.md"),
-    "Study": ("modes.md", "structure.md", "charts.md", "numerics.md", "accuracy.md", "source.md"),
+    "Study": (
+        *(
+            "modes.md",
+            "structure.md",
+            "charts.md",
+            "numerics.md",
+            "accuracy.md",
+            "ear.md",
+            "source.md",
+        ),
+    ),
     "Instruments": ("instruments/README.md", "instruments/*.md"),
     "Look up": ("reference.md", "glossary.md", "files.md", "security.md"),
     "Errors": ("errors/README.md", "errors/*.md"),
