@@ -90,15 +90,18 @@ def _zero(service: Service, act: Callable[[], object]) -> tuple[float, float]:
     the other threads push as before. So the second time shows the guardian, and the first time
     includes the system.
     """
-    seen = len(service.told)
-    service.until(lambda own: len(own.told) > seen + 5 and abs(own.told[-1].force[0]) > _PUSH)
+    seen = len(service.received)
+    service.until(
+        lambda own: len(own.received) > seen + 5 and abs(own.received[-1].force[0]) > _PUSH
+    )
     time.sleep(random.uniform(0.0, 0.02))  # anywhere in a tick
     start = time.monotonic()
     act()
     service.until(lambda own: own.first_zero(start) is not None)
     zero = service.first_zero(start)
     assert zero is not None
-    return zero.at - start, zero.at - max(told.at for told in service.told if told.at < zero.at)
+    times = [force.time for force in service.received if force.time < zero.time]
+    return zero.time - start, zero.time - max(times)
 
 
 def _answering(score: Path, runs: int, reply: Reply) -> list[float]:

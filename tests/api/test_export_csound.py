@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from csound_played import heard, needs_csound
+from csound_played import needs_csound, rendered
 from planned_sound import off_db, played
 
 from ergon.cli import app
@@ -53,7 +53,7 @@ def test_csound_plays_what_the_engine_plays() -> None:
     sounds = []
     for item in built:
         Path(f"{item.part}.csd").write_text(item.text)
-        sounds.append(heard(Path(f"{item.part}.csd")))
+        sounds.append(rendered(Path(f"{item.part}.csd")))
     assert len({len(sound) for sound in sounds} | {len(exact)}) == 1
     result = np.column_stack(sounds)
     assert off_db(result, exact) < -140

@@ -153,7 +153,7 @@ def test_a_journal_is_rendered_as_it_was_played():
 
 
 def test_a_report_hears_of_warnings_and_progress():
-    class Kept(ergon.Report):
+    class StoringReport(ergon.Report):
         def __init__(self) -> None:
             self.found: list[str] = []
             self.tasks: list[str] = []
@@ -165,7 +165,7 @@ def test_a_report_hears_of_warnings_and_progress():
             self.tasks.append(task)
             return super().progress(task, total, rate)
 
-    saved = Kept()
+    saved = StoringReport()
     unused = ergon.RenderOptions(
         text=SCORE.replace("parts:", "marks: {A: 1|1}\nparts:"), until="1|3"
     )

@@ -19,9 +19,9 @@ def runtime(short_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return short_folder
 
 
-def key(at: str) -> str:
+def key(host: str) -> str:
     """The key of a server that is begun and ended."""
-    server = serve(at, "at", Report())
+    server = serve(host, "at", Report())
     match = KEY.fullmatch(server.url)
     server.close()
     assert match is not None

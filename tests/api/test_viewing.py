@@ -29,7 +29,7 @@ render: {tail: 0.3s}
 """
 
 
-class Said(Report):
+class SentenceReport(Report):
     def __init__(self) -> None:
         self.sentences: list[str] = []
 
@@ -85,7 +85,7 @@ def test_channels_of_which_nobody_says_where_they_are_go_to_their_sides(
     tmp_path: Path, channels: int
 ) -> None:
     frames = np.random.default_rng(1).uniform(-0.5, 0.5, (5000, channels))
-    text = Said()
+    text = SentenceReport()
     built = read(for_two_ears(written(tmp_path / "a.wav", frames, "double"), tmp_path, text))
     left, right = frames[:, 0::2].mean(axis=1), frames[:, 1::2].mean(axis=1) if channels > 1 else 0
     wanted = left[:, None] if channels == 1 else np.stack([left, right], axis=1)
@@ -102,7 +102,7 @@ def test_what_browsers_play_stays_what_it_is(tmp_path: Path) -> None:
 def test_sound_beside_a_motion_file_is_that_of_its_score(tmp_path: Path) -> None:
     path = score(tmp_path)
     shown = render_view(path, tmp_path, FileOptions(motion=True), Report())
-    text = Said()
+    text = SentenceReport()
     assert sound_beside(shown.motion, text) == shown.motion.with_suffix(".wav")
     assert text.sentences == []
     other = Piece().write(tmp_path / "other.motion")

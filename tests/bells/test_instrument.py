@@ -62,7 +62,7 @@ def even(f: np.ndarray) -> np.ndarray:
     return 3 * np.log(10) / (0.5 + 1e-7 * (2 * np.pi * f) ** 2)
 
 
-def made(form: str = "modes") -> ergon.Bell:
+def written_bell(form: str = "modes") -> ergon.Bell:
     rows = [(f, t60, abs(a)) for f, t60, a in zip(F, T60, LEVELS, strict=True)]
     bell = of_table(rows)
     Path("bell.yaml").write_text(text(bell, form=form))
@@ -78,7 +78,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
         bell = of_table(list(zip(f, t60, level, strict=True)))
         Path("bell.yaml").write_text(text(bell, form=form))
     else:
-        made(form)
+        written_bell(form)
         f, t60, level = np.array(F), np.array(T60), np.abs(LEVELS)
     Path("s.yaml").write_text(SCORE % to)
     assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
@@ -94,7 +94,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
 @pytest.mark.slow
 def test_each_form_is_an_instrument_that_a_key_plays(capsys: pytest.CaptureFixture[str]) -> None:
     for form in ("modes", "cels"):
-        made(form)
+        written_bell(form)
         Path("s.yaml").write_text(PLAYED)
         assert run(["render", "s.yaml", "-o", f"{form}.wav", "-q"]) == 0
         blocks = ergon.render("s.yaml").frames
@@ -159,7 +159,7 @@ def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> N
 
 def test_a_chain_is_refused_where_it_is_none() -> None:
     with pytest.raises(FormError, match="beat"):
-        made("chain")
+        written_bell("chain")
     many = [(100.0 * 1.1**i, 1.0, 1.0) for i in range(16)]
     with pytest.raises(FormError, match="at most 15"):
         text(of_table(many), form="chain")

@@ -113,7 +113,7 @@ def test_a_sensor_has_noise_by_its_seed_and_a_motor_its_step():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--mode", "20g 180Hz"], "such as '20g 180Hz 0.02'"),
         (["--static", "80mN 4s"], "--static"),
@@ -124,14 +124,14 @@ def test_a_sensor_has_noise_by_its_seed_and_a_motor_its_step():
     ],
 )
 def test_what_no_key_has_is_refused(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ):
     assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *arguments]) != 0
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("text", "more", "told"),
+    ("text", "more", "message"),
     [
         ("ergon: 1\nM: 400g\nK: 60N/m\nZ: 1Ns/m\n", ["--dry", "1mN"], "--calib says what"),
         ("ergon: 1\nM: 400g\n", [], "'K'"),
@@ -140,12 +140,12 @@ def test_what_no_key_has_is_refused(
     ],
 )
 def test_a_calibration_that_is_none_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, more: list[str], told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, more: list[str], message: str
 ):
     (tmp_path / "key.yaml").write_text(text)
     calib = ["--calib", str(tmp_path / "key.yaml"), *more]
     assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *calib]) in (1, 2)
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_silence_lets_go_by_the_wall():

@@ -214,7 +214,7 @@ def test_force_step_above_all_forces_is_refused(capsys: Capture):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["none.take"], "none.take"),
         (["two.take"], "choose by --hand"),
@@ -224,13 +224,13 @@ def test_force_step_above_all_forces_is_refused(capsys: Capture):
         (["gap.take"], "this take lacks 150 of 1,002 ticks"),
     ],
 )
-def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str], told: str):
+def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str], message: str):
     take("two.take", rain(KEY, 1.0), 1, hands=2)
     take("still.take", np.zeros(1000), 1)
     take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 250)))
     take("short.take", rain(KEY, 0.2), 1)
     assert app.run(["metrology", "fit", *arguments]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 # The key of `measured_keys`, behind a device of 12 bits.
@@ -328,7 +328,7 @@ def test_a_replay_is_seen_in_a_browser():
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["emul:", "--score", "duet.yaml", "--key", "k1"], "nothing moves the key k1"),
         (["emul:", "--score", "duet.yaml", "--key", "k3"], "no player of the score has the key"),
@@ -336,11 +336,11 @@ def test_a_replay_is_seen_in_a_browser():
         (["knocks.take", "--score", "duet.yaml"], "a take has its own gesture"),
     ],
 )
-def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], told: str):
+def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], message: str):
     Path("true.yaml").write_text(TRUE)
     Path("duet.yaml").write_text(SCORE)
     assert app.run(["metrology", "replay", "true.yaml", *words]) == 2
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_device_that_ends_leaves_its_take(capsys: Capture):
@@ -355,7 +355,7 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
 
 
 @pytest.mark.parametrize(
-    ("command", "code", "told"),
+    ("command", "code", "message"),
     few(
         [
             (["emul:"], 2, "-o FILE says where"),
@@ -369,10 +369,10 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
     ),
 )
 def test_what_measures_nothing_is_refused(
-    capsys: Capture, command: list[str], code: int, told: str
+    capsys: Capture, command: list[str], code: int, message: str
 ):
     assert app.run(["metrology", *command]) == code
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_calibration_or_a_picture_that_was_edited_needs_f(tmp_path: Path):

@@ -13,7 +13,7 @@ from one_bell import SCORE
 from patience import PATIENCE
 from sweep import few
 
-SAID = ("Traceback", "internal error", "Exception ignored")
+FAULT_WORDS = ("Traceback", "internal error", "Exception ignored")
 REPL = "repl score.yaml --audio null --gain 0dB --plain"
 ASCII = (
     {"PYTHONIOENCODING": "ascii"},
@@ -44,7 +44,7 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
         preexec_fn=close,
     )
     output = done.stderr.decode()
-    assert not [word for word in SAID if word in output], output
+    assert not [word for word in FAULT_WORDS if word in output], output
     return done
 
 

@@ -211,7 +211,7 @@ def test_ten_thousand_mistakes_are_twenty(tmp_path: Path) -> None:
     assert "9,980" in done.stderr or "9980" in done.stderr
 
 
-MOST: Mapping[str, Callable[[], str]] = {
+LARGE_SCORES: Mapping[str, Callable[[], str]] = {
     "rain": lambda: strikes("for: 1000s, rate: 19Hz"),
     "times": lambda: piece("play: g", "play: g, every: 1/100, times: 200000"),
     "rows": lambda: piece(
@@ -222,9 +222,9 @@ MOST: Mapping[str, Callable[[], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", few(MOST, ["rain"]))
+@pytest.mark.parametrize("name", few(LARGE_SCORES, ["rain"]))
 def test_the_most_that_is_allowed_fits(tmp_path: Path, name: str) -> None:
-    (tmp_path / "s.yaml").write_text(MOST[name]())
+    (tmp_path / "s.yaml").write_text(LARGE_SCORES[name]())
     done = ergon(tmp_path, "check", "-q", "s.yaml")
     assert done.returncode == 0, done.stderr
 

@@ -45,7 +45,7 @@ def evil(tmp_path, monkeypatch):
     return tmp_path
 
 
-def said(capsys, *arguments: str) -> str:
+def printed(capsys, *arguments: str) -> str:
     app.run(list(arguments))
     out, err = capsys.readouterr()
     return str(out + err)
@@ -71,7 +71,7 @@ def said(capsys, *arguments: str) -> str:
 )
 def test_no_message_steers_a_terminal(evil, capsys, arguments):
     for form in ([], ["--json"]):
-        output = said(capsys, *arguments, *form)
+        output = printed(capsys, *arguments, *form)
         assert output or form  # a score without mistakes is no record
         assert not STEERING & set(output)
         if form and all(line.startswith("{") for line in output.splitlines()):

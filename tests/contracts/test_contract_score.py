@@ -24,7 +24,7 @@ def staged(text: str, **options: bool) -> Stage:
     return stage(loaded.piece, **options)
 
 
-def heard(played: Stage, n_frames: int | None = None) -> np.ndarray:
+def rendered(played: Stage, n_frames: int | None = None) -> np.ndarray:
     """Outputs before any gain (n_frames, n_out)."""
     out = np.zeros((n_frames or played.n_frames, played.simulation.n_out))
     played.simulation.process(out)
@@ -51,7 +51,7 @@ def test_a_render_lasts_to_its_last_event_and_its_tail(end, tail, rate, frames):
 
 def test_frame_zero_is_the_written_start_and_a_sample_of_one_is_a_metre():
     played = staged(BELL % ", X0: 1.5mm, V0: 0.2m/s")
-    result = heard(played, 4410)[:, 0]
+    result = rendered(played, 4410)[:, 0]
     sigma, omega = 3.0 * math.log(10.0), 2.0 * math.pi * 300.0
     t = np.arange(4410) / RATE
     b = (0.2 + sigma * 1.5e-3) / omega
@@ -66,7 +66,9 @@ def test_another_rate_is_the_same_instrument(rate: int):
     text = BELL % "" + "strikes: {s: {to: b, at: 7ms, every: 131ms, times: 3, impulse: 1mNs}}\n"
     seconds = np.arange(1, 10) / 10.0
     first, two = (
-        heard(staged(text + f"rates: {{audio: {r}Hz}}\n"), int(r))[np.rint(seconds * r).astype(int)]
+        rendered(staged(text + f"rates: {{audio: {r}Hz}}\n"), int(r))[
+            np.rint(seconds * r).astype(int)
+        ]
         for r in (44100, rate)
     )
     assert np.abs(first).max() > 1e-5
@@ -75,7 +77,7 @@ def test_another_rate_is_the_same_instrument(rate: int):
 
 def test_an_impulse_moves_a_cell_by_its_mass():
     """p/(mω) e^-σt sin ωt, from the sample of the instant on."""
-    out = heard(
+    out = rendered(
         staged(BELL % "" + "strikes: {s: {to: b, at: 10ms, impulse: 2mNs, lasts: 0s}}\n"), 2000
     )[:, 0]
     sigma, omega, t = 3.0 * math.log(10.0), 2.0 * math.pi * 300.0, np.arange(2000) / RATE - 0.01
@@ -108,7 +110,7 @@ instruments:
     out: {{SOF: l}}
 """
     a, b = (1.0, -1.0) if "[a, b]" in link else (-1.0, 1.0)
-    (result,) = heard(staged(text), 1)[0]
+    (result,) = rendered(staged(text), 1)[0]
     # `force` is what pulls a up; the second point named feels it as written there
     assert result == pytest.approx(force * (b if "[a, b]" in link else a), rel=1e-12, abs=1e-15)
 
@@ -125,7 +127,7 @@ instruments:
       r: {{RES: {{between: [k, m], K: 30N/m}}}}
     out: {{key: {{SOX: k}}, body: {{SOX: m}}}}
 """
-    out = heard(staged(text), 44100)
+    out = rendered(staged(text), 44100)
     s, k = float(reach), 30.0
     stiff = np.array([[(60.0 + s * s * k) / 0.4, -s * k / 0.4], [-s * k / 0.05, k / 0.05]])
     complete = np.block([[np.zeros((2, 2)), np.eye(2)], [-stiff, np.zeros((2, 2))]])
@@ -162,7 +164,7 @@ def drawn(text: str) -> list[tuple[float, ...]]:
     played = staged(text, record=True)
     ada = [g for g in played.gestures if g.player == "ada"]
     points = [point for g in ada for point in zip(g.t, g.x, strict=True)]
-    heard(played, int(3.1 * RATE))
+    rendered(played, int(3.1 * RATE))
     ergons = played.simulation.ergons()
     places = [played.sources[int(i)] for i in ergons["source"]]
     rain = [text.split("\n")[place.line - 2].lstrip().startswith("rain") for place in places]

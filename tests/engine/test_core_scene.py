@@ -6,7 +6,7 @@ from oracle import linear
 from oracle.core import deviation, play, simulation
 from oracle.engine import simulate
 from oracle.scene import Scene
-from oracle.scenes import whole
+from oracle.scenes import complete_scene
 
 from ergon import _core
 
@@ -14,27 +14,29 @@ RATE = 44100.0
 
 
 def test_a_whole_scene_agrees_with_the_oracle():
-    assert deviation(whole(), RATE, 44100) < 1e-12
+    assert deviation(complete_scene(), RATE, 44100) < 1e-12
 
 
 @pytest.mark.parametrize("block", [1, 64, 997])
 def test_block_size_changes_no_byte_of_a_whole_scene(block: int):
-    reference = play(simulation(whole(0.3), RATE), 12_000)
-    assert play(simulation(whole(0.3), RATE), 12_000, block).tobytes() == reference.tobytes()
+    reference = play(simulation(complete_scene(0.3), RATE), 12_000)
+    assert (
+        play(simulation(complete_scene(0.3), RATE), 12_000, block).tobytes() == reference.tobytes()
+    )
 
 
-@pytest.mark.parametrize("at", [1, 6_400, 7_777])
-def test_a_restored_snapshot_changes_no_byte_of_a_whole_scene(at: int):
+@pytest.mark.parametrize("snapshot_frame", [1, 6_400, 7_777])
+def test_a_restored_snapshot_changes_no_byte_of_a_whole_scene(snapshot_frame: int):
     """In the middle of gestures, contacts and strikes; restored into another simulation, too."""
-    sim = simulation(whole(0.5), RATE, ledger=True)
-    play(sim, at)
+    sim = simulation(complete_scene(0.5), RATE, ledger=True)
+    play(sim, snapshot_frame)
     saved = sim.snapshot()
     rest, energy = play(sim, 8_000), sim.energy()
     sim.restore(saved)
     assert play(sim, 8_000).tobytes() == rest.tobytes()
     assert sim.energy().stored == energy.stored
     assert sim.energy().flow == energy.flow
-    other = simulation(whole(0.5), RATE, ledger=True)
+    other = simulation(complete_scene(0.5), RATE, ledger=True)
     other.restore(saved)
     assert play(other, 8_000).tobytes() == rest.tobytes()
 
@@ -120,7 +122,7 @@ def test_a_coupling_acts_in_its_time_only():
 
 def test_a_scene_does_not_disturb_the_network_it_came_from():
     """Timeline and Simulation keep copies: a second one from the same network is the same."""
-    scene = whole(0.2)
+    scene = complete_scene(0.2)
     network, timeline = scene.build(_core, RATE)
     first = play(_core.Simulation(network, timeline), 4000)
     second = play(_core.Simulation(network, timeline), 4000)

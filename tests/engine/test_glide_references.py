@@ -40,7 +40,7 @@ def ratio(t: float) -> float:
     return 4.0 ** min(1.0, max(0.0, (t - BEGIN) / LENGTH))
 
 
-def heard(modules: str, out: str, lines: str, accuracy: str = "{error: -60dB}", keys: str = ""):
+def rendered(modules: str, out: str, lines: str, accuracy: str = "{error: -60dB}", keys: str = ""):
     text = SCORE.format(modules=modules, heard=out, lines=lines, accuracy=accuracy, keys=keys)
     loaded = load("s.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
@@ -149,7 +149,7 @@ def test_a_cel_glides(f: float, accuracy: str):
     t60 = 3.0
     module = f"      m: {{CEL: {{M: 2g, f: {f}Hz, t60: {t60}s, X0: 1mm}}}}"
     truth = mode(f, SIGMA / t60, 1.0, 1e-3, N)
-    assert error_db(heard(module, "m", GLIDE, accuracy), truth) <= -60.0
+    assert error_db(rendered(module, "m", GLIDE, accuracy), truth) <= -60.0
 
 
 @pytest.mark.slow
@@ -160,7 +160,7 @@ def test_a_string_glides():
     )
     matrix = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     truth = body(matrix, 4 * math.sin(math.pi / 2 / (n + 1)) ** 2, f, t60, 3)
-    assert error_db(heard(module, "m.5", GLIDE), truth[5]) <= -60.0
+    assert error_db(rendered(module, "m.5", GLIDE), truth[5]) <= -60.0
 
 
 @pytest.mark.slow
@@ -172,10 +172,10 @@ def test_a_plate_glides():
     )
     matrix = laplacian(across, up)
     truth = body(matrix, np.linalg.eigvalsh(matrix)[1], f, t60, 6)
-    assert error_db(heard(module, "m.7", GLIDE), truth[7]) <= -60.0
+    assert error_db(rendered(module, "m.7", GLIDE), truth[7]) <= -60.0
 
 
-def body(matrix: np.ndarray, lowest: float, f: float, t60: float, at: int) -> np.ndarray:
+def body(matrix: np.ndarray, lowest: float, f: float, t60: float, mass_index: int) -> np.ndarray:
     """A linear body that begins 1 mm out at one mass, and whose K go with the pitch's square.
 
     Its modes stay as they are, and each is by itself.
@@ -183,7 +183,7 @@ def body(matrix: np.ndarray, lowest: float, f: float, t60: float, at: int) -> np
     squares, shapes = np.linalg.eigh(matrix)
     modes = [
         mode(f, SIGMA / t60, square / lowest, 1e-3 * weight, N)
-        for square, weight in zip(squares, shapes[at], strict=True)
+        for square, weight in zip(squares, shapes[mass_index], strict=True)
     ]
     return shapes @ np.array(modes)
 
@@ -207,14 +207,14 @@ def test_a_decay_glides_without_a_change_of_pitch():
     x0 = np.zeros(n)
     x0[3] = 1e-3
     truth = reference(forces, x0, N)[5]
-    assert error_db(heard(module, "m.5", line), truth) <= -60.0
+    assert error_db(rendered(module, "m.5", line), truth) <= -60.0
 
 
 def test_a_bank_glides_member_by_member():
     module = "      m: {BANK: {count: 3, f: 110Hz..330Hz, t60: 3s..3s, M: 2g, X0: 1mm}}"
     pitches = [110.0, math.sqrt(110.0 * 330.0), 330.0]
     truth = np.sum([mode(f, SIGMA / 3.0, 1.0, 1e-3, N) for f in pitches], axis=0)
-    assert error_db(heard(module, "m.all", GLIDE), truth) <= -60.0
+    assert error_db(rendered(module, "m.all", GLIDE), truth) <= -60.0
 
 
 @pytest.mark.slow
@@ -245,7 +245,7 @@ def test_a_hardening_plate_keeps_what_hardens():
     truth = reference(forces, x0, N)[6]
     # A hardening body parts from itself at every rounding: its beginning and the glide's are held.
     half = N // 2
-    assert error_db(heard(module, "m.6", GLIDE, "{method: bm4}")[:half], truth[:half]) <= -60.0
+    assert error_db(rendered(module, "m.6", GLIDE, "{method: bm4}")[:half], truth[:half]) <= -60.0
 
 
 @pytest.mark.slow
@@ -270,7 +270,7 @@ def test_a_contact_glides_between_frames(gap: float, z: float):
 
     truth = reference(forces, np.array([1e-3]), N)[0]
     line = f"{{set: a.c.K, to: x16, at: {BEGIN}s, over: {LENGTH}s}}"
-    assert error_db(heard(modules, "m", line), truth) <= -60.0
+    assert error_db(rendered(modules, "m", line), truth) <= -60.0
 
 
 @pytest.mark.slow
@@ -296,4 +296,4 @@ def test_a_cell_glides_under_a_stiff_contact(what: str, limit: float):
 
     truth = reference(forces, np.array([1e-3]), N)[0]
     line = f"{{set: a.m.{what}, to: x4, at: {BEGIN}s, over: {LENGTH}s}}"
-    assert error_db(heard(modules, "m", line), truth) <= limit
+    assert error_db(rendered(modules, "m", line), truth) <= limit

@@ -155,13 +155,13 @@ def test_control_c_that_comes_again_at_once_is_not_lost(monkeypatch: pytest.Monk
 
     again, count = signals._again, []
 
-    def at_once(number, over):
+    def interrupt_first(number, over):
         count.append(number)
         if len(count) == 1:
             signal.raise_signal(number)
         again(number, over)
 
-    monkeypatch.setattr(signals, "_again", at_once)
+    monkeypatch.setattr(signals, "_again", interrupt_first)
 
     def drop():
         Dropped()

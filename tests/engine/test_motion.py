@@ -126,7 +126,7 @@ def test_the_replica_is_where_the_engine_is(filmed: tuple) -> None:
     for row, frame in zip(truth, frames, strict=True):
         plain.process(np.zeros((frame - plain.frame, plain.n_out)))
         row[:] = plain.positions()[look_mats] - rest
-    seen = replica.at(frames / RATE)
+    seen = replica.displacements(frames / RATE)
     engine = _core_displacements(data, frames / RATE)
     for part in replica.manifest["parts"]:
         columns = slice(part["first"], part["first"] + part["count"])
@@ -245,7 +245,7 @@ def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
     head = next(at for kind, _, _, at in replica.chunks if kind == STATE)
     late = Replica(data[:head] + data[byte:])
     instants = t0 + np.array([0.0, 0.2, 0.71])
-    all_there, from_there = replica.at(instants), late.at(instants)
+    all_there, from_there = replica.displacements(instants), late.at(instants)
     assert np.abs(all_there - from_there).max() == 0.0
 
 

@@ -33,7 +33,7 @@ UNDAMPED = (0.0, 0.0, 1e-9, *[0.0] * (COUNT - 3))
 FEW = ((0.08, 0.05, 0.05), (200.0, 300.0, 300.0))  # masses and springs of a small key
 STRING, F, MASS = 40, 220.0, 4e-3
 GESTURE = ([0.0, 0.1, 0.2, 0.33], [0.0, 5e-3, -2e-3, 4e-3], ["smooth"] * 4)
-KEY, END, HEARD = 0, COUNT - 1, 30
+KEY, END, TAP = 0, COUNT - 1, 30
 STRUCK = 44  # not a frame of any kick
 
 
@@ -61,7 +61,7 @@ def scene(
     string = network.string("s", masses=masses, M=MASS * m, f=F, t60=t60)
     network.part("between", ca_rate=single)
     network.ref("c", mats[-1], string + 7, K=kc, Z=0.0)
-    for name, mat in (("key", mats[KEY]), ("end", mats[-1]), ("string", string + HEARD)):
+    for name, mat in (("key", mats[KEY]), ("end", mats[-1]), ("string", string + TAP)):
         network.listen(name, positions=[(mat, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     key = timeline.key("key", mats[KEY])
@@ -181,7 +181,7 @@ def test_it_is_within_that_of_the_continuous_motion(every: int, limit: float):
     flow, state = expm(A / RATE), np.r_[np.zeros(n), np.eye(n)[0] * 0.05 / masses[0]]
     truth = np.zeros((N, 3))
     for i in range(STRUCK, N):
-        truth[i] = state[[KEY, END, COUNT + HEARD]]
+        truth[i] = state[[KEY, END, COUNT + TAP]]
         state = flow @ state
     out = play(scene(every), error_db=-120.0)
     assert error_db(out, truth) < limit
@@ -355,7 +355,7 @@ def test_layers_add_up_on_a_slow_key():
 
 
 def test_a_key_that_joins_a_gesture_from_a_swing_does_so_without_a_blow():
-    def bend(every: int | None) -> float:
+    def force_peak(every: int | None) -> float:
         network, timeline, key, struck = lone_key(every)
         timeline.strike(struck, 0.01, impulse=0.02)
         timeline.gesture(key, [0.1, 0.2], [2e-3, 3e-3], ["smooth"] * 2, join=0.05)
@@ -367,7 +367,7 @@ def test_a_key_that_joins_a_gesture_from_a_swing_does_so_without_a_blow():
         # From pull to pull, for a free key has a corner at each: none more where the hand takes it.
         return float(np.abs(np.diff(out[int(0.03 * RATE) :: 20, 0], 2)).max())
 
-    assert bend(20) == pytest.approx(bend(None), rel=0.05)
+    assert force_peak(20) == pytest.approx(force_peak(None), rel=0.05)
 
 
 def stays_of(every: int, **gesture: Any) -> str:

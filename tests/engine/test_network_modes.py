@@ -29,7 +29,7 @@ def random(seed: int, n: int, damping: float) -> tuple[_core.Network, np.ndarray
     return network, np.linalg.eig(A)[0]
 
 
-def told(poles: np.ndarray, count: int) -> np.ndarray:
+def lowest_modes(poles: np.ndarray, count: int) -> np.ndarray:
     """(f, T60) of the lowest modes; of real poles the slower ones."""
     swinging = poles[poles.imag > 1e-6 * np.abs(poles)]
     real = np.sort_complex(poles[np.abs(poles.imag) <= 1e-6 * np.abs(poles)])[::-1]
@@ -43,7 +43,7 @@ def told(poles: np.ndarray, count: int) -> np.ndarray:
 @pytest.mark.parametrize("n", [2, 7, 40])
 def test_modes_are_those_of_the_state(seed: int, n: int, damping: float):
     network, poles = random(seed, n, damping)
-    wanted = told(poles, 6)
+    wanted = lowest_modes(poles, 6)
     result = np.array([(f, t60) for f, t60 in network.modes("s", 6)])
     assert result[:, 0] == pytest.approx(wanted[:, 0], rel=1e-7, abs=1e-7)
     assert result[:, 1] == pytest.approx(wanted[:, 1], rel=1e-6)
@@ -60,7 +60,7 @@ def test_a_strong_damper_at_one_point_moves_the_pitch():
     Z = np.diag([0.0, 4.0]) / 1e-3
     poles = np.linalg.eig(np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -Z]]))[0]
     result = np.array([tuple(mode) for mode in network.modes("s", 2)])
-    assert result == pytest.approx(told(poles, 2), rel=1e-9)
+    assert result == pytest.approx(lowest_modes(poles, 2), rel=1e-9)
 
 
 def test_a_mode_beyond_critical_damping_has_the_time_of_its_slower_pole():

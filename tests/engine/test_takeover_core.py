@@ -40,7 +40,7 @@ def version(
     return plan, _core.Simulation(net, timeline, plan=plan, on_fault="mute", start=start)
 
 
-def heard(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
+def rendered(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
     out = np.zeros((until - simulation.frame, simulation.n_out))
     simulation.process(out)
     return out
@@ -51,14 +51,14 @@ def test_what_is_equal_goes_on_to_the_last_bit() -> None:
     plan, complete = version(net, [0.01, 0.2], 0)
     _, first = version(net, [0.01], 0, plan)
     _, second = version(net, [0.01, 0.2], 6400, plan)
-    all_of_it = heard(complete, 20_000)
-    before = heard(first, 6400)
+    all_of_it = rendered(complete, 20_000)
+    before = rendered(first, 6400)
     copy = first.fork()
     second.take_over(first)
     assert second.frame == 6400
-    after = heard(second, 20_000)
+    after = rendered(second, 20_000)
     assert np.array_equal(np.concatenate([before, after]), all_of_it)
-    assert not np.array_equal(heard(copy, 20_000), after)
+    assert not np.array_equal(rendered(copy, 20_000), after)
 
 
 def test_frames_must_agree() -> None:
@@ -95,12 +95,12 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
     answers = {number: what for _, what, number in output if what in ("changed", "late")}
     assert list(answers) == [ticket]
 
-    frames = heard(first, position)
+    frames = rendered(first, position)
     if answers[ticket] == "changed":
         second.take_over(first)
-        frames = np.concatenate([frames, heard(second, n_frames)])
+        frames = np.concatenate([frames, rendered(second, n_frames)])
     else:
-        frames = np.concatenate([frames, heard(first, n_frames)])
+        frames = np.concatenate([frames, rendered(first, n_frames)])
     mixed = np.zeros((n_frames, 1))
     mixer.process(frames, mixed)
     sound = np.frombuffer(path.read_bytes()[-4 * n_frames :], dtype="<f4")
@@ -113,10 +113,10 @@ def test_damping_is_a_time() -> None:
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(EngineError, match="t60 must be"):
             simulation.damp(wrong)
-    loud = np.abs(heard(simulation, 4_410)).max()
+    loud = np.abs(rendered(simulation, 4_410)).max()
     simulation.damp(0.1)
-    heard(simulation, 8_820)
-    assert np.abs(heard(simulation, 13_230)).max() < 2e-3 * loud
+    rendered(simulation, 8_820)
+    assert np.abs(rendered(simulation, 13_230)).max() < 2e-3 * loud
 
 
 def test_parameters_glide() -> None:
@@ -139,9 +139,9 @@ def test_parameters_glide() -> None:
         quiet.open()
         before = _core.Simulation(old, quiet, plan=_core.Plan(old, quiet))
         after = _core.Simulation(new, timeline, plan=_core.Plan(new, timeline), start=position)
-        sound = heard(before, position)
+        sound = rendered(before, position)
         after.take_over(before)
-        return np.concatenate([sound, heard(after, 2 * position)])
+        return np.concatenate([sound, rendered(after, 2 * position)])
 
     def roughness(sound: NDArray[np.float64]) -> float:
         third = np.abs(np.diff(sound, 3, axis=0)).max(axis=1)

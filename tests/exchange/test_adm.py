@@ -111,7 +111,7 @@ def test_places_out_of_range_are_refused():
             adm.read(replace(info, axml=text))
 
 
-def of_tracks(names: list[str], n_channels: int, axml: bytes = b"", mask: int = 0) -> WaveInfo:
+def info_of_tracks(names: list[str], n_channels: int, axml: bytes = b"", mask: int = 0) -> WaveInfo:
     """A file whose tracks have these formats, from the first on."""
     rows = [
         struct.pack("<H12s14s11sx", i, f"ATU_{i:08x}".encode(), name.encode(), b"AP_00010003")
@@ -140,14 +140,14 @@ SEVEN = (*FIVE[:3], (135.0, 0.0, 1.0), (-135.0, 0.0, 1.0), (90.0, 0.0, 1.0), (-9
 def test_common_definitions_need_no_description(numbers, speakers, effects):
     """ITU-R BS.2094-2, table 1; packs 2, 3 and 5 among them."""
     names = [f"AT_{0x00010000 + number:08x}_01" for number in numbers]
-    layout = adm.read(of_tracks(names, len(names)))
+    layout = adm.read(info_of_tracks(names, len(names)))
     assert layout == adm.ChannelLayout(speakers, effects=effects)
     assert layout.n_channels == len(names)
 
 
 def test_a_definition_that_is_nowhere_says_nothing():
     names = ["AT_00010001_01", "AT_00010029_01"]
-    assert adm.read(of_tracks(names, 2)) is None
+    assert adm.read(info_of_tracks(names, 2)) is None
 
 
 @pytest.mark.parametrize(
@@ -160,13 +160,13 @@ def test_a_definition_that_is_nowhere_says_nothing():
     ],
 )
 def test_the_mask_of_a_wave_file_names_its_channels(mask, n_channels, speakers, effects):
-    layout = adm.read(of_tracks([], n_channels, mask=mask))
+    layout = adm.read(info_of_tracks([], n_channels, mask=mask))
     assert layout == adm.ChannelLayout(speakers, effects=effects)
 
 
 @pytest.mark.parametrize(("mask", "n_channels"), [(0, 6), (0x3F, 8), (0x3, 2), (0x80000000, 1)])
 def test_a_mask_that_does_not_name_all_channels_says_nothing(mask, n_channels):
-    assert adm.read(of_tracks([], n_channels, mask=mask)) is None
+    assert adm.read(info_of_tracks([], n_channels, mask=mask)) is None
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_motion_error_of_all_points(text: str, seconds: float, tmp_path: Path) -
     replica, instants, truth = filmed(text, seconds, tmp_path / "a.motion")
     points = sampled(replica)
     assert len(points) > 10
-    read = replica.at(instants)[:, points]
+    read = replica.displacements(instants)[:, points]
     check_bound(replica, read, truth[:, points])
     # The engine reads the same.
     engine = _core.read_motion(tmp_path / "a.motion").displacements(instants.tolist())[:, points]
@@ -164,7 +164,7 @@ def test_motion_of_resting_string(tmp_path: Path) -> None:
     assert (read[frames < 1.37 - 1 / FPS] == 0.0).all()
     late = resting(truth[:, points]).all(axis=1)
     assert late[instants > 2.5].any()
-    off = np.abs(replica.at(instants)[:, points] - truth[:, points])
+    off = np.abs(replica.displacements(instants)[:, points] - truth[:, points])
     assert off[late].max() <= REST
 
 

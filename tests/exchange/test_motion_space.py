@@ -57,13 +57,15 @@ def test_a_node_of_gltf_flies_as_the_ball_does(axes: int) -> None:
     assert (nail, "translation") not in scene.channels
     x, y, z = places_of_ball(TIMES, axes).T
     exact = np.stack([x, z, -y], axis=1)  # y is up in glTF
-    result = [scene.at(ball, "translation", t) - scene.at(nail, "translation", t) for t in TIMES]
+    result = [
+        scene.value(ball, "translation", t) - scene.value(nail, "translation", t) for t in TIMES
+    ]
     np.testing.assert_allclose(result, exact, atol=LOOK)
     for t in np.linspace(0.0, 0.45, 20):
-        ends = scene.at(thread, "translation", t) + scene.line(thread) * scene.at(
+        ends = scene.value(thread, "translation", t) + scene.line(thread) * scene.value(
             thread, "scale", t
         )
-        there = [scene.at(node, "translation", t) for node in (nail, ball)]
+        there = [scene.value(node, "translation", t) for node in (nail, ball)]
         np.testing.assert_allclose(ends, there, atol=1e-6)
     # What is not in space is drawn larger still: the bell moves by some micrometres.
     _, path = scene.channels[bell, "translation"]
@@ -120,7 +122,7 @@ def torn(work_folder: Path) -> Replica:
 
 
 def test_a_link_that_broke_is_told_and_again_with_each_key_state(torn: Replica) -> None:
-    links = np.frombuffer(torn.one(LINKS), "<u4", offset=4).reshape(-1, 2)
+    links = np.frombuffer(torn.single_payload(LINKS), "<u4", offset=4).reshape(-1, 2)
     rows = torn.records(BROKEN, BREAK)
     seen_at = rows[0][0]
     assert BROKEN_AT < seen_at < BROKEN_AT + 1 / 60
@@ -139,10 +141,10 @@ def test_a_broken_link_leaves_gltf_and_npz(torn: Replica) -> None:
     assert app.run(["motion", "export", "-q", "torn.motion", "-o", "torn.npz"]) == 0
     scene = Scene(Path("torn.gltf"))
     thread, rope = (scene.named(f"w.nail, w.{end}") for end in ("ball", "other"))
-    assert scene.at(thread, "scale", seen_at - 1e-5)[0] > 0.1
-    assert scene.at(thread, "scale", seen_at + 1e-5).tolist() == [0, 0, 0]
-    assert scene.at(thread, "scale", 1.4).tolist() == [0, 0, 0]
-    assert scene.at(rope, "scale", 1.4)[1] > 0.09
+    assert scene.value(thread, "scale", seen_at - 1e-5)[0] > 0.1
+    assert scene.value(thread, "scale", seen_at + 1e-5).tolist() == [0, 0, 0]
+    assert scene.value(thread, "scale", 1.4).tolist() == [0, 0, 0]
+    assert scene.value(rope, "scale", 1.4)[1] > 0.09
     with np.load("torn.npz") as raised:
         names = raised["space_names"].tolist()
         links = [tuple(names[end] for end in ends) for ends in raised["space_links"]]

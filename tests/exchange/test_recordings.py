@@ -204,7 +204,7 @@ def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
     x = np.full(900, -2e-3)
     x[200:600] += 8e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
 
-    def heard(positions: np.ndarray) -> np.ndarray:
+    def rendered(positions: np.ndarray) -> np.ndarray:
         staged = stage(loaded.piece, real={"ada": positions})
         (hand,) = staged.live
         assert hand.tick_frames == 44
@@ -216,8 +216,8 @@ def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
     path = saved(tmp_path, header(), rows(*data), end())
     back = from_start(_core.read_recording(path))
     assert back.shape == (900, 1)
-    assert np.abs(heard(x)).max() > 1e-6
-    assert heard(back[:, 0].copy()).tobytes() == heard(x).tobytes()
+    assert np.abs(rendered(x)).max() > 1e-6
+    assert rendered(back[:, 0].copy()).tobytes() == rendered(x).tobytes()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 from ergon.exchange import sofa
 
 
-def made(path: Path, change: Callable[[h5py.File], None] = lambda _: None) -> Path:
+def written_sofa(path: Path, change: Callable[[h5py.File], None] = lambda _: None) -> Path:
     with h5py.File(path, "w") as file:
         file.attrs["SOFAConventions"] = np.bytes_("SimpleFreeFieldHRIR")
         angles = [(30.0 * i, 10.0, 1.4) for i in range(12)]
@@ -29,7 +29,7 @@ def made(path: Path, change: Callable[[h5py.File], None] = lambda _: None) -> Pa
 
 
 def test_responses_are_read(tmp_path: Path):
-    result = sofa.read(made(tmp_path / "a.sofa"))
+    result = sofa.read(written_sofa(tmp_path / "a.sofa"))
     assert (result.angles.shape, result.responses.shape, result.rate) == (
         (12, 2),
         (12, 2, 64),
@@ -45,13 +45,13 @@ def delayed(data: object) -> Callable[[h5py.File], None]:
 
 @pytest.mark.parametrize("samples", [[[3, 7.5]], np.arange(24.0).reshape(12, 2), [[-0.0, 0.0]]])
 def test_delays_are_seconds_by_direction_and_ear(tmp_path: Path, samples: object):
-    responses = sofa.read(made(tmp_path / "a.sofa", delayed(samples)))
+    responses = sofa.read(written_sofa(tmp_path / "a.sofa", delayed(samples)))
     expected = np.ones((12, 2)) * np.asarray(samples) / 48e3
     np.testing.assert_allclose(responses.delays, expected, rtol=1e-15)
 
 
 def test_a_file_without_delays_has_none(tmp_path: Path):
-    assert not sofa.read(made(tmp_path / "a.sofa")).delays.any()
+    assert not sofa.read(written_sofa(tmp_path / "a.sofa")).delays.any()
 
 
 def renamed(file: h5py.File) -> None:
@@ -142,7 +142,7 @@ def huge(file: h5py.File) -> None:
 )
 def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
     with pytest.raises(sofa.SofaError, match=words):
-        sofa.read(made(tmp_path / "a.sofa", change))
+        sofa.read(written_sofa(tmp_path / "a.sofa", change))
 
 
 def test_other_files_are_refused(tmp_path: Path):
@@ -150,7 +150,7 @@ def test_other_files_are_refused(tmp_path: Path):
     path.write_bytes(b"not HDF5 at all")
     with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
-    complete = made(tmp_path / "b.sofa").read_bytes()
+    complete = written_sofa(tmp_path / "b.sofa").read_bytes()
     path.write_bytes(complete[: len(complete) // 2])
     with pytest.raises(sofa.SofaError, match="not a SOFA file"):
         sofa.read(path)
@@ -164,7 +164,7 @@ def test_other_files_are_refused(tmp_path: Path):
 def test_a_pipe_as_external_storage_is_not_waited_for(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(sofa.SofaError, match="is external"):
-        sofa.read(made(tmp_path / "a.sofa", external(str(tmp_path / "pipe"))))
+        sofa.read(written_sofa(tmp_path / "a.sofa", external(str(tmp_path / "pipe"))))
 
 
 def test_no_plug_in_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -172,7 +172,7 @@ def test_no_plug_in_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "plug-ins").mkdir()
     monkeypatch.setenv("HDF5_PLUGIN_PATH", str(tmp_path / "plug-ins"))
     with pytest.raises(sofa.SofaError, match="filter 32000"):
-        sofa.read(made(tmp_path / "a.sofa", packed))
+        sofa.read(written_sofa(tmp_path / "a.sofa", packed))
 
 
 def test_the_reader_opens_no_file_and_takes_bounded_memory(tmp_path: Path):

@@ -42,7 +42,7 @@ def _take(suffix: str) -> Target:
 def partial_take(suffix: str) -> Any:
     """A reader of takes in a format."""
     from ergon.cli.console import Console
-    from ergon.cli.take_info import take as told
+    from ergon.cli.take_info import take as take_info
 
     def read(data: bytes, folder: Path) -> list[str]:
         import contextlib
@@ -51,7 +51,7 @@ def partial_take(suffix: str) -> Any:
         path.write_bytes(data)
         output = io.StringIO()
         with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-            result = internal(path, lambda path: told(Console(json=True), path))
+            result = internal(path, lambda path: take_info(Console(json=True), path))
         assert not result, result
         return [output.getvalue()]
 

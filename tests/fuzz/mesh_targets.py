@@ -18,7 +18,7 @@ from ergon.notation.text.values import Place
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import NUMBERS, damaged
 
-ROOT = gltf_files.made()
+ROOT = gltf_files.tetrahedron()
 WORDS = ("[", "]", "{", "}", "null", '"matrix":', '"children": [0]', "-1", "9" * 5000, "1e999")
 OBJ = "v 0 0 0\nv 1 0 0.5\nv 0 1 0\nv 1 1 1e-3\nf 1 2 3\nf 2/1/1 3/1 4//1\nl 1 -1\n"
 OBJ_WORDS = ("v", "f", "l", "/", "-1", "0", "nan", "1e999", "9" * 5000, "#", "usemtl", "p")

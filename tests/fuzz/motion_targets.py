@@ -17,7 +17,7 @@ from motions import MANIFEST, Piece, chunk
 
 from ergon import _core
 from ergon.cli.console import Console
-from ergon.cli.motion_info import motion as told
+from ergon.cli.motion_info import motion as motion_info
 from ergon.cli.outcome import Refused
 from ergon.exchange.gltf import gltf
 from ergon.exchange.motion import csv_rows, instants, write_npz
@@ -31,7 +31,7 @@ WORDS = ('"kind":', '"free"', '"modal"', '"modes":', '"parts":', "null", "[", "]
 
 
 @cache
-def _whole() -> tuple[bytes, tuple[Chunk, ...]]:
+def _complete_file() -> tuple[bytes, tuple[Chunk, ...]]:
     """The first bytes of a file, and the kind, version, instant and payload of its chunks."""
     data = Piece().bytes()
     result: list[Chunk] = []
@@ -44,7 +44,7 @@ def _whole() -> tuple[bytes, tuple[Chunk, ...]]:
 
 
 def _case(chance: random.Random) -> bytes:
-    magic, chunks = _whole()
+    magic, chunks = _complete_file()
     # A file of the first second, in which each chunk is likely to be met.
     built = list(chunks[:30])
     for _ in range(chance.choice((1, 1, 2, 4))):
@@ -70,7 +70,7 @@ def _read(data: bytes, folder: Path) -> Iterator[str]:
     path.write_bytes(data)
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        told(Console(json=True), path)
+        motion_info(Console(json=True), path)
     yield output.getvalue()
     result: Any = _core.read_motion(path)
     position = instants(result, None)[:5]

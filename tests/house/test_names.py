@@ -30,7 +30,6 @@ OLDER = {
     "instruments": 11,
     "repl": 7,
     "scores": 66,
-    "tests": 265,
 }
 FOLDERS = (
     "benches",

@@ -131,22 +131,24 @@ def test_an_installed_wheel_with_a_cluster(
     environment |= {"HOME": str(tmp_path), "PYTHONPATH": "", "XDG_CACHE_HOME": str(tmp_path / "c")}
     single = {**os.environ, **environment}
 
-    def said(line: str) -> str:
+    def output(line: str) -> str:
         done = subprocess.run(line, shell=True, env=single, capture_output=True, text=True)
         assert done.returncode == 0, f"{line}: {done.stderr}"
         return done.stdout + done.stderr
 
-    where = said("python -c 'import ergon; print(ergon.__path__[0])'").strip()
+    where = output("python -c 'import ergon; print(ergon.__path__[0])'").strip()
     assert where.startswith(str(tmp_path))
     piece = f"{where}/scores/library/feathers-small.yaml --to 4s"
     with documented_cluster("A cluster", environment) as cluster:
         assert len(cluster.processes) == 3
         plan, render = cluster.you
-        said(f"ergon render {piece} -o one.wav")
-        assert "on 2 workers: " in said(plan.replace("piece.yaml", piece.removesuffix(" --to 4s")))
-        output = said(render.replace("piece.yaml", f"{piece} -o two.wav"))
-        assert output.count("worker ") == 2
+        output(f"ergon render {piece} -o one.wav")
+        assert "on 2 workers: " in output(
+            plan.replace("piece.yaml", piece.removesuffix(" --to 4s"))
+        )
+        printed = output(render.replace("piece.yaml", f"{piece} -o two.wav"))
+        assert printed.count("worker ") == 2
     assert Path("two.wav").read_bytes() == Path("one.wav").read_bytes()
     assert Path("one.wav").stat().st_size > 100_000
-    said("pip uninstall --yes --quiet ergon-live")
+    output("pip uninstall --yes --quiet ergon-live")
     assert not Path(where).exists()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -99,7 +99,7 @@ def test_fitted_decays_stay_modal_and_stepped_ones_are_the_same(t60):
     ],
 )
 def test_what_is_wrong_is_told_in_its_place(module, code, part):
-    reports = found(SCORE % (module, 0, 0, "ca"))
+    reports = check_reports(SCORE % (module, 0, 0, "ca"))
     assert code in [report[0] for report in reports]
     assert any(part in report[2] for report in reports)
 

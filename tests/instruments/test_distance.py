@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.scores.staging.stage import stage
 
@@ -32,7 +32,7 @@ render: {bits: float, tail: 0.2s}
 """
 
 
-def heard(text: str, **options) -> np.ndarray:
+def rendered(text: str, **options) -> np.ndarray:
     """Outputs (n_frames, n_out)."""
     built = stage(check(text).piece, **options)
     sound = np.empty((built.n_frames, built.simulation.n_out))
@@ -42,7 +42,7 @@ def heard(text: str, **options) -> np.ndarray:
 
 @pytest.mark.parametrize("planned", [False, True])
 def test_a_distance_is_that_of_the_coordinates(planned: bool):
-    sound = heard(PAIR, planned=planned)
+    sound = rendered(PAIR, planned=planned)
     a, b, (far, rate, held, still) = sound[:, :3], sound[:, 3:6], sound[:, 6:].T
     np.testing.assert_array_max_ulp(far, np.linalg.norm(b - a, axis=1), 2)
     np.testing.assert_array_max_ulp(held, np.linalg.norm(b - (0.01, 0.02, 0.03), axis=1), 2)
@@ -55,8 +55,8 @@ def test_a_distance_is_that_of_the_coordinates(planned: bool):
 
 def test_a_distance_changes_no_other_byte():
     """A link that does nothing joins what is told of; all else is what it is without it."""
-    complete = heard(PAIR)[:, :6]
-    alone = heard(PAIR[: PAIR.index("  ears:")] + PAIR[PAIR.index("render:") :])
+    complete = rendered(PAIR)[:, :6]
+    alone = rendered(PAIR[: PAIR.index("  ears:")] + PAIR[PAIR.index("render:") :])
     assert complete.tobytes() == alone.tobytes()
 
 
@@ -78,7 +78,7 @@ strikes: {hit: {to: drum.head.12, at: 1|1, impulse: 20mNs}}
 render: {bits: float, tail: 0.1s}
 """
     for planned in (False, True):
-        z, x, y, far = heard(text, planned=planned).T
+        z, x, y, far = rendered(text, planned=planned).T
         np.testing.assert_allclose(far, np.sqrt(x**2 + y**2 + (0.05 - z) ** 2), 1e-14)
         assert np.ptp(z) > 1e-4
 
@@ -103,11 +103,11 @@ CELL = "  d:\n    modules: {m: {CEL: {M: 1g, f: A3}}}\n"
     ],
 )
 def test_mistakes_have_a_sentence(out: str, code: str, said: str):
-    reports = found(f"{HEAD}    out: {{{out}}}\n{FLAT}{CELL}")
+    reports = check_reports(f"{HEAD}    out: {{{out}}}\n{FLAT}{CELL}")
     assert any(own == code and said in sentence for own, _, sentence in reports), reports
 
 
 def test_a_distance_lies_nowhere(tmp_path):
     mix = "mix: {channels: 2, route: [{from: b, to: nearest}]}\n"
-    reports = found(f"{HEAD}    out: {{SOX: {{between: [bob, nail]}}}}\n{mix}")
+    reports = check_reports(f"{HEAD}    out: {{SOX: {{between: [bob, nail]}}}}\n{mix}")
     assert any("and b gives a distance" in sentence for _, _, sentence in reports), reports

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from planned_sound import played
 
 # A weight on a spring of 100 N/m is pushed by F, and by nothing else: it goes to F/K.
@@ -115,7 +115,9 @@ HAIR = "with: {s: {SOL: {}}, hair: {LNL: {between: [s, m], damping: bow}}}"
     ],
 )
 def test_wrong_draw_is_refused_in_its_place(act, code, part):
-    reports = [r for r in found(PLAY.format(act=act, strikes="{to: v.m, at: 0, impulse: 1mNs}"))]
+    reports = [
+        r for r in check_reports(PLAY.format(act=act, strikes="{to: v.m, at: 0, impulse: 1mNs}"))
+    ]
     assert any(each == code and part in message for each, _, message in reports), reports
     assert all(line == 7 for _, line, _ in reports)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import found
+from checked import check_reports
 
 import ergon
 from ergon.workshop.api.export import ExportOptions, faust_programs
@@ -85,7 +85,7 @@ def test_level_of_a_millijoule():
 
 
 def test_outputs_that_have_no_energy_are_refused():
-    between = found(CEL.replace("{SOE: m}", "{SOE: {between: [m, m]}}"))
+    between = check_reports(CEL.replace("{SOE: m}", "{SOE: {between: [m, m]}}"))
     message = "SOE of output is a mapping; expected: a module, or several in brackets"
     assert between == [("E106", 5, message)]
     link = (
@@ -93,13 +93,13 @@ def test_outputs_that_have_no_energy_are_refused():
     )
     text = CEL.replace("modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 0.5s}}}", link)
     message = "SOE of 'bell': 'r' is a RES, a link: an <L> point joins <M> points only"
-    assert found(text.replace("SOE: m", "SOE: r")) == [("E304", 5, message)]
+    assert check_reports(text.replace("SOE: m", "SOE: r")) == [("E304", 5, message)]
 
 
 def test_energy_with_nearest_and_radiate():
     def messages(route: str) -> list[str]:
         mix = f"mix: {{layout: layouts/stereo.yaml, route: [{{from: bell, {route}}}]}}\n"
-        return [message for _, _, message in found(CEL + mix)]
+        return [message for _, _, message in check_reports(CEL + mix)]
 
     nearest = "route: `nearest` needs masses, which have positions, and bell gives SOE"
     assert messages("to: nearest") == [nearest]

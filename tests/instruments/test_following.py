@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from checked import found
-from one_instrument import heard, score
+from checked import check_reports
+from one_instrument import rendered, score
 from planned_sound import off_db, played, ready
 from scipy.integrate import solve_ivp
 
@@ -52,7 +52,7 @@ def test_what_follows_moves_masses_as_dop853_does(is_heavy: bool):
 
     errors = []
     for hertz in (88_200, 176_400):
-        ours = heard(score(modules, "a: {SOX: a}, b: {SOX: b}", rate=hertz))
+        ours = rendered(score(modules, "a: {SOX: a}, b: {SOX: b}", rate=hertz))
         when = np.arange(len(ours)) / hertz
         y, parts = np.array([1e-3, 0, 0, 0.3]), []
         knots = [0.0, 12e-3, 14e-3, 20e-3, when[-1] + 1e-9]  # where ends are reached [s]
@@ -123,14 +123,14 @@ l: {{LNL: {{between: [a, b], law: "k*d", follows: {{k: {{of: finger, {law}, span
 
 
 STRING = "s: {STRING: {masses: 20, M: 6g, f: 110Hz, t60: 3s, X0: {at: 5, x: 1mm}}}"
-FELT = """\
+FOLLOWING_LINK = """\
 felt: {LNL: {between: [wall, s.8], law: "k*d", damping: "z*v", z: 10mNs/m, follows: {
   k: {of: finger, from: 0N/m, to: 2kN/m, span: 10mm}}}}"""
 
 
 def test_modes_of_what_it_touches_are_kept():
     """A string goes by its modes; the mass where the law ends is a port."""
-    modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FELT.replace("\n", " ")
+    modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FOLLOWING_LINK.replace("\n", " ")
     text = score(modules, "a: {SOX: s.15}, f: {SOF: felt}", "error: -60dB")
     fine, finer = (
         played(text.replace("44100Hz", f"{44_100 * times}Hz"), method="ca")[::times]
@@ -152,16 +152,16 @@ def test_it_follows_a_mass_of_a_body():
     modules += 'l: {LNL: {between: [wall, a], law: "k*d", follows: {k: {of: s.5, '
     modules += "from: 0N/m, to: 300N/m, offset: 1mm, span: 2mm}}}}"
     out = "a: {SOX: a}, s: {SOX: s.5}"
-    plain, planned = (heard(score(modules, out, how)) for how in ("method: ca", "error: -60dB"))
+    plain, planned = (rendered(score(modules, out, how)) for how in ("method: ca", "error: -60dB"))
     assert np.abs(plain[:, 0]).max() > 5e-4
     assert off_db(planned[:, 1], plain[:, 1]) < -30.0  # what CA leaves of a string
-    free = heard(score(modules.replace("to: 300N/m", "to: 0N/m"), out))
+    free = rendered(score(modules.replace("to: 300N/m", "to: 0N/m"), out))
     assert np.abs(free[:, 0] - plain[:, 0]).max() > 1e-4
 
 
 def test_the_same_bytes_wherever_it_stands():
     """Blocks, threads and a snapshot change no bit."""
-    modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FELT.replace("\n", " ")
+    modules = f"{PRESS}\nwall: {{SOL: {{}}}}\n{STRING}\n" + FOLLOWING_LINK.replace("\n", " ")
     built = ready(score(modules, "a: {SOX: s.15}"))
     complete = _core.Simulation(built.network, built.timeline, threads=1)
     sound = np.empty((1764, complete.n_out))
@@ -190,8 +190,8 @@ WRONG = {
 def test_what_follows_nothing_is_refused_at_its_place(name: str):
     modules, message = WRONG[name]
     text = score(f"{PAIR}{modules}".replace("\n  ", " "), "a: {SOX: a}")
-    output = [(line, output) for _, line, output in found(text) if message in output]
-    assert [line for line, _ in output] == [12], found(text)
+    output = [(line, output) for _, line, output in check_reports(text) if message in output]
+    assert [line for line, _ in output] == [12], check_reports(text)
 
 
 def test_a_key_holds_nothing_that_follows():
@@ -203,4 +203,4 @@ keys:
       m: {MAS: {M: 20g}}
       p: {MAS: {M: 20g, follows: {M: {of: m, from: 1g, to: 2g}}}}
 """
-    assert any("not in a key" in told for *_, told in found(text))
+    assert any("not in a key" in told for *_, told in check_reports(text))

@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from gltf_files import made
+from gltf_files import tetrahedron
 
 from ergon.instruments.space import gltf_file
 from ergon.instruments.space.mesh import MeshFileError
@@ -13,7 +13,7 @@ from ergon.scores.staging.stage import stage
 
 
 def test_vertices_at_one_place_are_one_point():
-    mesh = gltf_file.read(json.dumps(made()))
+    mesh = gltf_file.read(json.dumps(tetrahedron()))
     # What is up, y, is z; the x axis stays.
     assert mesh.points == ((10, 0, 0), (11, 0, 0), (10, 0, 1), (10, -1, 0))
     assert sorted(mesh.edges) == [(0, 1), (0, 2), (0, 3), (1, 2), (2, 3)]
@@ -22,7 +22,7 @@ def test_vertices_at_one_place_are_one_point():
 @pytest.mark.parametrize(("offset", "n_points"), [(2e-7, 4), (-5e-7, 4), (2e-5, 8)])
 def test_places_that_differ_by_rounding_are_one_point(offset: float, n_points: int):
     """Two nodes with one mesh: a seam of rounding makes no second body."""
-    root = made()
+    root = tetrahedron()
     root["nodes"].append({"mesh": 0, "translation": [offset, offset, offset]})
     root["nodes"][0]["children"] = [1, 2]
     mesh = gltf_file.read(json.dumps(root))
@@ -33,9 +33,9 @@ def test_places_that_differ_by_rounding_are_one_point(offset: float, n_points: i
 def test_nodes_turn_stretch_and_move():
     half = 0.5**0.5
     # A quarter of a turn around what is up takes x to -z, twice as long, ten away.
-    turned = gltf_file.read(json.dumps(made(scale=[2, 2, 2], rotation=[0, half, 0, half])))
+    turned = gltf_file.read(json.dumps(tetrahedron(scale=[2, 2, 2], rotation=[0, half, 0, half])))
     columns = [0, 0, -2, 0, 0, 2, 0, 0, 2, 0, 0, 0, 0, 0, 0, 1]
-    by_matrix = gltf_file.read(json.dumps(made(matrix=columns)))
+    by_matrix = gltf_file.read(json.dumps(tetrahedron(matrix=columns)))
     wanted = ((10, 0, 0), (10, 2, 0), (10, 0, 2), (12, 0, 0))
     for mesh in (turned, by_matrix):
         for place, exact in zip(mesh.points, wanted, strict=True):
@@ -53,11 +53,11 @@ def test_nodes_turn_stretch_and_move():
     ],
 )
 def test_edges_are_those_of_the_mode(mode: int, indices: tuple[int, ...], edges: list):
-    assert sorted(gltf_file.read(json.dumps(made(mode, indices))).edges) == edges
+    assert sorted(gltf_file.read(json.dumps(tetrahedron(mode, indices))).edges) == edges
 
 
 def _without(*path: str | int) -> str:
-    root = made()
+    root = tetrahedron()
     holder: Any = root
     for word in path[:-1]:
         holder = holder[word]
@@ -66,7 +66,7 @@ def _without(*path: str | int) -> str:
 
 
 def _with(value: Any, *path: str | int) -> str:
-    root = made()
+    root = tetrahedron()
     holder: Any = root
     for word in path[:-1]:
         holder = holder[word]
@@ -120,7 +120,7 @@ render: {tail: 0.1s}
 
 
 def test_a_score_has_a_mesh_of_a_gltf_file(tmp_path):
-    (tmp_path / "rock.gltf").write_text(json.dumps(made()))
+    (tmp_path / "rock.gltf").write_text(json.dumps(tetrahedron()))
     (tmp_path / "s.yaml").write_text(SCORE % "rock.gltf")
     piece = load(str(tmp_path / "s.yaml")).piece
     network = stage(piece).built.network

@@ -21,7 +21,7 @@ instruments:
 SHIPPED = "cubic clipped-cubic power rope detent pluck bow bow-hyperbolic coulomb"
 
 
-def made(fields, laws=""):
+def loaded_fields(fields, laws=""):
     loaded = load("s.yaml", text=NETWORK % (laws, fields))
     assert not loaded.diagnostics
     return loaded.piece.instruments["i"].modules[2].fields
@@ -29,27 +29,27 @@ def made(fields, laws=""):
 
 @pytest.mark.parametrize("name", SHIPPED.split())
 def test_shipped_laws(name):
-    fields = made(f"law: {name}")
+    fields = loaded_fields(f"law: {name}")
     assert fields["law"] or fields["damping"]
     assert not is_name(fields["law"])
     assert fields["constants"]
 
 
 def test_constants_of_the_module_come_first():
-    fields = made("law: cubic, q: 5N/mm3")
+    fields = loaded_fields("law: cubic, q: 5N/mm3")
     assert fields["constants"] == {"k": 1000.0, "q": 5e9, "z": 0.0}
 
 
 def test_laws_of_the_score():
     laws = "laws: {mine: {law: k*d**5, damping: z*v, k: 3, z: 0.1Ns/m}}"
-    fields = made("law: mine, z: 2", laws)
+    fields = loaded_fields("law: mine, z: 2", laws)
     assert (fields["law"], fields["damping"]) == ("k*d**5", "z*v")
     assert fields["constants"] == {"k": 3.0, "z": 2.0}
 
 
 def test_a_letter_is_an_expression():
-    assert made("law: d")["law"] == "d"
-    assert made("law: k, k: 2N")["law"] == "k"
+    assert loaded_fields("law: d")["law"] == "d"
+    assert loaded_fields("law: k, k: 2N")["law"] == "k"
 
 
 def test_nothing_is_run(tmp_path):

@@ -6,7 +6,7 @@ import textwrap
 from dataclasses import replace
 
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 from edited import opened
 from sessions import Stepped
 
@@ -87,7 +87,7 @@ def placeless(part):
 
 
 def report(modules: str) -> list[tuple[str, int, str]]:
-    return found(HEAD + modules + TAIL)
+    return check_reports(HEAD + modules + TAIL)
 
 
 def test_loop_reads_as_the_modules_written_out():

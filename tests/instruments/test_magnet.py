@@ -30,7 +30,7 @@ def score(link: str = MAGNET, more: str = "") -> str:
     return SCORE.format(link=link, more=more)
 
 
-def heard(text: str) -> np.ndarray:
+def rendered(text: str) -> np.ndarray:
     """The output of a score (n_frames,)."""
     built = stage(check(text).piece, planned=True)
     sound = np.empty((built.n_frames, built.simulation.n_out))
@@ -39,7 +39,7 @@ def heard(text: str) -> np.ndarray:
 
 
 def test_magnet_beside_exact_solution():
-    ours = heard(score())
+    ours = rendered(score())
     times = np.arange(len(ours)) / 44_100
 
     def motion(_: float, state: np.ndarray) -> list[float]:
@@ -55,12 +55,12 @@ def test_magnet_beside_exact_solution():
 @pytest.mark.parametrize("more", ["", "transpose: 5st"])
 def test_magnet_as_written_law(more: str):
     law = 'LNL: {between: [pole, m], law: "k/max(d + g, 0.1*g)**2", k: 2e-4, g: 5mm}'  # the formula
-    np.testing.assert_array_equal(heard(score(more=more)), heard(score(law, more)))
+    np.testing.assert_array_equal(rendered(score(more=more)), rendered(score(law, more)))
 
 
 def test_magnet_with_negative_strength():
-    attracted = heard(score())
-    repelled = heard(score(MAGNET.replace("200N", "-200N")))
+    attracted = rendered(score())
+    repelled = rendered(score(MAGNET.replace("200N", "-200N")))
     assert repelled.mean() > attracted.mean()
 
 
@@ -79,7 +79,7 @@ instruments:
 render: {bits: float, tail: 1ms}
 """
     # A force that shortens the distance is heard as a negative one.
-    assert heard(text)[0] == pytest.approx(-2e-4 / 0.06**2, rel=1e-6)
+    assert rendered(text)[0] == pytest.approx(-2e-4 / 0.06**2, rel=1e-6)
 
 
 def test_magnet_with_following_constant():

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
 from scipy.optimize import brentq
@@ -31,7 +31,7 @@ def modes(fields: str, count: int) -> np.ndarray:
 
 
 def refused(fields: str) -> list[tuple[str, str]]:
-    return [(report[0], report[2]) for report in found(SCORE % fields)]
+    return [(report[0], report[2]) for report in check_reports(SCORE % fields)]
 
 
 def test_every_material_has_plausible_values_and_a_source():
@@ -75,14 +75,14 @@ def test_of_length_diameter_tension_and_pitch_any_three_say_the_fourth(ends, mor
     sizes = {"length": 0.65, "diameter": 1e-3, "tension": 70.0}
     units = {"length": "m", "diameter": "m", "tension": "N", "f": "Hz"}
 
-    def of(names) -> dict:
+    def wire_body(names) -> dict:
         written = ", ".join(f"{name}: {sizes[name]!r}{units[name]}" for name in names)
         return body(WIRE % f"ends: {ends}, {written}{more}")
 
-    first = of(("length", "diameter", "tension"))
+    first = wire_body(("length", "diameter", "tension"))
     sizes["f"] = first["f"]
     for left_out in ("length", "diameter", "tension"):
-        again = of([name for name in sizes if name != left_out])
+        again = wire_body([name for name in sizes if name != left_out])
         for name in ("masses", "M", "f", "inharmonicity"):
             if first[name] is None:
                 continue

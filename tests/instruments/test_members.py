@@ -16,11 +16,11 @@ instruments:
 
 
 @pytest.mark.parametrize(
-    ("at", "listened", "sum_mm"),
+    ("start", "listened", "sum_mm"),
     [("3..8", "all", 6), ("3..last", "all", 17), ("last", "last", 1), ("centre", "0", 0)],
 )
-def test_members_start_and_are_heard(at, listened, sum_mm):
-    simulation = stage(load("x.yaml", text=STRING % (at, listened)).piece).simulation
+def test_members_start_and_are_heard(start, listened, sum_mm):
+    simulation = stage(load("x.yaml", text=STRING % (start, listened)).piece).simulation
     out = np.zeros((1, 1))
     simulation.process(out)
     assert out[0, 0] == pytest.approx(sum_mm * 1e-3)

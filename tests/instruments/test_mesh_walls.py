@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf_files import binary, made
+from gltf_files import binary, tetrahedron
 from scipy.integrate import solve_ivp
 
 from ergon.instruments.space import gltf_file
@@ -40,7 +40,7 @@ render: {bits: float, tail: 0.5s}
 """
 
 
-def heard(folder: Path, text: str) -> np.ndarray:
+def rendered(folder: Path, text: str) -> np.ndarray:
     """Outputs of a score in a folder (n_frames, n_out)."""
     path = folder / "score.yaml"
     path.write_text(text)
@@ -61,8 +61,8 @@ def test_a_flat_surface_is_a_plane(tmp_path: Path, friction: str):
     """A ball that jumps and slides over its edges goes as on a plane, but for rounding."""
     (tmp_path / "floor.obj").write_text(FLOOR)
     method = {"at": "0, 0, 8cm", "speed": "0.2m/s, 0.1m/s, 0"}
-    plane = heard(tmp_path, scene(f"normal: [0, 0, 1]{friction}", **method))
-    mesh = heard(tmp_path, scene(f"mesh: {{file: floor.obj}}{friction}", **method))
+    plane = rendered(tmp_path, scene(f"normal: [0, 0, 1]{friction}", **method))
+    mesh = rendered(tmp_path, scene(f"mesh: {{file: floor.obj}}{friction}", **method))
     assert (plane[:, 3] > 0).any()
     assert plane[-1, 0] > 0.005
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
@@ -78,8 +78,8 @@ def test_scale_and_up_place_a_surface(tmp_path: Path):
         turned += " ".join([kind, *numbers]) + "\n"
     (tmp_path / "floor.obj").write_text(turned)
     method = {"at": "0, 0, 8cm", "speed": "0, 0, 0"}
-    plane = heard(tmp_path, scene("normal: [0, 0, 1]", **method))
-    mesh = heard(tmp_path, scene("mesh: {file: floor.obj, scale: 1cm, up: y}", **method))
+    plane = rendered(tmp_path, scene("normal: [0, 0, 1]", **method))
+    mesh = rendered(tmp_path, scene("mesh: {file: floor.obj, scale: 1cm, up: y}", **method))
     np.testing.assert_allclose(mesh, plane, rtol=0, atol=1e-9)
 
 
@@ -108,7 +108,7 @@ def test_a_ridge_turns_a_ball_aside_as_dop853_does(tmp_path: Path):
         text = scene(
             "mesh: {file: roof.obj}", frames, at="2mm, 0, 75mm", speed="0, 0.05m/s, 0", damping="0"
         )
-        ours = heard(tmp_path, text)[:: frames // 4_410, :3]
+        ours = rendered(tmp_path, text)[:: frames // 4_410, :3]
         when = np.arange(len(ours)) / 4_410
         exact = solve_ivp(
             rate, (0, when[-1]), start, "DOP853", when, rtol=1e-11, atol=1e-13, max_step=1e-4
@@ -131,12 +131,12 @@ render: {bits: float, tail: 0.1s}
 
 
 def test_a_binary_file_is_the_embedded_one(tmp_path: Path):
-    embedded, packed = json.dumps(made()), binary(made())
+    embedded, packed = json.dumps(tetrahedron()), binary(tetrahedron())
     assert gltf_file.read_binary(packed) == gltf_file.read(embedded)
     assert gltf_file.read(embedded).faces == ((0, 1, 2), (0, 2, 3))
     (tmp_path / "net.gltf").write_text(embedded)
     (tmp_path / "net.glb").write_bytes(packed)
-    sounds = [heard(tmp_path, NET % f"net.{kind}") for kind in ("gltf", "glb")]
+    sounds = [rendered(tmp_path, NET % f"net.{kind}") for kind in ("gltf", "glb")]
     assert sounds[0].any()
     np.testing.assert_array_equal(*sounds)
 
@@ -144,7 +144,7 @@ def test_a_binary_file_is_the_embedded_one(tmp_path: Path):
 def test_what_is_kept_of_a_binary_file_is_its_mesh(tmp_path: Path):
     """A journal holds a text, which stands for the file where that is gone."""
     file, score = tmp_path / "net.glb", tmp_path / "score.yaml"
-    file.write_bytes(binary(made()))
+    file.write_bytes(binary(tetrahedron()))
     score.write_text(NET % file.name)
     loaded = load(score)
     saved = loaded.files[str(file)].text
@@ -160,7 +160,7 @@ def test_what_is_kept_of_a_binary_file_is_its_mesh(tmp_path: Path):
 
 
 def _spoiled(at: int, data: bytes) -> bytes:
-    whole = binary(made())
+    whole = binary(tetrahedron())
     return whole[:at] + data + whole[at + len(data) :]
 
 
@@ -172,9 +172,11 @@ def _spoiled(at: int, data: bytes) -> bytes:
         (_spoiled(8, struct.pack("<I", 2**31)), "it is incomplete"),
         (_spoiled(12, struct.pack("<I", 2**31)), "a chunk is longer than the file"),
         (_spoiled(16, b"JUNK"), "its first chunk is no JSON"),
-        (binary(made())[:8] + struct.pack("<I", 14) + b"12", "a chunk has no head"),
+        (binary(tetrahedron())[:8] + struct.pack("<I", 14) + b"12", "a chunk has no head"),
         (
-            binary({**made(), "buffers": [{"byteLength": 9, "uri": "a,"}]}).replace(b"BIN", b"BIX"),
+            binary({**tetrahedron(), "buffers": [{"byteLength": 9, "uri": "a,"}]}).replace(
+                b"BIN", b"BIX"
+            ),
             "its data is in another file",
         ),
     ],
@@ -185,7 +187,7 @@ def test_spoiled_binary_files_are_refused(data: bytes, said: str):
 
 
 def test_many_nodes_of_one_mesh_are_bounded():
-    root = made()
+    root = tetrahedron()
     root["nodes"] = [{"mesh": 0}] * 10_000
     root["scenes"] = [{"nodes": list(range(10_000))}]
     root["accessors"][1]["count"] = 40

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.instruments.assemble import Assembly
 from ergon.scores.reading.load import load
@@ -46,13 +46,13 @@ def test_two_listed_frequencies_are_no_range():
 
 @pytest.fixture
 def score(tmp_path):
-    def made(table: str, more: str = ""):
+    def loaded_bank(table: str, more: str = ""):
         (tmp_path / "bell.csv").write_bytes(table.encode())
         text = SCORE % f"modes: bell.csv{more}" + "  h: {like: b, transpose: 12st}\n"
         (tmp_path / "s.yaml").write_text(text)
         return load(tmp_path / "s.yaml")
 
-    return made
+    return loaded_bank
 
 
 def test_a_file_says_the_same_as_lists(score, tmp_path):
@@ -117,5 +117,5 @@ def test_a_file_lies_within_the_folder_of_the_score(tmp_path):
     ],
 )
 def test_what_is_wrong_is_told_in_its_place(fields, code, part):
-    ((own, _, message),) = found(SCORE % fields)
+    ((own, _, message),) = check_reports(SCORE % fields)
     assert (own, part in message) == (code, True), message

@@ -24,7 +24,7 @@ def network(text: str, part: str = "b"):
     return assembly
 
 
-def heard(text: str, n: int = 44100) -> np.ndarray:
+def rendered(text: str, n: int = 44100) -> np.ndarray:
     ready = prepare(load("x.yaml", text=text).piece)
     built = planning.make(ready.network, ready.timeline, Accuracy())
     out = np.zeros((n, 1))
@@ -43,14 +43,14 @@ def test_it_has_the_modes_and_levels_that_are_written():
     assert ratio == pytest.approx([0.4, 10 ** (-6 / 20) / 0.8, -1.0], rel=1e-6)
 
 
-@pytest.mark.parametrize(("to", "at"), [("rim", "waist"), ("waist", "rim"), ("rim", "rim")])
-def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, at):
+@pytest.mark.parametrize(("to", "place"), [("rim", "waist"), ("waist", "rim"), ("rim", "rim")])
+def test_a_strike_moves_each_mode_by_its_levels_at_both_places(to, place):
     levels = {"rim": (1.0, 0.8, 0.5), "waist": (0.4, 10 ** (-6 / 20), -0.5)}
     strike = "strikes: {s: {to: b.%s, at: 0s, impulse: 1mNs, lasts: 0s}}\n"
-    out = heard(SCORE % (LISTS + PLACES, at) + strike % to)
+    out = rendered(SCORE % (LISTS + PLACES, place) + strike % to)
     t = np.arange(out.size) / 44100
     built = np.zeros(out.size)
-    for f, t60, there, here in zip(F, T60, levels[to], levels[at], strict=True):
+    for f, t60, there, here in zip(F, T60, levels[to], levels[place], strict=True):
         level = 1e-3 * there * here / (0.2 * 2 * np.pi * f)
         built += level * np.exp(-3 * np.log(10) * t / t60) * np.sin(2 * np.pi * f * t)
     apart = out[200:] - built[200:]  # the modes that are added are over by then
@@ -68,7 +68,7 @@ def test_stepped_as_written_it_has_its_modes(places):
     ready = prepare(load("x.yaml", text=text).piece)
     out = np.zeros((4410, 1))
     _core.Simulation(ready.network, ready.timeline).process(out)
-    exact = heard(text, 4410)
+    exact = rendered(text, 4410)
     # Its pitches are those of the steps: 0.05 rad apart in a tenth of a second.
     assert np.abs(out[:, 0] - exact).max() < 0.08 * np.abs(exact).max()
 
@@ -142,7 +142,7 @@ def test_what_another_instrument_begins_with_is_merged_field_by_field():
 
 
 @pytest.mark.parametrize(
-    ("body", "at", "code"),
+    ("body", "place", "code"),
     [
         ("f: [200Hz, 300Hz], t60: [1s, 2s, 3s]", "point", "E106"),
         ("f: [200Hz, 300Hz], t60: 1s, places: {rim: [1, 2, 3]}", "rim", "E106"),
@@ -156,14 +156,14 @@ def test_what_another_instrument_begins_with_is_merged_field_by_field():
         ("f: 200Hz, t60: 1s, modes: x.csv", "point", "E111"),
     ],
 )
-def test_mistakes_have_codes(body, at, code):
+def test_mistakes_have_codes(body, place, code):
     if code is None:
         text = SCORE.replace("SOX: b.%s", "SOX: b") % body
         message = check(text).diagnostics[0].message
         assert "2 places" in message
         assert "b.a" in message
     else:
-        assert codes(SCORE % (body, at)) == [code]
+        assert codes(SCORE % (body, place)) == [code]
 
 
 def test_a_misspelt_place_is_suggested():
@@ -179,13 +179,13 @@ def test_it_does_not_glide_and_says_so():
 
 @pytest.fixture
 def filed(tmp_path):
-    def made(table: str, at: str = "rim"):
+    def loaded_modes(table: str, place: str = "rim"):
         (tmp_path / "bell.csv").write_bytes(table.encode())
-        text = SCORE % ("modes: bell.csv", at) + "  h: {like: b, transpose: 12st}\n"
+        text = SCORE % ("modes: bell.csv", place) + "  h: {like: b, transpose: 12st}\n"
         (tmp_path / "s.yaml").write_text(text)
         return load(tmp_path / "s.yaml")
 
-    return made
+    return loaded_modes
 
 
 def test_a_file_says_the_same_as_lists(filed):

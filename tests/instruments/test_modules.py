@@ -1,7 +1,7 @@
 """Rules of the formalism: what modules join, which laws they name, what an output hears."""
 
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 
 from ergon.scores.reading.digest import digest_of
 
@@ -51,7 +51,7 @@ instruments:
     ],
 )
 def test_rules(module, out, code, part):
-    reports = found(NETWORK % (module, out))
+    reports = check_reports(NETWORK % (module, out))
     assert [report[0] for report in reports] == [code]
     assert part in reports[0][2]
 

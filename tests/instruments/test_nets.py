@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.instruments.space import count, nets
 from ergon.scores.reading.load import load
@@ -118,7 +118,7 @@ render: {{bits: float, tail: 0.1s}}
 """
 
 
-def heard(text: str) -> np.ndarray:
+def rendered(text: str) -> np.ndarray:
     built = stage(check(text).piece, planned=True)
     sound = np.empty((built.n_frames, built.simulation.n_out))
     built.simulation.process(sound)
@@ -142,7 +142,7 @@ def test_what_falls_freely_keeps_its_shape(net):
     """No spring has a force at the beginning, and gravity pulls all points alike."""
     n = {"BLOCK": 12, "BALL": 7, "DISC": 7}[net.partition(":")[0]]
     single = net % "M: 20g, K: 500N/m, Z: 0.1Ns/m"
-    paths = heard(SCENE.format(axes=3, net=single, out=outputs(n, 3), seed=1)).reshape(-1, n, 3)
+    paths = rendered(SCENE.format(axes=3, net=single, out=outputs(n, 3), seed=1)).reshape(-1, n, 3)
     moved = paths[-1] - paths[0]
     seconds = (len(paths) - 1) / 44_100
     assert moved[:, 0] == pytest.approx(0.1 * seconds, rel=1e-9)
@@ -160,7 +160,7 @@ def test_a_stretched_disc_is_a_skin_under_tension():
     )
     text = SCENE.format(axes=3, net=net, out="z: {SOX: it.63.z}, y: {SOF: it}", seed=1)
     text = text.replace("9.81m/s2", "1e-6m/s2").replace("0.1s", "1s")
-    z, pull = heard(text).T
+    z, pull = rendered(text).T
     # Each spring is longer than at rest by its share, and pulls: SOF is below 0.
     spacing = 0.01
     each = stiff * (spacing - spacing / (1 + stretch))
@@ -189,7 +189,7 @@ def test_grains_lie_at_random_places_that_are_apart():
     beginnings = []
     for seed in (1, 1, 2):
         text = SCENE.format(axes=3, net=GRAINS % "9mm", out=outputs(40, 3), seed=seed)
-        beginnings.append(heard(text)[0].reshape(40, 3))
+        beginnings.append(rendered(text)[0].reshape(40, 3))
     first, same, other = beginnings
     assert (first == same).all()
     assert (first != other).any()
@@ -341,7 +341,7 @@ def test_mistakes_in_a_file_have_their_line(tmp_path, obj, code, line, message):
 )
 def test_mistakes_have_a_sentence(net, axes, code, said):
     text = SCENE.format(axes=axes, net=net, out="SOX: it.0.x", seed=1)
-    assert any(code == own and said in message for own, _, message in found(text))
+    assert any(code == own and said in message for own, _, message in check_reports(text))
 
 
 def test_a_mesh_has_three_axes(tmp_path):

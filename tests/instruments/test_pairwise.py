@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from oracle import matter
 
 from ergon.scores.staging.stage import stage
@@ -11,7 +11,7 @@ G = 9.81
 M = 2e-3  # of one grain
 
 
-def heard(text: str, rate: int = 44_100) -> np.ndarray:
+def rendered(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
     built = stage(check(lines + text).piece, planned=True)
@@ -57,7 +57,7 @@ def test_grains_move_as_dop853_does(axes: int):
     text = box(n, axes, extra, outputs(n, axes), tail="60ms").replace("Z: 0.05", "Z: 0")
     errors = []
     for rate in (88_200, 176_400):
-        ours = heard(text, rate).reshape(-1, n, axes)
+        ours = rendered(text, rate).reshape(-1, n, axes)
         when = np.arange(0, len(ours), rate // 4410) / rate
         x0 = np.concatenate([np.zeros((1, axes)), ours[0]])
         # At rest in the beginning, so that the first frame is where the points are.
@@ -90,7 +90,7 @@ def test_grains_at_rest_weigh_what_they_are():
     n = 14
     extra = WALLS
     text = box(n, 2, extra, "force: {SOF: ground}, g0: {SOX: g.0.y}", tail="12s")
-    sound = heard(text.replace("scatter: 40%", "scatter: 40%, drag: 5mNs/m"))
+    sound = rendered(text.replace("scatter: 40%", "scatter: 40%, drag: 5mNs/m"))
     still = sound[-44_100:]
     assert np.abs(np.diff(still[:, 1])).max() < 1e-12
     assert np.ptp(still[:, 0]) < 1e-6 * n * M * G
@@ -101,7 +101,7 @@ def test_one_layer_weighs_what_it_is():
     n = 6
     extra = "      rub: {BUT: {between: [g.all, g.all], K: 1kN/m, Z: 0.2, gap: 4mm}}"
     text = box(n, 2, extra, "force: {SOF: ground}, one: {SOF: ground.3}", tail="6s")
-    sound = heard(text.replace("15mm, 4cm", "15mm, 4mm").replace("40%", "0%"))
+    sound = rendered(text.replace("15mm, 4cm", "15mm, 4mm").replace("40%", "0%"))
     np.testing.assert_allclose(sound[-1], [n * M * G, M * G], rtol=1e-6)
 
 
@@ -149,7 +149,7 @@ render: {tail: 10s}
 def test_places_are_drawn_from_the_seed():
     def places(seed: int, scatter: str) -> np.ndarray:
         text = f"seed: {seed}\n" + box(5, 3, "", outputs(5, 3), tail="1ms")
-        return heard(text.replace("40%", scatter))[0]
+        return rendered(text.replace("40%", scatter))[0]
 
     assert np.array_equal(places(1, "40%"), places(1, "40%"))
     assert not np.array_equal(places(1, "40%"), places(2, "40%"))
@@ -185,13 +185,13 @@ instruments:
     ],
 )
 def test_mistakes_have_a_sentence(ends: str, more: str, code: str, said: str):
-    reports = found(HEAD % (ends, more))
+    reports = check_reports(HEAD % (ends, more))
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
 def test_a_gap_below_zero_is_that_of_a_plane():
     beside = HEAD.replace("gap: 1mm", "gap: -1mm")
-    reports = found(beside % ("o, a.all", ""))
+    reports = check_reports(beside % ("o, a.all", ""))
     assert any("it must not be negative" in sentence for *_, sentence in reports)
     text = beside % ("o, a.all", ", normal: [0, 0, 1]") + "render: {tail: 1s}\n"
     module = check(text).piece.instruments["s"].modules[2]
@@ -217,12 +217,12 @@ render: {bits: float, tail: 1s}
 
 def test_friction_holds_on_a_slope_and_lets_go():
     """Up to the slope's tangent the stone slides, as Coulomb has it; beyond it stays."""
-    held = heard(SLOPE % 0.5)[:, 0]
+    held = rendered(SLOPE % 0.5)[:, 0]
     # The weight along the slope on the spring of friction.
     yielded = 5e-3 * G * 0.4 / np.hypot(1.0, 0.4) / 2e3
     assert held[-1] - held[0] == pytest.approx(-yielded / np.hypot(1.0, 0.4), rel=0.1)
     assert np.ptp(held[22_050:]) < 1e-12
-    sliding = heard(SLOPE % 0.3)[:, 0]
+    sliding = rendered(SLOPE % 0.3)[:, 0]
     # g·(tan − μ)·cos along the slope, of which cos lies along the first axis.
     downhill = G * (0.4 - 0.3) / (1.0 + 0.4**2)
     seconds = len(sliding) / 44_100
@@ -249,7 +249,7 @@ render: {{bits: float, tail: 1s}}
 """
     ends = []
     for friction in (0.0, 0.6):
-        paths = heard(text.format(friction, outputs(12, 2))).reshape(-1, 12, 2)
+        paths = rendered(text.format(friction, outputs(12, 2))).reshape(-1, 12, 2)
         assert np.ptp(paths[-2_205:], axis=0).max() < (1e-6 if friction else np.inf)
         ends.append(np.ptp(paths[-1, :, 0]))
     assert ends[1] < 0.5 * ends[0]

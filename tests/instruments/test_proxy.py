@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from checked import found
-from one_instrument import heard, score
+from checked import check_reports
+from one_instrument import rendered, score
 from planned_sound import off_db, played, ready
 from scipy.integrate import solve_ivp
 
@@ -13,7 +13,7 @@ from ergon import _core
 
 STRING = "s: {STRING: {masses: 20, M: 6g, f: 110Hz, t60: 3s}}, wall: {SOL: {}}"
 HAMMER = "h: {MAS: {M: 2g, X0: -1mm, V0: 1m/s}}"
-FELT = "BUT: {between: [h, %s], K: 4kN/m, Z: 0.1Ns/m}"
+CONTACT = "BUT: {between: [h, %s], K: 4kN/m, Z: 0.1Ns/m}"
 
 
 def block(modules: str) -> str:
@@ -27,10 +27,10 @@ def block(modules: str) -> str:
 @pytest.mark.parametrize("accuracy", ["method: ca", "error: -60dB"])
 def test_at_a_mass_it_is_that_mass(source: str, accuracy: str):
     out = "a: {SOX: s.15}, f: {SOF: felt}"
-    plain = score(block(f"{STRING}, {HAMMER}, felt: {{{FELT % 's.6'}}}"), out, accuracy)
-    with_proxy = f"{STRING}, {HAMMER}, p: {{PROXY: {{{source}}}}}, felt: {{{FELT % 'p'}}}"
-    ours = heard(score(block(with_proxy), out, accuracy))
-    theirs = heard(plain)
+    plain = score(block(f"{STRING}, {HAMMER}, felt: {{{CONTACT % 's.6'}}}"), out, accuracy)
+    with_proxy = f"{STRING}, {HAMMER}, p: {{PROXY: {{{source}}}}}, felt: {{{CONTACT % 'p'}}}"
+    ours = rendered(score(block(with_proxy), out, accuracy))
+    theirs = rendered(plain)
     assert np.abs(theirs).min(axis=0).max() < np.abs(theirs[:, 0]).max()
     if accuracy == "method: ca":
         np.testing.assert_array_equal(ours, theirs)
@@ -88,7 +88,7 @@ def test_links_at_a_proxy_move_masses_as_dop853_does(method: str):
     out = "a: {SOX: a}, b: {SOX: b}, c: {SOX: c}, h: {SOX: h}, p: {SOX: p}"
     for hertz in (88_200, 176_400):
         text = score(f"p: {{PROXY: {{{written}}}}}\n{ROW}", out, rate=hertz)
-        ours = heard(text)
+        ours = rendered(text)
         when = np.arange(len(ours)) / hertz
         y, parts = np.array([1e-3, 0, 0, -0.5e-3, 0, 0.3, 0, 0.5]), []
         knots = (
@@ -134,9 +134,9 @@ def test_a_plate_has_it_between_four_masses():
     modules = (
         f"{plate}\nwall: {{SOL: {{}}}}\n{HAMMER}\np: {{PROXY: {{of: s, rim: wall, at: [%s]}}}}"
     )
-    modules += f"\nfelt: {{{FELT % 'p'}}}"
+    modules += f"\nfelt: {{{CONTACT % 'p'}}}"
     for position, corner in (("1.25, 2.6", True), ("0.5, 2", False)):
-        sound = heard(score(modules % position, f"p: {{SOX: p}}, {outs}"))
+        sound = rendered(score(modules % position, f"p: {{SOX: p}}, {outs}"))
         grid = np.zeros((len(sound), 5, 6))
         grid[:, 1:4, 1:5] = sound[:, 1:].reshape(-1, 3, 4)
         row = {True: [0, 0.75, 0.25, 0, 0], False: [0.5, 0.5, 0, 0, 0]}[corner]
@@ -171,7 +171,7 @@ l: {{RES: {{between: [h, p], K: {stiffness}N/m}}}}"""
 def test_modes_of_what_it_lies_on_are_kept():
     """A string goes by its modes, and the masses beside the proxy are its ports."""
     modules = block(f"{STRING}, {HAMMER}, p: {{PROXY: {{of: [wall, s, wall], at: 7.35}}}}, ")
-    modules += f"felt: {{{FELT % 'p'}}}"
+    modules += f"felt: {{{CONTACT % 'p'}}}"
     text = score(modules, "a: {SOX: s.15}, f: {SOF: felt}", "error: -60dB")
     exact = played(text.replace("44100Hz", "705600Hz"), method="ca")[::16]
     built = ready(text)
@@ -214,10 +214,10 @@ def test_what_is_no_proxy_is_refused_at_its_place(name: str):
     modules, message = WRONG[name]
     text = score(f"{block(STRING)}\n{modules}", "a: {SOX: s.3}")
     last = 9 + modules.count("\n")
-    assert [line for _, line, told in found(text) if message in told] == [last]
+    assert [line for _, line, told in check_reports(text) if message in told] == [last]
 
 
 def test_it_is_not_struck():
     text = score(f"{block(STRING)}\np: {{PROXY: {{of: s, at: 1.5}}}}", "a: {SOX: p}")
-    output = found(text + "strikes: {a: {to: i.p, at: 0s, impulse: 1mNs}}\n")
+    output = check_reports(text + "strikes: {a: {to: i.p, at: 0s, impulse: 1mNs}}\n")
     assert [line for code, line, message in output if "strike the masses" in message] == [12]

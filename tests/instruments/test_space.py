@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from checked import check, found
+from checked import check, check_reports
 from jsonschema import Draft7Validator
 from oracle import matter
 from scipy.optimize import fsolve
@@ -14,7 +14,7 @@ from ergon.scores.staging.stage import stage
 G = 9.81
 
 
-def heard(text: str, rate: int = 44_100) -> np.ndarray:
+def rendered(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
     built = stage(check(lines + text).piece, planned=True)
@@ -85,7 +85,7 @@ def test_it_moves_as_dop853_does(seed: int, axes: int, damping: float, order: in
     text, arguments, links = tangle(seed, axes, damping)
     errors = []
     for rate in (44_100, 88_200):
-        ours = heard(text, rate)
+        ours = rendered(text, rate)
         when = np.arange(0, len(ours), rate // 4410) / rate
         exact = matter.solve(**arguments, links=links, when=when, gravity=G)
         apart = ours[:: rate // 4410] - exact[:, 1:].reshape(len(when), -1)
@@ -125,7 +125,7 @@ render: {bits: float, tail: 0.3s}
     ]
     mass, errors = np.array([0.0, 5e-3, 3e-3]), []
     for rate in (44_100, 88_200):
-        ours = heard(text, rate)
+        ours = rendered(text, rate)
         when = np.arange(0, len(ours), rate // 4410) / rate
         exact = matter.solve(x0, v0, mass, links, when)
         errors.append(np.abs(ours[:: rate // 4410, :3] - exact[:, 2]).max())
@@ -152,7 +152,7 @@ render: {{tail: 1s}}
 """
     errors = []
     for rate in (44_100, 88_200):
-        ours = heard(text, rate)
+        ours = rendered(text, rate)
         turn = speed / r * np.arange(len(ours)) / rate
         exact = r * np.stack([np.cos(turn), np.sin(turn)], 1)
         errors.append(float(np.abs(ours - exact).max()))
@@ -168,7 +168,7 @@ def test_fifty_tangles(seed: int):
 
     def error(rate: int) -> float:
         """Largest error, as a share of the largest coordinate."""
-        ours, every = heard(text, rate), rate // 4_410
+        ours, every = rendered(text, rate), rate // 4_410
         when = np.arange(0, len(ours), every) / rate
         exact = matter.solve(**arguments, links=links, when=when, gravity=G)
         apart = ours[::every] - exact[:, 1:].reshape(len(when), -1)
@@ -192,7 +192,7 @@ instruments:
 strikes: {{a: {{to: rope.1..7.y, at: 0, impulse: 1mNs}}}}
 render: {{bits: float, tail: 4s}}
 """
-    rest = heard(text, 8_000)[-1].reshape(-1, 2)
+    rest = rendered(text, 8_000)[-1].reshape(-1, 2)
     each = np.full(n, mass / (n - 2))
     links = [matter.Link(i, i + 1, stiff, 0.0, length) for i in range(n - 1)]
 
@@ -224,7 +224,7 @@ instruments:
 render: {bits: float, tail: 0.1s}
 """
     rate = 176_400
-    x, y, bell = heard(text, rate).T
+    x, y, bell = rendered(text, rate).T
     stiffness = np.array([[300.0, -300.0], [-300.0, 800.0]])
     roots = np.diag([0.01**-0.5, 0.02**-0.5])
     squares, modes = np.linalg.eigh(roots @ stiffness @ roots)
@@ -324,7 +324,7 @@ CELL = "  c:\n    modules:\n      m: {CEL: {M: 1g, f: A3}}\n"
     ],
 )
 def test_mistakes_have_a_sentence(text: str, code: str, said: str):
-    reports = found(text)
+    reports = check_reports(text)
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
@@ -372,7 +372,7 @@ render: {bits: float, tail: 0.1s}
 
 def test_a_spring_yields_and_stays_longer():
     """Perfect plasticity: 80 mJ against 5 N along the line; then it swings about a new length."""
-    x, force = heard(PULLED % ", yields: 5N").T
+    x, force = rendered(PULLED % ", yields: 5N").T
     # Until 5 N it takes 12.5 mJ; the rest of 80 mJ is 13.5 mm long.
     stop = 0.1 + 5e-3 + (0.08 - 0.0125) / 5.0
     assert x.max() == pytest.approx(stop, abs=1e-5)
@@ -380,7 +380,7 @@ def test_a_spring_yields_and_stays_longer():
 
 
 def test_a_spring_breaks_and_never_pulls_again():
-    x, force = heard(PULLED % ", breaks: 8mm").T
+    x, force = rendered(PULLED % ", breaks: 8mm").T
     broken = int(np.argmax(x > 0.108))
     assert broken > 0
     assert not force[broken:].any()
@@ -404,6 +404,6 @@ instruments:
     out: {y: {SOX: stone.y}}
 render: {bits: float, tail: 0.4s}
 """
-    complete, torn = (heard(text % more)[:, 0] for more in ("", ", breaks: 4mm"))
+    complete, torn = (rendered(text % more)[:, 0] for more in ("", ", breaks: 4mm"))
     assert complete[-1] > 0.4  # it holds the stone, and throws it back
     assert torn[-1] < -0.3  # the stone is through

@@ -13,7 +13,7 @@ G = 9.81
 RATES = (22_050, 44_100)
 
 
-def heard(text: str, rate: int) -> np.ndarray:
+def rendered(text: str, rate: int) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
     built = stage(check(lines + text).piece, planned=True)
@@ -29,7 +29,7 @@ def converges(text: str, exact: Callable[[np.ndarray], np.ndarray], limit: float
     """
     errors = []
     for rate in RATES:
-        ours = heard(text, rate)
+        ours = rendered(text, rate)
         right = exact(np.arange(len(ours)) / rate)
         errors.append(float(np.abs(ours - right).max() / np.abs(right).max()))
     assert errors[1] < limit
@@ -82,7 +82,7 @@ instruments:
     out: {{x: {{SOX: bob.x}}, y: {{SOX: bob.y}}}}
 render: {{bits: float, tail: 3s}}
 """
-    ours = heard(text, 44_100)
+    ours = rendered(text, 44_100)
     quarter = ellipk(modulus)
     slow = np.sqrt(G / length)
     t = np.arange(len(ours)) / 44_100
@@ -147,7 +147,7 @@ render: {{bits: float, tail: 60ms}}
 """
     meet, last = (begin - gap) / speed, np.pi / omega
     for rate, limit in ((44_100, 2e-4), (176_400, 5e-5)):
-        ours = heard(text, rate)
+        ours = rendered(text, rate)
         t = np.arange(len(ours)) / rate
         since = np.clip(t - meet, 0, last)
         deep = speed / omega * np.sin(omega * since)

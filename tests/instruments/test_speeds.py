@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import codes, found
+from checked import check_reports, codes
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -158,4 +158,4 @@ def test_a_link_has_no_speed():
         "modules: {m:", "modules: {b: {SOL: {}}, r: {RES: {between: [m, b], K: 1N/m}}, m:"
     )
     assert "E304" in codes(text.replace("{SOV: m}", "{SOV: r}"))
-    assert not found(text)
+    assert not check_reports(text)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 from edited import opened, piece_of, value
 
 from ergon.api.simulate import never_closed_warnings, simulate
@@ -32,7 +32,7 @@ SOL = "{SOL: {}}"
 K = "K: 20kN/m, Z: 5mNs/m"
 
 
-def heard(lines: str, force: str, wall: str = SOL, method: str = "ca") -> np.ndarray:
+def rendered(lines: str, force: str, wall: str = SOL, method: str = "ca") -> np.ndarray:
     """Outputs of the scene (n_frames, 2)."""
     text = SCORE.replace("method: ca", f"method: {method}") % (wall, lines, force)
     built = stage(check(text).piece, planned=True)
@@ -83,21 +83,21 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_what_a_contact_for_each_member_is(name: str):
     gap, gaps = CASES[name]
-    ours = heard(over(3, 7, gap), "{BUT: c}")
-    hand = heard(by_hand((f"{gap!r}m" for gap in gaps), 3), "[c0, c1, c2, c3, c4]")
+    ours = rendered(over(3, 7, gap), "{BUT: c}")
+    hand = rendered(by_hand((f"{gap!r}m" for gap in gaps), 3), "[c0, c1, c2, c3, c4]")
     assert np.abs(hand[:, 1]).max() > 1e-3  # they touch
     assert np.abs(ours - hand).max(axis=0) == pytest.approx(0.0, abs=1e-12 * np.abs(hand).max())
 
 
 def test_the_same_gaps_are_the_same_samples():
-    ours = heard(over(3, 7, LIST), "{BUT: c}")
-    assert same(ours, heard(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]"))
+    ours = rendered(over(3, 7, LIST), "{BUT: c}")
+    assert same(ours, rendered(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]"))
 
 
 def test_its_force_is_the_sum_of_its_points():
     line = over(3, 7, "{depth: 40um}")
-    complete, some = heard(line, "{BUT: c}")[:, 1], heard(line, "c.1..3")[:, 1]
-    points = [heard(line, f"c.{i}")[:, 1] for i in range(5)]
+    complete, some = rendered(line, "{BUT: c}")[:, 1], rendered(line, "c.1..3")[:, 1]
+    points = [rendered(line, f"c.{i}")[:, 1] for i in range(5)]
     assert np.abs(complete - sum(points)).max() < 1e-12 * np.abs(complete).max()
     assert np.abs(some - sum(points[1:4])).max() < 1e-12 * np.abs(complete).max()
     assert all(np.abs(own).max() > 0.0 for own in points[:2])
@@ -105,10 +105,10 @@ def test_its_force_is_the_sum_of_its_points():
 
 def test_an_obstacle_may_have_a_mass():
     wall = "{CEL: {M: 1g, f: 200Hz, t60: 0.2s}}"
-    ours = heard(over(3, 7, LIST), "{BUT: c}", wall)
-    hand = heard(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]", wall)
+    ours = rendered(over(3, 7, LIST), "{BUT: c}", wall)
+    hand = rendered(by_hand(GAPS, 3), "[c0, c1, c2, c3, c4]", wall)
     assert same(ours, hand)
-    assert (ours[:, 0] != heard(over(3, 7, LIST), "{BUT: c}")[:, 0]).any()
+    assert (ours[:, 0] != rendered(over(3, 7, LIST), "{BUT: c}")[:, 0]).any()
 
 
 @pytest.mark.parametrize(
@@ -122,25 +122,25 @@ def test_an_obstacle_may_have_a_mass():
     ],
 )
 def test_every_link_goes_over_a_range(kind: str, fields: str):
-    ours = heard(f"      c: {{{kind}: {{between: [wall, body.3..5], {fields}}}}}", "c")
+    ours = rendered(f"      c: {{{kind}: {{between: [wall, body.3..5], {fields}}}}}", "c")
     lines = [
         f"      c{i}: {{{kind}: {{between: [wall, body.{i}], {fields}}}}}" for i in range(3, 6)
     ]
-    hand = heard("\n".join(lines), "[c3, c4, c5]")
+    hand = rendered("\n".join(lines), "[c3, c4, c5]")
     assert np.abs(hand[:, 1]).max() > 0.0
     assert same(ours, hand)
 
 
 def test_two_ranges_join_member_by_member():
     wall = "{STRING: {masses: 8, M: 4g, f: A3, t60: 1s}}"
-    ours = heard(
+    ours = rendered(
         f"      c: {{BUT: {{between: [wall.2..4, body.6..8], {K}, gap: 10um}}}}", "c", wall
     )
     lines = [
         f"      c{i}: {{BUT: {{between: [wall.{2 + i}, body.{6 + i}], {K}, gap: 10um}}}}"
         for i in range(3)
     ]
-    assert same(ours, heard("\n".join(lines), "[c0, c1, c2]", wall))
+    assert same(ours, rendered("\n".join(lines), "[c0, c1, c2]", wall))
 
 
 @pytest.mark.parametrize(
@@ -174,18 +174,18 @@ def test_two_ranges_join_member_by_member():
 )
 def test_what_cannot_be_is_refused_where_it_is_written(line: str, code: str, words: str):
     text = SCORE % (SOL, line, "c")
-    reports = [report for report in found(text) if report[0] == code]
-    assert len(reports) == 1, found(text)
+    reports = [report for report in check_reports(text) if report[0] == code]
+    assert len(reports) == 1, check_reports(text)
     assert reports[0][1] == 7  # its line
     assert words in reports[0][2]
 
 
 def test_a_force_is_that_of_points_that_there_are():
-    reports = found(SCORE % (SOL, over(3, 7, "0mm"), "c.5"))
+    reports = check_reports(SCORE % (SOL, over(3, 7, "0mm"), "c.5"))
     assert [report[0] for report in reports] == ["E304"]
     assert "members 0 to 4" in reports[0][2]
     single = SCORE % (SOL, over(3, 3, "0mm"), "c.0")
-    assert "no members" in found(single)[0][2]
+    assert "no members" in check_reports(single)[0][2]
 
 
 def warned(line: str, wall: str = SOL) -> list:
@@ -234,7 +234,7 @@ def test_its_stiffness_glides_as_one():
         sounds.append(np.empty((built.n_frames, 2)))
         built.simulation.process(sounds[-1])
     assert same(*sounds)
-    assert (sounds[0] != heard(line, "c")).any()
+    assert (sounds[0] != rendered(line, "c")).any()
 
 
 def test_a_transposed_contact_keeps_its_gaps():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from oracle import matter
 
 from ergon.scores.staging.refusals import StageError
@@ -16,7 +16,7 @@ def staged(text: str, rate: int = RATE):
     return stage(check(lines + text).piece, planned=True)
 
 
-def heard(text: str, rate: int = RATE) -> np.ndarray:
+def rendered(text: str, rate: int = RATE) -> np.ndarray:
     """Outputs of a score, stepped by CA (n_frames, n_out)."""
     built = staged(text, rate)
     sound = np.empty((built.n_frames, built.simulation.n_out))
@@ -56,7 +56,7 @@ def test_it_sticks_as_dop853_says(viscous: float, more: str):
     x0, v0 = np.array([(0, 0), (0.013, 0.002)]), np.array([(0.0, 0), (-0.2, 0)])
     errors = []
     for rate in (RATE, 4 * RATE):
-        ours = heard(TWO % ("-0.2m/s", "a, b", f"{viscous}Ns/m", more), rate)
+        ours = rendered(TWO % ("-0.2m/s", "a, b", f"{viscous}Ns/m", more), rate)
         when = np.arange(0, len(ours), rate // 4410) / rate
         exact = matter.solve(x0, v0, np.array([4e-3, 6e-3]), [link], when)
         apart = ours[:: rate // 4410, :4] - exact.reshape(len(when), -1)
@@ -76,7 +76,7 @@ def test_what_sticks_parts_where_the_work_is_there():
     border = float(np.sqrt(2 * needed / reduced))
     position = TWO.replace("[13mm, 2mm]", f"[{1e3 * (GAP - PULL / STIFF)}mm, 0]")
     for share, parts in ((0.99, False), (1.01, True)):
-        sound = heard(position % (f"{share * border}m/s", "a, b", "0Ns/m", ""))
+        sound = rendered(position % (f"{share * border}m/s", "a, b", "0Ns/m", ""))
         assert bool(np.any(sound[:, 2] - sound[:, 0] > GAP + REACH)) is parts
 
 
@@ -127,11 +127,11 @@ instruments:
     out: {z: {SOX: ball.z}, f: {SOF: c}}
 render: {bits: float, tail: 1s}
 """
-    z, push = heard(text % "0.2N")[-1]
+    z, push = rendered(text % "0.2N")[-1]
     weight = 0.01 * 9.81
     assert z == pytest.approx(-0.005 + (0.2 - weight) / 500.0, abs=1e-9)
     assert push == pytest.approx(-weight, rel=1e-6)  # it pulls
-    assert heard(text % "0.09N")[-1, 0] < -1.0
+    assert rendered(text % "0.09N")[-1, 0] < -1.0
 
 
 BOX = """\
@@ -171,8 +171,8 @@ def test_a_box_is_its_walls(axes: int):
             sides.append(name)
     apart = "\n      ".join(walls)
     names = f"[{', '.join(sides)}]", f"[{', '.join(side + '.3' for side in sides)}]"
-    first = heard(BOX % (axes, *places, box, "walls", "walls.3"))
-    many = heard(BOX % (axes, *places, apart, *names))
+    first = rendered(BOX % (axes, *places, box, "walls", "walls.3"))
+    many = rendered(BOX % (axes, *places, apart, *names))
     assert first.tobytes() == many.tobytes()
     assert np.abs(first[:, 0]).max() > 0.1
     assert np.abs(first[:, 1]).max() > 0.0
@@ -197,7 +197,7 @@ HEAD += "      c: {BUT: {between: [nail, bob], K: 1, gap: 1cm, %s}}\n"
     ],
 )
 def test_mistakes_have_a_sentence(fields: str, code: str, said: str):
-    reports = found(HEAD % fields)
+    reports = check_reports(HEAD % fields)
     assert any(own == code and said in sentence for own, _, sentence in reports), reports
 
 

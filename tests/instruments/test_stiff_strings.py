@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from sweep import few
 
 from ergon.scores.reading.load import load
@@ -79,7 +79,7 @@ def test_a_wire_has_its_inharmonicity():
     ],
 )
 def test_a_stiff_string_is_refused_in_its_place(fields, code, part):
-    (report,) = found(SCORE % (fields, "ca"))
+    (report,) = check_reports(SCORE % (fields, "ca"))
     assert report[0] == code
     assert part in report[2]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from scipy.integrate import solve_ivp
 from sweep import few
 
@@ -119,4 +119,6 @@ def test_a_wire_is_as_stiff_as_its_matter():
     ("stretching", "code"), [("-1N/m3", "E202"), ("1N", "E203"), ("{young: 1GPa}", "E103")]
 )
 def test_what_is_wrong_is_told(stretching, code):
-    assert code in [report[0] for report in found(SCORE % ("fixed", stretching, "method: ca"))]
+    assert code in [
+        report[0] for report in check_reports(SCORE % ("fixed", stretching, "method: ca"))
+    ]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from oracle.bodies import stiffness_of, string_edges
 from scipy.integrate import solve_ivp
 
@@ -13,7 +13,7 @@ STRING = "{STRING: {masses: 5, M: 10g, f: 50Hz}}"
 PLATE = "{PLATE: {shape: disc, radius: 3, M: 50g, f: 200Hz, t60: 1s, rim: fixed}}"
 
 
-def heard(text: str, rate: int = 44_100) -> np.ndarray:
+def rendered(text: str, rate: int = 44_100) -> np.ndarray:
     """Outputs of a score (n_frames, n_out)."""
     lines = f"rates: {{audio: {rate}Hz}}\naccuracy: {{method: ca}}\n"
     built = stage(check(lines + text).piece, planned=True)
@@ -53,12 +53,12 @@ def test_a_point_above_a_mass_meets_it_as_on_one_axis(axes: int):
     surface = f"      skin: {{SURFACE: {{of: body.b, at: [{position}], across: 1m}}}}\n"
     meets = "      hit: {BUT: {between: [bead, skin.all], K: 3kN/m, Z: 0.1Ns/m, gap: 8mm}}"
     out = f"m: {{SOX: b.{mass}}}, bead: {{SOX: thrown.bead.{'xyz'[axes - 1]}}}"
-    ours = heard(score(axes, modules + surface + meets, body, out))
+    ours = rendered(score(axes, modules + surface + meets, body, out))
     text = score(axes, modules, body, out)
     link = f"{{BUT: {{between: [thrown.bead.{'xyz'[axes - 1]}, body.b.{mass}], K: 3kN/m, "
     link += "Z: 0.1Ns/m, gap: -8mm, side: above}}"
     text = text.replace("render:", f"  touch: {{modules: {{hit: {link}}}}}\nrender:")
-    plain = heard(text)
+    plain = rendered(text)
     assert np.abs(plain[:, 0]).max() > 1e-4
     np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-12)
 
@@ -98,7 +98,7 @@ def test_beads_on_a_string_move_as_dop853_does():
 
     errors = []
     for hertz in (88_200, 176_400):
-        ours = heard(text, hertz)
+        ours = rendered(text, hertz)
         when = np.arange(len(ours)) / hertz
         start = np.concatenate([ours[0], [0.1, -0.3] * 2, np.zeros(5)])
         done = solve_ivp(rate, (0, when[-1]), start, "DOP853", when, rtol=1e-11, atol=1e-14)
@@ -115,7 +115,7 @@ def test_a_body_may_stand_before_or_after_its_surface():
       hit: {BUT: {between: [beads.all, skin.all], K: 2kN/m, Z: 0.05Ns/m, gap: 9mm}}"""
     out = "m: {SOV: b.3}, f: {SOF: thrown.hit}"
     item, other = (
-        heard(score(3, modules, PLATE, out, body_first=first)) for first in (False, True)
+        rendered(score(3, modules, PLATE, out, body_first=first)) for first in (False, True)
     )
     assert np.abs(item[:, 0]).max() > 1e-3
     np.testing.assert_allclose(item, other, rtol=0, atol=1e-12)
@@ -141,7 +141,7 @@ def test_energy_and_weight_of_what_rests_on_a_plate():
 
 
 @pytest.mark.parametrize(
-    ("written", "code", "told"),
+    ("written", "code", "message"),
     [
         ("of: bead", "E304", "is a point in space"),
         ("of: body.c", "E304", "'body.c' is a CEL; a surface is that of a STRING or a PLATE"),
@@ -151,7 +151,7 @@ def test_energy_and_weight_of_what_rests_on_a_plate():
         ("of: body.b.all, across: 0", "E202", "'0' is not positive"),
     ],
 )
-def test_mistakes_say_what_is_wrong(written: str, code: str, told: str):
+def test_mistakes_say_what_is_wrong(written: str, code: str, message: str):
     defaults = {"at": "[0, 0]", "across": "6cm"}
     rest = "".join(f", {n}: {v}" for n, v in defaults.items() if f"{n}:" not in written)
     modules = f"""\
@@ -161,8 +161,8 @@ def test_mistakes_say_what_is_wrong(written: str, code: str, told: str):
     text = score(3, modules, PLATE, "m: {SOX: b.0}").replace(
         "b: {PLATE", "c: {CEL: {M: 1g, f: 1Hz}}, b: {PLATE"
     )
-    errors = found(text)
-    assert any(code == own and told in message for own, _, message in errors), errors
+    errors = check_reports(text)
+    assert any(code == own and message in message for own, _, message in errors), errors
 
 
 def test_the_last_axis_is_named_by_the_body():
@@ -170,7 +170,7 @@ def test_the_last_axis_is_named_by_the_body():
       bead: {MAS: {M: 5g, X0: [0, 0, 2cm]}}
       skin: {SURFACE: {of: body.b.all, at: [0, 0], across: 6cm}}
       hit: {BUT: {between: [bead, skin.all], K: 2kN/m, gap: 1cm}}"""
-    errors = found(score(3, modules, PLATE, "m: {SOX: thrown.skin.3.z}"))
+    errors = check_reports(score(3, modules, PLATE, "m: {SOX: thrown.skin.3.z}"))
     assert (
         "'thrown.skin.3.z' moves with a mass of body.b; write that mass, such as body.b.0"
         in errors[0][2]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 
 from ergon.instruments import transpose as t
 from ergon.notation.tables import quantities as q
@@ -374,7 +374,7 @@ def test_what_is_written_beside_a_transposition_sounds_as_written():
     ],
 )
 def test_what_cannot_be_transposed_or_lacks_fields_is_said_once(instruments, report):
-    assert found(f"ergon: 1\ninstruments:\n{instruments}") == [report]
+    assert check_reports(f"ergon: 1\ninstruments:\n{instruments}") == [report]
 
 
 def test_a_broken_transposition_brings_no_second_message():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duets import STAND_IN, played, recorded, rendered, said, sound
+from duets import STAND_IN, command_output, played, recorded, rendered, sound
 from emulators import emulator
 from paced_board import paced
 
@@ -200,6 +200,8 @@ def test_drive_without_motor_or_calibration(
 ):
     (tmp_path / "key.yaml").write_text(LIGHT_KEY)
     (tmp_path / "score.yaml").write_text(PACED.replace(before, after) if before else PACED)
-    code, output = said("play", tmp_path / "score.yaml", "--drive", drive, "--audio", "null:fast")
+    code, output = command_output(
+        "play", tmp_path / "score.yaml", "--drive", drive, "--audio", "null:fast"
+    )
     assert code == 2, output
     assert why in output

@@ -70,7 +70,7 @@ def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_pat
                 playing.until("load")
                 playing.process.send_signal(signal.SIGINT)
                 assert playing.end() == 130
-    assert "Traceback" not in "".join(playing.told)
+    assert "Traceback" not in "".join(playing.lines)
     both = recorded(take)
     _stood_in(both)
     played, expected = sound(listened), rendered(score, take)
@@ -183,7 +183,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
             assert playing.end() == 128 + number
         # Told three times: one packet may be lost.
         until(lambda: [force for force, _ in device.heard[-3:]] == [0, 0, 0], "farewells")
-    assert "Traceback" not in "".join(playing.told)
+    assert "Traceback" not in "".join(playing.lines)
 
 
 # --- what cannot be -------------------------------------------------------------------------------

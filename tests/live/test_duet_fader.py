@@ -19,8 +19,8 @@ def test_the_piece_for_a_fader_sends_more_than_three_tenths_of_a_newton(tmp_path
         with duet(
             PIECE, *live, "--audio", "null:fast", "--gain", "0dB", "--record", take
         ) as single:
-            assert single.end() == 0, single.told
-    assert not [line for line in single.told if "scaled" in line], single.told
+            assert single.end() == 0, single.lines
+    assert not [line for line in single.lines if "scaled" in line], single.lines
     result = recorded(take)
     # Forces rise for two seconds at the start.
     forces, sent = result.forces()[3_000:, 0], result.sent()[3_000:, 0]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duets import STAND_IN, played, recorded, rendered, said, sound
+from duets import STAND_IN, command_output, played, recorded, rendered, sound
 from emulators import emulator
 from sweep import few
 
@@ -88,7 +88,7 @@ def test_a_key_in_another_process_is_the_key_in_the_network(
     assert np.array_equal(apart.positions()[:, 0], moved)
     full_sound = tmp_path / "whole.wav"
     render = ("render", score, "--bits", "float", "-o", full_sound)
-    code, output = said(*render)
+    code, output = command_output(*render)
     assert code == 0, output
     assert np.array_equal(sound(full_sound), sound(listened))
 
@@ -141,7 +141,7 @@ def test_an_emulated_key_of_a_calibration_is_the_calibrated_key_of_a_score(
     assert np.ptp(moved) > 2e-3
     assert np.array_equal(apart, moved), np.abs(apart - moved).max()
     full_sound = tmp_path / "whole.wav"
-    code, output = said("render", score, "--bits", "float", "-o", full_sound)
+    code, output = command_output("render", score, "--bits", "float", "-o", full_sound)
     assert code == 0, output
     assert np.array_equal(sound(full_sound), sound(listened))
 

@@ -64,7 +64,7 @@ def key() -> list[str]:
     return ["firefader", "--lockstep", "--rate", "1000Hz", "--gesture", GESTURE, "--hand", "900N/m"]
 
 
-def judged(listened: np.ndarray, score: Path, take: Path, told: list[str]) -> Comparison:
+def judged(listened: np.ndarray, score: Path, take: Path, lines: list[str]) -> Comparison:
     """What was heard beside what the recording renders to; that something was played at all."""
     forces = recorded(take)
     assert np.ptp(forces.positions()) > 8e-3
@@ -73,9 +73,9 @@ def judged(listened: np.ndarray, score: Path, take: Path, told: list[str]) -> Co
     assert (np.abs(expected).max(axis=0) > 1e-4).all(), "every loudspeaker sounds"
     result = compare(listened, expected)
     # Underruns fade, so that samples beside a gap differ; without a clock there is none (below).
-    if "gaps" not in told[-1]:
-        assert result.wrong == 0, (result, told)
-        assert result.equal > RATE, (result, told)
+    if "gaps" not in lines[-1]:
+        assert result.wrong == 0, (result, lines)
+        assert result.equal > RATE, (result, lines)
     return result
 
 
@@ -89,8 +89,8 @@ def test_a_key_on_a_wire_is_heard_through_jack(
         live = ("--live", f"remi={device.url}", "--record", take, "--gain", "60dB")
         with duet(score, *live, "--audio", "jack:capture:") as playing:
             assert "24 channels" in playing.until("jack (")
-            assert playing.end() == 0, playing.told
-        result = judged(capture.finish(), score, take, playing.told)
+            assert playing.end() == 0, playing.lines
+        result = judged(capture.finish(), score, take, playing.lines)
         # The server's own late cycles are no fault of the physics; they are gaps, and said.
         print(f"{result.equal} frames of {CHANNELS} channels equal, gaps: {result.gaps}")
 
@@ -107,11 +107,11 @@ def test_as_fast_as_it_goes_nothing_at_all_is_missing(
         with duet(score, *live, "--audio", "jack:capture:") as playing:
             playing.until("jack (")
             assert capture.freewheel(True)
-            assert playing.end() == 0, playing.told
+            assert playing.end() == 0, playing.lines
         assert capture.freewheel(False)
-        result = judged(capture.finish(), score, take, playing.told)
+        result = judged(capture.finish(), score, take, playing.lines)
         assert result.exact, result
-    assert "gaps" not in playing.told[-1]
+    assert "gaps" not in playing.lines[-1]
 
 
 @pytest.mark.slow
@@ -124,10 +124,10 @@ def test_a_key_on_a_wire_is_heard_through_pulse(
     with server.run(), emulator(*key()) as device, server.recording(listened):
         live = ("--live", f"remi={device.url}", "--record", take, "--gain", "60dB")
         with duet(score, *live, "--audio", "pulse:dome") as playing:
-            assert playing.end() == 0, playing.told
+            assert playing.end() == 0, playing.lines
         length = len(rendered(score, take)) * CHANNELS * 4
         until(lambda: listened.stat().st_size > length, "parec to hand on what it has")
     frames = np.fromfile(listened, np.float32)
     frames = frames[: len(frames) // CHANNELS * CHANNELS].reshape(-1, CHANNELS)
-    result = judged(frames, score, take, playing.told)
+    result = judged(frames, score, take, playing.lines)
     print(f"{result.equal} frames of {CHANNELS} channels equal, gaps: {result.gaps}")

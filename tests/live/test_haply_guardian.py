@@ -33,14 +33,14 @@ def playing(tmp_path: Path, service: Service) -> tuple[Path, tuple[object, ...]]
 
 def pushed(service: Service) -> float:
     """Wait until a force stands; when it came."""
-    n = len(service.told)
-    service.until(lambda own: len(own.told) > n and abs(own.told[-1].force[0]) > 0.01)
-    return service.told[-1].at
+    n = len(service.received)
+    service.until(lambda own: len(own.received) > n and abs(own.received[-1].force[0]) > 0.01)
+    return service.received[-1].time
 
 
 def let_go(service: Service, after: float) -> None:
     """Wait until zero is the last that was told."""
-    service.until(lambda own: own.first_zero(after) is not None and own.told[-1].is_zero)
+    service.until(lambda own: own.first_zero(after) is not None and own.received[-1].is_zero)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duets import recorded, rendered, said, sound
+from duets import command_output, recorded, rendered, sound
 from patience import until
 from scipy.integrate import solve_ivp
 
@@ -386,7 +386,7 @@ def test_a_session_is_played_by_osc_and_its_name_is_free_afterwards(work_folder:
                 until(lambda take=Path(f"{name}.take"): span(take) > 0.01, "a hand in the take")
             assert f"positions of /x are taken from OSC at 127.0.0.1:{free}" in report.sentences
             assert any("remi by osc:/x: " in sentence for sentence in report.sentences)
-    code, words = said("render", "second.jsonl", "--bits", "float", "-o", "j.wav")
+    code, words = command_output("render", "second.jsonl", "--bits", "float", "-o", "j.wav")
     assert code == 0, words
 
 

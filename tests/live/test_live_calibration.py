@@ -18,7 +18,7 @@ from ergon.live.display import event_sentence
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
 AXIS = Axis(-1, 0.0125, 2.0, (-0.03, 0.03), 3.5)
-OWN = """\
+USER_FILE = """\
 # my keys
 [devices]
 tgr0 = "frame:/dev/ttyACM0"   # the left one
@@ -54,7 +54,7 @@ def written(config: Path, text: str) -> None:
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
-    single = OWN.replace("\n", end)
+    single = USER_FILE.replace("\n", end)
     written(config, single)
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     text = config.read_bytes().decode()

@@ -40,7 +40,7 @@ def piece(part: str = "", more: str = "", reach: str = "") -> Piece:
     return loaded.piece
 
 
-def heard(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
+def rendered(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
     out = np.zeros((n_frames, simulation.n_out))
     simulation.process(out)
     return out[:, 0]
@@ -77,18 +77,18 @@ def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
     played, forces = [], []
     for x in ticks:
         live.simulation.hold(hand.index, x)
-        played.append(heard(live.simulation, hand.tick_frames))
+        played.append(rendered(live.simulation, hand.tick_frames))
         forces.append(live.simulation.felt(hand.index))
     assert min(forces) < -0.5
     again = stage(piece(), planned=planned, real={"remi": ticks})
-    assert np.array_equal(heard(again.simulation, 900 * 44), np.concatenate(played))
+    assert np.array_equal(rendered(again.simulation, 900 * 44), np.concatenate(played))
 
 
 def test_behind_a_lever_the_scene_sees_the_travel_scaled():
     ticks = np.full(40, 4e-3)
     plain = stage(piece(), real={"remi": ticks})
     lever = stage(piece(reach=", reach: 2"), real={"remi": ticks / 2})
-    a, b = (heard(one.simulation, 40 * 44) for one in (plain, lever))
+    a, b = (rendered(one.simulation, 40 * 44) for one in (plain, lever))
     assert np.array_equal(a, b)
 
 

@@ -76,7 +76,7 @@ class Listener:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
         self.port: int = self.socket.getsockname()[1]
-        self.heard: list[tuple[float, float | None, str, list[Any]]] = []
+        self.messages: list[tuple[float, float | None, str, list[Any]]] = []
 
     def next(self, patience: float = PATIENCE) -> tuple[float, float | None, str, list[Any]]:
         """(instant it came, time tag, address, arguments)."""
@@ -88,8 +88,8 @@ class Listener:
             tag, message = bundle.timestamp, bundle.content(0)
         else:
             message = OscMessage(datagram)
-        self.heard.append((now, tag, message.address, list(message.params)))
-        return self.heard[-1]
+        self.messages.append((now, tag, message.address, list(message.params)))
+        return self.messages[-1]
 
     def until(self, *addresses: str) -> tuple[float, float | None, str, list[Any]]:
         while (result := self.next())[2] not in addresses:
@@ -101,8 +101,8 @@ class Listener:
             while True:
                 self.next(patience)
 
-    def of(self, address: str) -> list[tuple[float, float | None, list[Any]]]:
-        return [(now, tag, said) for now, tag, where, said in self.heard if where == address]
+    def messages_to(self, address: str) -> list[tuple[float, float | None, list[Any]]]:
+        return [(now, tag, said) for now, tag, where, said in self.messages if where == address]
 
     def say(self, port: int, address: str, *arguments: Any) -> None:
         self.socket.sendto(encode_message(address, arguments), ("127.0.0.1", port))
@@ -147,7 +147,7 @@ def command(folder: Path, *options: str, text: str = SCORE) -> Iterator[subproce
             process.kill()
 
 
-def told(process: subprocess.Popen[str], event: str) -> dict[str, Any]:
+def next_event(process: subprocess.Popen[str], event: str) -> dict[str, Any]:
     assert process.stdout is not None
     for line in process.stdout:
         if (result := json.loads(line))["event"] == event:
@@ -159,7 +159,7 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
     to = f"127.0.0.1:{listener.port}"
     options = ["--audio", "null", "--gain", "0dB", "--osc", "0", "--osc-to", to, "--loop"]
     with command(tmp_path, *options) as process:
-        where = told(process, "osc")
+        where = next_event(process, "osc")
         assert where["host"] == "127.0.0.1"
         port = where["port"]
         assert listener.until("/ergon/beat")[3][:2] == [1, 1]
@@ -179,11 +179,12 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
             "the argument has to be one number, a level in dB"
         ]
         listener.say(port, "/ergon/stop")
-        assert told(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
+        assert next_event(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
         assert (
-            told(process, "warning")["message"] == "1 datagrams were not valid OSC and were ignored"
+            next_event(process, "warning")["message"]
+            == "1 datagrams were not valid OSC and were ignored"
         )
-        told(process, "played")
+        next_event(process, "played")
         assert process.wait(timeout=PATIENCE) == 0
 
 
@@ -197,7 +198,7 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
             pass
         osc.stop_serving()
         listener.drain()
-    beats = [tuple(said) for *_, said in listener.of("/ergon/beat")]
+    beats = [tuple(said) for *_, said in listener.messages_to("/ergon/beat")]
     # Two bars of three quarters, then bars of seven eighths, each beat an eighth long or a quarter.
     assert beats[:7] == [(1, 1, 240), (1, 2, 240), (1, 3, 240), *beats[3:7]]
     tempo = staged.piece.tempo_map
@@ -206,7 +207,7 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
         assert (tempo.bar_beat(position), tempo.bpm(position)) == ((bar, beat), bpm)
     assert beats == sorted(set(beats))
     assert len(beats) > 12
-    strikes = [said for *_, said in listener.of("/ergon/strike")]
+    strikes = [said for *_, said in listener.messages_to("/ergon/strike")]
     expected = sorted((g.start, g.player, g.key, g.name) for g in staged.gestures)
     assert [(player, key, name) for player, key, name, _ in strikes] == [
         (player, key, name) for _, player, key, name in expected
@@ -214,9 +215,11 @@ def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     assert [position for *_, position in strikes] == pytest.approx(
         [one[0] for one in expected], abs=1e-6
     )
-    assert {tag for _, tag, _ in listener.of("/ergon/strike")} == {0}  # nowhere to be heard
-    assert len(listener.of("/ergon/level")[0][2]) == staged.n_channels
-    assert listener.of("/ergon/late")[0][2] == [0, 0]
+    assert {tag for _, tag, _ in listener.messages_to("/ergon/strike")} == {
+        0
+    }  # nowhere to be heard
+    assert len(listener.messages_to("/ergon/level")[0][2]) == staged.n_channels
+    assert listener.messages_to("/ergon/late")[0][2] == [0, 0]
 
 
 class Card:
@@ -278,7 +281,7 @@ def test_time_tags_say_when_it_is_heard():
 
 
 def test_an_ear_takes_the_earliest_of_late_blocks():
-    class Said:
+    class StatusPerformance:
         def __init__(self, sounding: float, underruns: int = 0) -> None:
             self.sounding, self.underruns = sounding, underruns
             self.latency, self.paced, self.dropped, self.alive = 0.01, True, 0, True
@@ -286,10 +289,10 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
     ear = HearingClock(1000.0, 500)
     assert ear.instant_of(500) is None
     for i, late in enumerate((0.004, 0.0, 0.007, 0.002)):
-        ear.update(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
+        ear.update(StatusPerformance(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
     assert ear.instant_of(1500) == pytest.approx(51.01)
     # An underrun puts silence in: what was known is no longer true.
-    ear.update(Said(0.395, underruns=1), 50.4)  # type: ignore[arg-type]
+    ear.update(StatusPerformance(0.395, underruns=1), 50.4)  # type: ignore[arg-type]
     assert ear.instant_of(1500) == pytest.approx(51.015)
 
 
@@ -405,12 +408,12 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     st.integers(0, 400),
     st.binary(min_size=1, max_size=4),
 )
-def test_a_spoilt_datagram_harms_nobody(datagram: bytes, at: int, spoil: bytes):
+def test_a_spoilt_datagram_harms_nobody(datagram: bytes, offset: int, spoil: bytes):
     with contextlib.suppress(MalformedDatagramError):
         assert all(one == ("/a", [1, 0.5, "x"]) for one in parse_messages(datagram))
-    at %= len(datagram)
+    offset %= len(datagram)
     with contextlib.suppress(MalformedDatagramError):
-        parse_messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
+        parse_messages(datagram[:offset] + spoil + datagram[offset + len(spoil) :])
 
 
 def test_a_bundle_that_would_be_read_for_ever_is_malformed():
@@ -435,7 +438,7 @@ def test_a_flood_gets_few_answers(listener: Listener):
         until(lambda: osc.malformed > 0, "what is no OSC is counted")
         listener.until("/ergon/error")
         listener.drain()
-        text = len(listener.of("/ergon/error")) + len(osc.remarks())
+        text = len(listener.messages_to("/ergon/error")) + len(osc.remarks())
         assert 0 < text <= 10 * (time.monotonic() - began + 1.0)
         assert osc.malformed > 0
 

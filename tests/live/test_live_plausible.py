@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import ERGON
-from duets import said
+from duets import command_output
 from emulators import crc, emulator
 from patience import PATIENCE
 from simulated_board import Simulated, simulated
@@ -35,14 +35,14 @@ FAULT = 2.5  # [s] of the board
 
 
 @pytest.fixture(autouse=True)
-def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def private_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     (tmp_path / "score.yaml").write_text(SCORE)
 
 
 def duet(folder: Path, board: Simulated, *more: str) -> tuple[int, str]:
     live = ("--live", f"remi={board.url}?lockstep", "--audio", "null", "--gain", "0dB", "--plain")
-    return said("duet", folder / "score.yaml", *live, *more)
+    return command_output("duet", folder / "score.yaml", *live, *more)
 
 
 def harm(log: np.ndarray, complete: np.ndarray) -> tuple[float, float]:
@@ -92,7 +92,10 @@ def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
         assert code == 2, output
         assert "the motor pushes the wrong way" in output
         # As it is known to be, it plays.
-        assert said("devices", "calibrate", f"{board.url}?lockstep", "--seconds", "0")[0] == 0
+        assert (
+            command_output("devices", "calibrate", f"{board.url}?lockstep", "--seconds", "0")[0]
+            == 0
+        )
         code, output = duet(tmp_path, board, "--guide", "remi=500N/m")
         assert code == 0, output
         assert "tripped" not in output

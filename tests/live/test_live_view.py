@@ -49,7 +49,7 @@ instruments:
 render: {tail: 600s}
 """
 # What a page knows of what is heard: whether a clock says it, how far its picture is from that.
-HEARD = """(() => { const {live, clock, story} = ergon.page;
+LIVE_CLOCK = """(() => { const {live, clock, story} = ergon.page;
   const there = live.at(performance.now() / 1000, story.end);
   return [live.heard !== null, there - clock.t, clock.t]; })()"""
 
@@ -144,26 +144,28 @@ def test_a_page_follows_what_is_heard(chromium: browser.Browser, work_folder: Pa
             assert [name for name, *_ in parts] == ["sky", "wire", "dark"]
             assert parts[0][1:] == ["free", 60]
             assert parts[2][1] == "none"
-            until(lambda: page.run(HEARD)[0], "a clock")
-            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "the picture is where the sound is")
+            until(lambda: page.run(LIVE_CLOCK)[0], "a clock")
+            until(
+                lambda: abs(page.run(LIVE_CLOCK)[1]) < 1 / 60, "the picture is where the sound is"
+            )
             # Strikes are known before they are heard, and what they did is drawn.
             until(lambda: page.run("ergon.page.story.ergons.count") > 20, "ergons")
             until(lambda: page.run("ergon.page.motion.sweep.some((x) => x > 0)"), "it swings")
             page.press(" ")
-            stands = page.run(HEARD)[2]
+            stands = page.run(LIVE_CLOCK)[2]
             until(lambda: page.run("ergon.page.story.end") > stands + 6, "it is played on")
             # What is long past is forgotten, however long one looks at it.
             assert page.run("ergon.page.story.end - ergon.page.story.begins") < 7
             assert page.run("ergon.page.story.flights.states.length") <= 8
             until(lambda: page.run("ergon.page.clock.t >= ergon.page.story.begins"), "it is drawn")
             page.press("End")
-            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "now again")
+            until(lambda: abs(page.run(LIVE_CLOCK)[1]) < 1 / 60, "now again")
             page.press("ArrowLeft")
             assert page.run("ergon.page.live.isNow") is False
             page.press("-")
             page.press("=")
             page.press("End")
-            until(lambda: abs(page.run(HEARD)[1]) < 1 / 60, "now again")
+            until(lambda: abs(page.run(LIVE_CLOCK)[1]) < 1 / 60, "now again")
             assert page.errors == []
         tally = pages.server.tally
         assert tally["dropped"] == 0

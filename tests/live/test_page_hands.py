@@ -9,7 +9,7 @@ from pathlib import Path
 import browser
 import numpy as np
 import pytest
-from duets import duet, recorded, said, sound
+from duets import command_output, duet, recorded, sound
 from hands_page import HandsPage
 from patience import until
 
@@ -111,7 +111,7 @@ def test_a_mouse_plays_a_key_and_its_take_renders_to_what_was_heard(
     played = sound(Path("played.wav"))[:-FADED]
     end = f"{len(take.positions()) * TICK_FRAMES / 44100:.3f}s"
     render = ("render", "s.yaml", "--hands", "hand.take", "--until", end, "--bits", "float")
-    code, words = said(*render, "-o", "expected.wav")
+    code, words = command_output(*render, "-o", "expected.wav")
     assert code == 0, words
     expected = sound(Path("expected.wav"))[: len(played)]
     assert np.max(np.abs(played)) > 1e-4
@@ -136,11 +136,11 @@ def test_the_bundled_duet_is_rehearsed_by_a_pointer(chromium: browser.Browser, w
             hands.mouse("mouseMoved", x, y - 80 * np.sin(2 * np.pi * step / 60))
             step += 1
         assert page.errors == []
-        assert playing.end() == 0, playing.told
+        assert playing.end() == 0, playing.lines
     take = recorded(Path("hand.take"))
     assert np.ptp(take.positions()) > 5e-3
     render = ("render", score, "--hands", "hand.take", "--to", "4|1", "--bits", "float")
-    code, words = said(*render, "-o", "expected.wav")
+    code, words = command_output(*render, "-o", "expected.wav")
     assert code == 0, words
     listened = sound(Path("heard.wav"))[:-FADED]
     assert np.abs(listened).max() > 1e-3

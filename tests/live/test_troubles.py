@@ -34,20 +34,25 @@ class Status:
 FINE = Status()
 
 
-def told(status: Status, recording: str | None = None, *, is_endless: bool = True) -> list[str]:
+def trouble_lines(
+    status: Status, recording: str | None = None, *, is_endless: bool = True
+) -> list[str]:
     return list(troubles(status, ["remi"], recording, is_endless=is_endless))
 
 
 def test_each_trouble_is_told_in_a_few_words():
-    assert told(FINE) == []
-    assert told(replace(FINE, underruns=2, xruns=1, lost=1)) == ["gaps 3", "clock resets 1"]
-    assert told(replace(FINE, input_gaps=2)) == ["input gaps 2"]
-    assert told(replace(FINE, alive=False)) == ["NO SOUND OUTPUT"]
-    assert told(replace(FINE, done=True)) == ["ENGINE ENDED"]
-    assert told(replace(FINE, done=True, alive=False), is_endless=False) == []
-    assert told(FINE, "No space left") == ["HANDS NOT RECORDED (No space left)"]
+    assert trouble_lines(FINE) == []
+    assert trouble_lines(replace(FINE, underruns=2, xruns=1, lost=1)) == [
+        "gaps 3",
+        "clock resets 1",
+    ]
+    assert trouble_lines(replace(FINE, input_gaps=2)) == ["input gaps 2"]
+    assert trouble_lines(replace(FINE, alive=False)) == ["NO SOUND OUTPUT"]
+    assert trouble_lines(replace(FINE, done=True)) == ["ENGINE ENDED"]
+    assert trouble_lines(replace(FINE, done=True, alive=False), is_endless=False) == []
+    assert trouble_lines(FINE, "No space left") == ["HANDS NOT RECORDED (No space left)"]
     hand = Hand(hot=True, tripped=True, let_go=2, stalls=1)
-    assert told(replace(FINE, hands=[hand])) == [
+    assert trouble_lines(replace(FINE, hands=[hand])) == [
         "remi MOTOR HOT",
         "remi tripped",
         "remi forces dropped by device 2",

@@ -16,7 +16,7 @@ from ergon.workshop.lsp.guard import GuardedInput, ProtocolError
 from ergon.workshop.lsp.server import _HANDLERS
 
 HOVER = "textDocument/hover"
-AT = {"line": 0, "character": 0}
+POSITION = {"line": 0, "character": 0}
 
 
 def answers(data: bytes) -> list[dict[str, Any]]:
@@ -55,8 +55,12 @@ def guarded(*messages: object) -> tuple[list[dict[str, Any]], list[dict[str, Any
         (requested(2, "workspace/executeCommand", command="x"), -32601, "is not done"),
         (requested(2, HOVER, position={"line": -1, "character": 0}), -32602, "position"),
         (requested(2, HOVER), -32602, "required field missing"),
-        (requested(2, HOVER, uri="file:///dev/zero", position=AT), -32602, "is not open"),
-        (requested(2, HOVER, position=AT, more=json.loads("[" * 100 + "]" * 100)), -32600, "deep"),
+        (requested(2, HOVER, uri="file:///dev/zero", position=POSITION), -32602, "is not open"),
+        (
+            requested(2, HOVER, position=POSITION, more=json.loads("[" * 100 + "]" * 100)),
+            -32600,
+            "deep",
+        ),
         (INITIALIZE, -32600, "comes once"),
         (requested(2, "textDocument/didChange"), -32600, "if, and only if"),
     ],
@@ -76,7 +80,10 @@ def test_what_is_refused_has_an_answer(message: object, code: int, words: str):
 
 def test_a_request_has_its_time():
     handed, (early, late), _ = guarded(
-        requested(1, HOVER, position=AT), INITIALIZE, END[0], requested(2, HOVER, position=AT)
+        requested(1, HOVER, position=POSITION),
+        INITIALIZE,
+        END[0],
+        requested(2, HOVER, position=POSITION),
     )
     assert [one["method"] for one in handed] == ["initialize", "shutdown"]
     assert (early["id"], early["error"]["code"]) == (1, -32002)
@@ -122,7 +129,7 @@ def test_what_is_not_the_protocol_ends_the_server(data: bytes, words: str):
     ("message", "code"),
     [
         (requested(2, HOVER, position={"line": -1, "character": 0}), 0),
-        (requested(2, "textDocument/completion", position=AT), 0),
+        (requested(2, "textDocument/completion", position=POSITION), 0),
         (b"[" * 100_000, 0),
         (b"", 2),
     ],

@@ -70,8 +70,8 @@ def test_columns_are_those_of_the_editor(session):
     # U+1D11E takes two UTF-16 units, and one character of the checker's.
     async def act(editor: Editor) -> None:
         result = await editor.diagnostics(bool)
-        assert result[-1].range.start == editor.at("nott: 1, ")
-        assert result[-1].range.end == editor.at("nott: 1, nope")
+        assert result[-1].range.start == editor.position_after("nott: 1, ")
+        assert result[-1].range.end == editor.position_after("nott: 1, nope")
 
     session(SCORE.replace("{key: k}", '{key: k, "\U0001d11e": 2, nott: 1, nope: 2}'), act)
 

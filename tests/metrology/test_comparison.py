@@ -99,14 +99,14 @@ def test_a_weighed_mass_tells_the_gains():
     reads, pushes, added = 1.1, 0.8, 0.017
     gain = reads * pushes
 
-    def found(mass: float, sinks: float) -> Calibration:
+    def calibration(mass: float, sinks: float) -> Calibration:
         return known(M=mass / gain, K=60 / gain, Z=1.2 / gain, rest=-2.5e-3 - reads * sinks)
 
-    plain, loaded = found(0.4, 0.0), found(0.4 + added, added * 9.80665 / 60)
+    plain, loaded = calibration(0.4, 0.0), calibration(0.4 + added, added * 9.80665 / 60)
     output = gains(plain, loaded, added)
     wanted = {"mass": gain, "position": reads, "force": pushes, "M": 0.4, "K": 60.0, "Z": 1.2}
     assert {name: one.value for name, one in output.items()} == pytest.approx(wanted, rel=1e-9)
-    lying = found(0.4 + added, 0.0)
+    lying = calibration(0.4 + added, 0.0)
     assert gains(plain, lying, added).keys() == {"mass", "M", "K", "Z"}
     with pytest.raises(MeasurementError, match="no heavier"):
         gains(loaded, plain, added)

@@ -22,7 +22,7 @@ def measured(row: Floats, seed: int) -> tuple[Measured, float]:
     return result, float(np.sqrt(np.mean((replay - truth) ** 2)))
 
 
-def kept(found: Measured) -> list[str]:
+def accepted_stages(found: Measured) -> list[str]:
     return [stage.name for stage in found.stages if stage.is_accepted]
 
 
@@ -37,8 +37,8 @@ def errors_of(seeds: range) -> Floats:
     errors = []
     for seed in seeds:
         result, replay = measured(KEY, seed)
-        assert kept(result)[:2] == ["M K Z", "dry"]
-        assert kept(result)[-1] == "mode"
+        assert accepted_stages(result)[:2] == ["M K Z", "dry"]
+        assert accepted_stages(result)[-1] == "mode"
         assert replay <= min(0.25e-6, 0.05 * QUANTUM), f"seed {seed}: {replay}"
         each = deviations(result, KEY)
         errors.append([each[i] for i in (*range(5), INDEX["delay"], *range(10, 13))])
@@ -63,7 +63,7 @@ def test_a_key_is_measured_as_well_as_can_be():
 @pytest.mark.slow
 def test_no_mode_is_found_where_there_is_none():
     result, replay = measured(PLAIN, 7)
-    assert "mode" not in kept(result)
+    assert "mode" not in accepted_stages(result)
     assert replay <= 0.25e-6
     assert max(map(abs, deviations(result, PLAIN).values())) < 4
 
@@ -82,9 +82,9 @@ def test_each_kind_of_friction_is_found(changed: dict[str, float], part: str, bo
     for name, value in changed.items():
         row[INDEX[name]] = value
     result, replay = measured(row, 3)
-    friction = [name for name in kept(result) if name in ("presliding", "Stribeck")]
+    friction = [name for name in accepted_stages(result) if name in ("presliding", "Stribeck")]
     assert friction == [part]
-    assert kept(result)[-1] == "mode"
+    assert accepted_stages(result)[-1] == "mode"
     assert replay < bound
     for name, value in changed.items():
         assert abs(result.fit.row[INDEX[name]] / value - 1) < 0.05
@@ -110,7 +110,7 @@ def test_friction_that_was_taken_for_a_delay_or_a_mode_is_taken_away():
 @pytest.mark.slow
 def test_the_last_quarter_judges_where_no_take_is_held_out():
     found = measure([gesture(KEY, rain(KEY, 6.0), 5)])
-    assert {"dry", "mode"} <= set(kept(found))
+    assert {"dry", "mode"} <= set(accepted_stages(found))
 
 
 @pytest.mark.slow

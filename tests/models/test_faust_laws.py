@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faust_built import heard, needs_faust
+from faust_built import needs_faust, rendered
 from planned_sound import off_db, played
 
 from ergon import _core
@@ -100,7 +100,7 @@ def test_a_law_has_the_force_that_it_has_in_the_engine() -> None:
     # Also where a table's lines meet, and beyond its ends.
     index = [0.0, -0.0, *(1e-4 * n**3 for n in (-9, -8, 2, 13)), *np.linspace(-3e-3, 3e-3, 41), 1.0]
     fed = np.array(list(product(index, (-1.0, -0.3, 0.0, 1e-3, 0.5))))
-    result = heard(Path("l.dsp"), fed, RATE)
+    result = rendered(Path("l.dsp"), fed, RATE)
     for item, column in zip(laws, result.T, strict=True):
         wanted = np.array([item.of.force(d, v) for d, v in fed])
         assert np.isfinite(wanted).sum() > 200
@@ -125,7 +125,7 @@ def test_a_program_of_laws_steps_what_the_engine_steps() -> None:
     exact = played(SCORE, method="ca")
     (built,) = faust_programs("s.yaml")
     Path("s.dsp").write_text(built.text)
-    sound = heard(Path("s.dsp"), np.zeros((len(exact), built.text.count("// input"))), RATE)
+    sound = rendered(Path("s.dsp"), np.zeros((len(exact), built.text.count("// input"))), RATE)
     assert exact.shape[1] == 8
     assert np.abs(exact).max(axis=0).min() > 1e-6
     assert off_db(sound, exact) < -220

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from faust_built import heard, needs_faust
+from faust_built import needs_faust, rendered
 from oracle import mims
 from planned_sound import off_db, played
 
@@ -74,7 +74,7 @@ def test_a_program_steps_what_the_engine_steps() -> None:
     Path("s.dsp").write_text(built.text)
     fed = np.zeros((len(exact), 3))
     fed[0] = 1e-3 * RATE  # an impulse of 1 mNs within a sample
-    sound = heard(Path("s.dsp"), fed, RATE)
+    sound = rendered(Path("s.dsp"), fed, RATE)
     assert sound.shape == exact.shape == (RATE, 8)
     sounding = np.abs(exact).max(axis=0) > 0
     assert np.count_nonzero(sounding) == 7  # nothing strikes the bank
@@ -97,7 +97,7 @@ def test_inputs_are_those_of_a_model_that_was_imported() -> None:
     (built,) = faust_programs("m.yaml")
     assert "// input 1: position of model.in1 [m]\n// input 2: force on model.m [N]\n" in built.text
     Path("m.dsp").write_text(built.text)
-    sound = heard(Path("m.dsp"), fed.T, RATE)
+    sound = rendered(Path("m.dsp"), fed.T, RATE)
     assert off_db(sound, exact) < -220
 
 
@@ -197,11 +197,11 @@ def test_a_body_of_known_modes_is_a_bank_of_resonators() -> None:
     Path("b.dsp").write_text(bell.text)
     fed = np.zeros((len(exact), 2))
     fed[0] = 2e-3 * RATE, 1e-3 * RATE
-    assert off_db(heard(Path("b.dsp"), fed, RATE), exact) < -200
+    assert off_db(rendered(Path("b.dsp"), fed, RATE), exact) < -200
     # At another rate it is the same body.
     fed = np.zeros((round(0.3 * 88_200), 2))
     fed[0] = 2e-3 * 88_200, 1e-3 * 88_200
-    assert off_db(heard(Path("b.dsp"), fed, 88_200)[::2, :2], exact[:, :2]) < -200
+    assert off_db(rendered(Path("b.dsp"), fed, 88_200)[::2, :2], exact[:, :2]) < -200
 
 
 def test_modes_are_written_where_their_part_is_named(capsys: pytest.CaptureFixture[str]) -> None:
@@ -253,7 +253,7 @@ def test_bodies_are_banks_of_their_modes() -> None:
     assert counts == [1, 1, 9, 1]
     fed = np.zeros((len(exact), sum(counts)))
     fed[0] = 1e-3 * RATE
-    sound = heard(Path("s.dsp"), fed, RATE)
+    sound = rendered(Path("s.dsp"), fed, RATE)
     assert sound.shape == exact.shape
     assert off_db(sound, exact) < -200
 
@@ -303,7 +303,7 @@ def test_points_between_masses() -> None:
     exact = played(PROXIES, method="ca")
     (built,) = faust_programs("s.yaml")
     Path("s.dsp").write_text(built.text)
-    sound = heard(Path("s.dsp"), np.zeros((len(exact), 0)), RATE)
+    sound = rendered(Path("s.dsp"), np.zeros((len(exact), 0)), RATE)
     assert np.abs(exact).max(axis=0).min() > 0
     assert off_db(sound, exact) < -220
 

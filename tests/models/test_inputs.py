@@ -107,7 +107,7 @@ def test_a_force_between_masses_is_shared():
     assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
-def way(frame: int, value: float) -> np.ndarray:
+def ramp(frame: int, value: float) -> np.ndarray:
     """From 0 to a value in 20 ms, from a frame on."""
     return value * np.clip((np.arange(FRAMES) + 1 - frame) / 882, 0.0, 1.0)
 
@@ -126,9 +126,9 @@ def test_inputs_by_osc_glide_to_what_they_are_told():
     assert "in2: {input: osc, gain: 1N}" in text
     output = [(100, "in1", 0.01), (300, "in2", 1e-4), (2000, "in3", -0.5)]
     inputs = {
-        "in1": later(way(100, 0.01)),
-        "in2": way(300, 1e-4),
-        "in3": later(way(2000, -0.5), 2),
+        "in1": later(ramp(100, 0.01)),
+        "in2": ramp(300, 1e-4),
+        "in3": later(ramp(2000, -0.5), 2),
     }
     listened = mims.played(message, "v2", FRAMES / mims.RATE, inputs=inputs)
     sound = rendered(text, FRAMES / mims.RATE, output)

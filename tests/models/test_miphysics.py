@@ -31,9 +31,12 @@ def ground(name: str, *at: float, kind: str = "Ground3D") -> tuple[str, str]:
 
 
 def mass(
-    name: str, m: float, at: tuple[float, float, float], v: tuple[float, float, float] = (0, 0, 0)
+    name: str,
+    m: float,
+    position: tuple[float, float, float],
+    v: tuple[float, float, float] = (0, 0, 0),
 ) -> tuple[str, str]:
-    return "Mass3D", f'name="{name}" mass="{m}" {place(*at)} {speed(*v)}'
+    return "Mass3D", f'name="{name}" mass="{m}" {place(*position)} {speed(*v)}'
 
 
 def line(name: str, m: float, z: float, v: float, kind: str = "Mass1D", more: str = "") -> tuple:

@@ -420,10 +420,10 @@ V1_TOUCHING = {
 @s spring @a @g 0.001
 @out1 posOutput @a""",
 }
-OF = {"v1": (V1, V1_TOUCHING), "v2": (V2, V2_TOUCHING)}
+MODELS = {"v1": (V1, V1_TOUCHING), "v2": (V2, V2_TOUCHING)}
 CASES = [
     pytest.param(dialect, text, bound, id=f"{dialect} {name}")
-    for dialect, sets in OF.items()
+    for dialect, sets in MODELS.items()
     for models, bound in zip(sets, (LINEAR, TOUCHING), strict=True)
     for name, text in models.items()
 ]
@@ -472,7 +472,7 @@ def test_laws_of_2019_are_others(name: str):
 
 def test_every_word_is_tried():
     tried = {
-        dialect: "\n".join((*a.values(), *b.values())).split() for dialect, (a, b) in OF.items()
+        dialect: "\n".join((*a.values(), *b.values())).split() for dialect, (a, b) in MODELS.items()
     }
     others = {"param", "audioParam", "posInput", "frcInput"}  # tests/models/test_refused.py, inputs
     for dialect, forms in FORMS.items():

@@ -80,14 +80,14 @@ def read(text):
     return document
 
 
-class Told:
+class NamedDocument:
     """A document that hypothesis names in a word."""
 
-    def __init__(self, document, *told):
-        self.document, self.told = document, told
+    def __init__(self, document, *words):
+        self.document, self.words = document, words
 
     def __repr__(self):
-        return f"text, path: {self.told}"
+        return f"text, path: {self.words}"
 
 
 def paths(node, path=()):
@@ -111,7 +111,9 @@ def is_part_of(few, many):
     return all(any(line == other for other in rest) for line in few)
 
 
-documents = st.integers(0, len(TEXTS) - 1).map(lambda number: Told(read(TEXTS[number]), number))
+documents = st.integers(0, len(TEXTS) - 1).map(
+    lambda number: NamedDocument(read(TEXTS[number]), number)
+)
 quiet = settings(max_examples=50, suppress_health_check=list(HealthCheck))
 
 
@@ -122,7 +124,7 @@ def placed(draw, kind):
     result = [path for path, node in paths(document.root) if path and kind(node)]
     assume(result)
     path = draw(st.sampled_from(result))
-    return Told(document, *drawn.told, path)
+    return NamedDocument(document, *drawn.words, path)
 
 
 def is_word(node):
@@ -134,7 +136,7 @@ def is_word(node):
 @quiet
 @given(placed(is_word), st.sampled_from(["x", "5|1", "900N/m", "'a, b'"]))
 def test_a_value_put_back_leaves_no_trace(outcome, text):
-    document, (_, path) = outcome.document, outcome.told
+    document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = put(document, path, text)
     assert comments(changed) == comments(document.text)
@@ -147,7 +149,7 @@ def test_a_value_put_back_leaves_no_trace(outcome, text):
 @quiet
 @given(placed(lambda node: isinstance(node, Sequence)), st.sampled_from(["x", "{a: 1, b: [c]}"]))
 def test_an_item_appended_and_removed_leaves_no_trace(outcome, text):
-    document, (_, path) = outcome.document, outcome.told
+    document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = append(document, path, text)
     assert comments(changed) == comments(document.text)
@@ -161,7 +163,7 @@ def test_an_item_appended_and_removed_leaves_no_trace(outcome, text):
     st.sampled_from([put, append]),
 )
 def test_a_name_made_and_removed_leaves_no_trace(outcome, names, edit):
-    document, (_, path) = outcome.document, outcome.told
+    document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     changed = edit(document, (*path, *names), "{a: 1}")
     assert comments(changed) == comments(document.text)
@@ -193,7 +195,7 @@ def is_table(node):
 @quiet
 @given(placed(is_table), st.data())
 def test_rows_come_and_go_without_a_trace(outcome, data):
-    document, (_, path) = outcome.document, outcome.told
+    document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     lines = rows(node.text)
     changed = add_row(document, path, "99|1   x")
@@ -337,7 +339,7 @@ def children(node):
 @quiet
 @given(placed(is_list), st.data())
 def test_several_leave_as_they_would_one_by_one(outcome, data):
-    document, (_, path) = outcome.document, outcome.told
+    document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     gone = data.draw(st.lists(st.sampled_from(children(node)), unique=True, min_size=1))
     try:

@@ -49,29 +49,29 @@ ENTRIES = st.lists(ENTRY, max_size=40)
 HEAD = st.sampled_from(["  ada:\n", "  ada: |\n", "  bo:\n", "  mia:  # a remark\n", "  - x\n"])
 
 
-def _same(own, other, base=0):
-    assert type(own) is type(other)
-    assert (base + own.start, base + own.end) == (other.start, other.end)
-    if isinstance(own, Scalar):
-        assert (own.text, own.style) == (other.text, other.style)
+def _same(actual, other, base=0):
+    assert type(actual) is type(other)
+    assert (base + actual.start, base + actual.end) == (other.start, other.end)
+    if isinstance(actual, Scalar):
+        assert (actual.text, actual.style) == (other.text, other.style)
         # Of equal lines the first says where they are; an item in a line of many says where it is
         # in itself.
-        assert own.place.length == other.place.length
-        assert own.place.column in (other.place.column, own.start + 1)
-        assert own.place.line <= other.place.line
-    elif isinstance(own, Mapping):
-        assert list(own.entries) == list(other.entries)
-        for word, (name, value) in own.entries.items():
+        assert actual.place.length == other.place.length
+        assert actual.place.column in (other.place.column, actual.start + 1)
+        assert actual.place.line <= other.place.line
+    elif isinstance(actual, Mapping):
+        assert list(actual.entries) == list(other.entries)
+        for word, (name, value) in actual.entries.items():
             key, item = other.entries[word]
-            begin = own.bases.get(word, base)
+            begin = actual.bases.get(word, base)
             _same(name, key, begin)
             _same(value, item, begin)
     else:
-        assert len(own.items) == len(other.items)
-        for number, (entry, item) in enumerate(zip(own.items, other.items, strict=True)):
-            first, end = own.span(number)
+        assert len(actual.items) == len(other.items)
+        for number, (entry, item) in enumerate(zip(actual.items, other.items, strict=True)):
+            first, end = actual.span(number)
             assert (base + first, base + end) == (item.start, item.end)
-            _same(entry, item, own.bases[number] if own.bases else base)
+            _same(entry, item, actual.bases[number] if actual.bases else base)
 
 
 def _flow(head, items):

@@ -15,11 +15,11 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 
 
-def entry(at, bpm=None, over=None, meter=None):
+def entry(beat, bpm=None, over=None, meter=None):
     """An entry as a score writes it."""
     start, end = (None, None) if bpm is None else parse_bpm(str(bpm))
     return Entry(
-        parse_position(at),
+        parse_position(beat),
         start,
         end,
         None if over is None else parse_length(over),

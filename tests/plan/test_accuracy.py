@@ -51,7 +51,7 @@ def test_the_reference_is_the_matrix_exponential_where_a_scene_is_linear(name: s
     n_frames = 2000
     assert scene.is_linear
     exact = reference.solve(scene, n_frames).sound
-    stepped = reference.heard(scene, *reference.integrate(scene, n_frames, reference.TIGHT))
+    stepped = reference.outputs(scene, *reference.integrate(scene, n_frames, reference.TIGHT))
     assert audit.error_db(stepped, exact, scene.rate) < SURE_DB
 
 
@@ -185,7 +185,7 @@ def test_the_reference_of_friction_is_that_of_its_equations(name: str):
     scene, n_frames = FRICTION[name], 1500
     exact = scene.exact(n_frames)
     result = read(scene.text)
-    stepped = reference.heard(result, *reference.integrate(result, n_frames, reference.TIGHT))
+    stepped = reference.outputs(result, *reference.integrate(result, n_frames, reference.TIGHT))
     assert np.abs(stepped - exact).max() < 1e-6 * np.abs(exact).max()
 
 
@@ -308,14 +308,14 @@ def test_a_table_has_a_row_for_each_scene_and_budget():
 
 def test_what_is_kept_of_a_family_is_what_was_found(tmp_path: Path):
     audits = [audit.look("plan-roundtrip", named("plan-roundtrip"), plain=False)]
-    single = kept.found("2026-11-22", "0123abc", audits)
+    single = kept.results("2026-11-22", "0123abc", audits)
     kept.keep("named", single, tmp_path)
-    assert kept.kept("named", tmp_path) == single
-    assert kept.kept("dry", tmp_path) is None
+    assert kept.stored_results("named", tmp_path) == single
+    assert kept.stored_results("dry", tmp_path) is None
 
 
 def test_the_page_is_of_what_is_kept():
-    known = {family: kept.kept(family) for family in ALL}
+    known = {family: kept.stored_results(family) for family in ALL}
     assert None not in known.values()
     page = Path(__file__).parents[2] / "docs" / "accuracy.md"
     assert page.read_text(encoding="utf-8") == wrapped(written(known))

@@ -12,10 +12,10 @@ def partial(f: float, t60: float, size: float = 1.0, seconds: float = 0.3) -> np
     return (size * np.exp(-6.91 * t / t60) * np.sin(2.0 * np.pi * f * t))[:, None]
 
 
-def stroke(at: float, size: float = 1.0) -> np.ndarray:
-    """A partial of 500 Hz that is struck at `at` [s] of 0.3 s."""
+def stroke(time: float, size: float = 1.0) -> np.ndarray:
+    """A partial of 500 Hz that is struck at `time` [s] of 0.3 s."""
     sound = np.zeros((round(0.3 * RATE), 1))
-    n = round(at * RATE)
+    n = round(time * RATE)
     sound[n:] = partial(500.0, 0.2, size)[: len(sound) - n]
     return sound
 

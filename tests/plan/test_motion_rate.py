@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from commands import records
 from oracle import matter
 from sessions import Stepped
@@ -242,6 +242,6 @@ def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: P
 
 
 def test_what_is_no_rate_is_a_mistake_with_its_place() -> None:
-    assert found(score("rates: {motion: fast}\n"))
-    assert found(score("rates: {motion: -2kHz}\n"))
-    assert found(score("rates: {motions: 2kHz}\n"))
+    assert check_reports(score("rates: {motion: fast}\n"))
+    assert check_reports(score("rates: {motion: -2kHz}\n"))
+    assert check_reports(score("rates: {motions: 2kHz}\n"))

@@ -82,7 +82,7 @@ def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
     assert play(built, again, 2000).tobytes() == out[:2000].tobytes()
 
 
-AT_EVERY_FRAME: dict[str, dict[str, Any]] = {
+FULL_RATE_CASES: dict[str, dict[str, Any]] = {
     "one mass": {"masses": 1},
     "four masses": {"masses": 4},
     "units: ca": {"ca": True},
@@ -91,9 +91,9 @@ AT_EVERY_FRAME: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", few(AT_EVERY_FRAME, ["one mass", "four masses", "units: ca"]))
+@pytest.mark.parametrize("name", few(FULL_RATE_CASES, ["one mass", "four masses", "units: ca"]))
 def test_where_it_does_not_pay_or_may_not_be_nothing_is_slow(name: str):
-    made = scene(**AT_EVERY_FRAME[name])
+    made = scene(**FULL_RATE_CASES[name])
     assert all(row.what != "e4" for row in _core.Plan(*made, error_db=ASKED_DB).rows())
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from accuracy import reference
 from accuracy.equations import read
-from energy_kept import WAYS, look, of_text
+from energy_kept import WAYS, look, network_of_text
 from random_networks import RATE, network
 
 SCENES = Path(__file__).parents[1] / "data" / "energy"
 NAMES = ("one-mass-50", "two-masses", "energy-gain-d0", "energy-gain-min")
-MOST = 1.01  # of the energy that was there
+ENERGY_RATIO_MAX = 1.01  # of the energy that was there
 # What is computed once a step keeps another energy than that of the motion: the two differ by a
 # part of κ/4, where √κ is the highest frequency in radians a step, and do not drift apart
 # (docs/numerics.md). Contacts, whose κ is not counted, come to 4 %.
@@ -32,12 +32,16 @@ def check(seed: int, setting: str, seconds: float) -> None:
     """The network of a seed makes no energy in a setting of WAYS, or that is reported."""
     drawn = network(seed)
     looked = look(drawn.text(seconds), setting, seconds)
-    if looked.said:
+    if looked.stated:
         return
     has_laws = any(set(link.written) - {"REF", "BUT"} for link in drawn.links)
     # A render that is asked for an accuracy has what is stepped tried against finer steps.
     is_once = not setting.endswith("dB") and (has_laws or not set(looked.computed) <= EXACT)
-    bound = max(STEPPED, MOST + PER_KAPPA * drawn.kappa(looked.x)) if is_once else MOST
+    bound = (
+        max(STEPPED, ENERGY_RATIO_MAX + PER_KAPPA * drawn.kappa(looked.x))
+        if is_once
+        else ENERGY_RATIO_MAX
+    )
     assert drawn.gain(looked.x) <= bound, (seed, looked.computed, bound)
 
 
@@ -45,7 +49,7 @@ def check(seed: int, setting: str, seconds: float) -> None:
 def test_the_exact_motion_has_a_gain_of_one(name: str) -> None:
     """DOP853's motion, by the same sum of energies."""
     text = text_of(name)
-    scene, single = read(text), of_text(text)
+    scene, single = read(text), network_of_text(text)
     x, _ = reference.integrate(scene, round(0.3 * scene.rate), reference.TIGHT)
     moving = [i for _, i in scene.outputs]
     assert single.gain(x[:, moving], scene.rate) == pytest.approx(1.0, abs=2e-3)
@@ -57,9 +61,9 @@ def test_masses_that_meet_on_springs_keep_their_energy(name: str, method: str) -
     """They made 80 to 321 times their energy while small bodies were stepped between contacts."""
     text = text_of(name)
     looked = look(text, method, 2.0)
-    assert looked.said == ""
+    assert looked.stated == ""
     assert "modes" in looked.computed
-    assert of_text(text).gain(looked.x, read(text).rate) <= MOST
+    assert network_of_text(text).gain(looked.x, read(text).rate) <= ENERGY_RATIO_MAX
 
 
 @pytest.mark.parametrize("method", ["draft", "session", "by ear"])
@@ -74,10 +78,10 @@ def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, method: s
     text = text.replace("channels: 1", "channels: 2")
     text = text.replace("K: 50kN/m,", f"K: 50kN/m, Z: {damping},")
     looked = look(text, method, 2.0)
-    built = of_text(plain).gain(looked.x[:, :1])
-    assert built <= MOST or "created energy" in looked.said
+    built = network_of_text(plain).gain(looked.x[:, :1])
+    assert built <= ENERGY_RATIO_MAX or "created energy" in looked.stated
     if damping == 0.0:
-        assert (looked.said, built <= MOST) == ("", True)
+        assert (looked.stated, built <= ENERGY_RATIO_MAX) == ("", True)
         x, force = looked.x.T
         assert np.abs(force - force[0] / x[0] * x).max() < 1e-9 * np.abs(force).max()
 
@@ -114,8 +118,8 @@ def test_energy_of_start_inside_exact_contact(kappa: float, setting: str) -> Non
         looked = look(struck_wall(x0, v0, wall), setting, 0.5)
         start_energy = 0.5e-3 * v0**2 + 0.5 * 4e3 * x0**2 + 0.5 * k * min(x0, 0.0) ** 2
         outside = looked.x[np.abs(looked.x[:, 0]).argmax()]
-        assert looked.said == ""
-        assert 0.5 * 4e3 * float(outside[0]) ** 2 <= MOST * start_energy
+        assert looked.stated == ""
+        assert 0.5 * 4e3 * float(outside[0]) ** 2 <= ENERGY_RATIO_MAX * start_energy
 
 
 def test_bm4_energy_report_for_stiff_rope() -> None:
@@ -124,7 +128,7 @@ def test_bm4_energy_report_for_stiff_rope() -> None:
     """
     rope = f"{{LNL: {{between: [e, m], law: rope, k: {20e-3 * RATE**2!r}, rest: -1mm}}}}"
     looked = look(struck_wall(-1e-3, 0.0, rope), "bm4", 0.5)
-    assert "created energy" in looked.said
+    assert "created energy" in looked.stated
 
 
 def setting_of(seed: int) -> str:

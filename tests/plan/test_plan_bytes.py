@@ -11,7 +11,7 @@ from fresh import PLAIN_GLIBC, digest, disabled
 from oracle import bodies
 from oracle.core import play
 from oracle.scene import Scene
-from oracle.scenes import whole
+from oracle.scenes import complete_scene
 from sweep import few
 
 from ergon import _core
@@ -28,7 +28,7 @@ print(*told(block=int(sys.argv[1]), threads=int(sys.argv[2])))
 
 def orchestra() -> Scene:
     """All that `whole` has, three strings of their own, and two that hammers meet."""
-    scene = whole(0.25)
+    scene = complete_scene(0.25)
     for i in range(3):
         scene.part(f"wire{i}")
         mats = bodies.string(scene, "w", masses=24 + i, M=4e-3, f=147.0 * 1.2**i, t60=1.5)
@@ -55,7 +55,7 @@ def simulation(threads: int = 1, **wishes: Any) -> _core.Simulation:
     return _core.Simulation(network, timeline, plan=made, threads=threads)
 
 
-def told(block: int, threads: int) -> tuple[str, bool]:
+def digest_and_sound(block: int, threads: int) -> tuple[str, bool]:
     """A hash of the sound and of the plan, and whether there is a sound."""
     out = play(simulation(threads, error_db=-60.0), N, block)
     built = planned(error_db=-60.0)[-1]
@@ -97,7 +97,7 @@ def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
 
 @pytest.fixture(scope="module")
 def reference() -> str:
-    return told(N, 1)[0]
+    return digest_and_sound(N, 1)[0]
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ LINEAR = """
       wall: {SOL: {}}
       d1: {FRO: {between: [wall, body.60], Z: 10mNs/m}}
     out: {SOF: {FRO: d1}}"""
-HEARD = {"force": LINEAR, "position": LINEAR.replace("{SOF: {FRO: d1}}", "{SOX: body.60}")}
+OUTPUTS = {"force": LINEAR, "position": LINEAR.replace("{SOF: {FRO: d1}}", "{SOX: body.60}")}
 Capture = pytest.CaptureFixture[str]
 
 
@@ -116,10 +116,10 @@ def test_a_gong_that_is_struck_hard_is_judged_by_its_spectrum():
     assert row.spectral_db == pytest.approx(float(apart.mean()), abs=0.3)
 
 
-@pytest.mark.parametrize("listened", few(HEARD, ["position"]))
+@pytest.mark.parametrize("listened", few(OUTPUTS, ["position"]))
 def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(listened: str):
     for impulse in (HARD, 10.0 * HARD):
-        row = error_of(scene(HEARD[listened], impulse), error_db=ASKED_DB)
+        row = error_of(scene(OUTPUTS[listened], impulse), error_db=ASKED_DB)
         assert row.spectral_db is None
 
 

@@ -116,7 +116,7 @@ class Store:
         self.records[key] = record
 
 
-def told(plan: _core.Plan) -> list[tuple[object, ...]]:
+def row_values(plan: _core.Plan) -> list[tuple[object, ...]]:
     """What its rows say."""
     return [
         (row.what, row.oversampling, row.contact_substeps, row.error_db, row.guarantee, row.cost)
@@ -160,5 +160,5 @@ def test_a_way_is_the_same_when_it_is_written_and_recalled(family: str, seed: in
     for n_least in (0, 1):
         built = _core.Plan(stage.network, stage.timeline, error_db=error, store=store)
         assert store.n_found >= n_least
-        assert told(built) == told(plan)
+        assert row_values(built) == row_values(plan)
         assert built.choices() == plan.choices()

@@ -56,7 +56,7 @@ def test_a_linear_scene_is_exact_at_every_budget(name: str):
     for plan in audit.look(name, text, plain=False).plans:
         assert not plan.refused, plan.refused
         assert plan.how == ALL
-        assert plan.whole <= EXACT_DB
+        assert plan.render_error <= EXACT_DB
         assert not plan.warned
 
 
@@ -66,7 +66,7 @@ def test_random_linear_scenes_are_exact(family: str, seed: int):
     text = random_scenes.text(family, seed)
     (plan,) = audit.look(f"{family}-{seed}", text, (-140.0,), plain=False).plans
     assert plan.how in (ALL, "modes ×1")
-    assert plan.whole <= EXACT_DB
+    assert plan.render_error <= EXACT_DB
 
 
 def test_a_mass_that_a_damper_alone_holds_comes_to_rest():

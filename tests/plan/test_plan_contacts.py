@@ -20,7 +20,7 @@ BUDGETS = (-60.0, -80.0)
 RTOL = 1e-11
 
 
-def heard(scene: Scene, x: np.ndarray) -> np.ndarray:
+def outputs(scene: Scene, x: np.ndarray) -> np.ndarray:
     return np.stack([sum(w * x[:, i] for _, i, w in taps) for taps in scene.outs], axis=1)
 
 
@@ -53,7 +53,9 @@ HAMMERS: dict[str, dict[str, Any]] = {
 def struck(name: str) -> tuple[Scene, np.ndarray, np.ndarray]:
     """A scene, its motion, and that by a coarser tolerance."""
     scene, when = hammer(**HAMMERS[name]), np.arange(N) / RATE
-    truth, rough = (heard(scene, ode.solve(scene, when, rtol)[0]) for rtol in (RTOL, 100.0 * RTOL))
+    truth, rough = (
+        outputs(scene, ode.solve(scene, when, rtol)[0]) for rtol in (RTOL, 100.0 * RTOL)
+    )
     return scene, truth, rough
 
 
@@ -95,7 +97,7 @@ def test_a_key_on_a_bell_is_within_its_budget(but: dict[str, Any], db: float):
     lead = gesture.pushing(T, X, M=0.4, K=60.0, Z=1.2)
     unit = np.arange(len(scene.mats)) == int(key)
     when = np.arange(N) / RATE
-    truth = heard(scene, ode.solve(scene, when, RTOL, lambda t: lead(t) * unit)[0])
+    truth = outputs(scene, ode.solve(scene, when, RTOL, lambda t: lead(t) * unit)[0])
     scene.gesture(scene.key("k1", key), T, X, ["smooth"] * 4)
     assert error_db(render(scene, RATE, N, error_db=db), truth) <= db
 

@@ -32,7 +32,7 @@ def strikes(scene: Scene, mats: list[Mat]) -> None:
     scene.strike(mats[1], 0.0987, impulse=3e-4)
 
 
-def bend(scene: Scene, mats: list[Mat]) -> None:
+def displace(scene: Scene, mats: list[Mat]) -> None:
     """Drawn aside near one end; two masses fly."""
     for i, mat in enumerate(mats):
         share = (i + 1) / (len(mats) + 1)
@@ -45,7 +45,7 @@ def string(ends: str = "fixed", stiffness: float = 0.0, t60: float | None = 2.0)
     mats = bodies.string(
         scene, "s", masses=40, M=8e-3, f=110.0, t60=t60, ends=ends, stiffness=stiffness
     )
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats)
     return scene
@@ -73,7 +73,7 @@ def net(alpha: float = 0.0, beta: float = 1e-6) -> Scene:
         a, b = (j, j + 1) if j < len(points) - 1 else rng.choice(len(points), 2, replace=False)
         K, rest = 10 ** rng.uniform(2, 4.5), rng.normal() * 1e-4
         scene.ref(f"l{j}", points[a], points[b], K=K, Z=beta * K, rest=rest)
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats, low, high)
     return scene
@@ -89,7 +89,7 @@ def cells() -> Scene:
     ]
     mats.append(scene.cel("creeps", M=0.1, K=1e4, Z=500.0, rest=2e-4))
     mats.append(scene.cel("endless", M=2e-3, K=3e4))
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats)
     scene.listen("ground", ground_forces=[(mat, 1.0 / (1 + i)) for i, mat in enumerate(mats)])
@@ -103,7 +103,7 @@ def floating() -> Scene:
     mats = bodies.string(scene, "s", masses=24, M=8e-3, f=110.0, t60=2.0, ends="free")
     link = scene.lias[-1]
     scene.ref("tie", mats[7], scene.sol("wall", X0=2e-3), K=300.0, Z=300.0 * link.Z / link.K)
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats)
     return scene
@@ -129,7 +129,7 @@ def test_what_is_linear_is_exact(name: str):
     scene = make()
     rows = plan(scene, RATE, method="modal").rows()
     assert {row.what for row in rows if row.what != "still"} == {what}
-    truth = modes.heard(scene, modes.exact(scene, RATE, N))
+    truth = modes.outputs(scene, modes.exact(scene, RATE, N))
     assert error_db(planned(scene, RATE, N, method="modal"), truth) < EXACT_DB
     if what == MODES:  # not that anything would do: the plain scheme is far off
         assert error_db(render(scene, RATE, N), truth) > -65.0
@@ -143,7 +143,7 @@ def test_it_is_exact_at_any_rate(rate: float):
     high = scene.cel("high", M=1e-3, K=1e-3 * (2.0 * np.pi * 7e3) ** 2, X0=1e-3)
     scene.ref("r", high, scene.sol("g"), K=1e6)
     scene.listen("high", positions=[(high, 1.0)])
-    truth = modes.heard(scene, modes.exact(scene, rate, N))
+    truth = modes.outputs(scene, modes.exact(scene, rate, N))
     assert error_db(planned(scene, rate, N, method="modal"), truth) < EXACT_DB
 
 
@@ -154,7 +154,7 @@ def test_a_body_in_algorithmic_units_is_its_discrete_network():
     mats = [scene.cel(f"m{i}", M=1.0 + i, K=1e-2 * i, Z=1e-5 * (1 + i)) for i in range(12)]
     for i, (a, b) in enumerate(pairwise(mats)):
         scene.ref(f"l{i}", a, b, K=0.1 * (1 + i % 3))
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats)
     assert how(scene, RATE, method="modal") == [("old", "modes")]
@@ -171,7 +171,7 @@ def test_a_body_beside_a_contact_that_stays_open_is_exact():
     scene.ref("air", hammer, scene.sol("wall"), K=10.0)
     rows = plan(scene, RATE, method="modal").rows()
     assert [(row.what, row.n_mat) for row in rows] == [("stepped", 1), ("modes", 40)]
-    truth = modes.heard(alone, modes.exact(alone, RATE, N))
+    truth = modes.outputs(alone, modes.exact(alone, RATE, N))
     assert error_db(planned(scene, RATE, N, method="modal"), truth) < EXACT_DB
 
 
@@ -186,7 +186,7 @@ def test_a_cell_that_a_contact_might_touch_takes_strikes_exactly():
     hammer = scene.cel("h", M=2e-3, K=10.0, V0=0.01)
     scene.but("b", hammer, bell, K=1e4, gap=1.0)
     assert how(scene, RATE, error_db=-60.0) == [("bell", "stepped")]
-    truth = modes.heard(alone, modes.exact(alone, RATE, N))
+    truth = modes.outputs(alone, modes.exact(alone, RATE, N))
     assert error_db(planned(scene, RATE, N, error_db=-60.0), truth) < EXACT_DB
 
 
@@ -207,7 +207,7 @@ def test_what_has_no_modes_is_stepped_and_says_why():
     mats = [scene.cel(f"m{i}", M=1.0 + i, K=1e-2 * i, Z=1e-5 * (1 + i)) for i in range(12)]
     for i, (a, b) in enumerate(pairwise(mats)):
         scene.ref(f"l{i}", a, b, K=0.1 * (1 + i % 3), Z=1e-3 * (i == 4))
-    bend(scene, mats)
+    displace(scene, mats)
     strikes(scene, mats)
     taps(scene, mats)
     (row,) = plan(scene, RATE, method="modal").rows()

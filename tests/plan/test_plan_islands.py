@@ -81,7 +81,7 @@ def planned(text: str, store: Records | None) -> Planned:
     return planning.make(ready.network, ready.timeline, piece.accuracy, store=store)
 
 
-def told(built: Planned) -> tuple[object, ...]:
+def plan_values(built: Planned) -> tuple[object, ...]:
     """All that a plan says of itself."""
     plan = built.plan
     names = [name for name in dir(_core.PlanRow) if not name.startswith("_")]
@@ -93,7 +93,7 @@ def told(built: Planned) -> tuple[object, ...]:
 def plan_of_score() -> tuple[tuple[object, ...], Mapping[str, _core.TrialRecord]]:
     """What the plan of SCORE says of itself, and what its trials found."""
     store = Records()
-    return told(planned(SCORE, store)), store.kept
+    return plan_values(planned(SCORE, store)), store.kept
 
 
 @pytest.fixture(autouse=True)
@@ -121,19 +121,19 @@ def test_a_plan_with_what_is_known_is_that_from_scratch(old: str, new: str) -> N
     first, saved = plan_of_score()
     store = Records(saved)
     built, fresh = planned(edited, store), planned(edited, None)
-    assert told(built) == told(fresh)
+    assert plan_values(built) == plan_values(fresh)
     assert built.plan.trials == pytest.approx(fresh.plan.trials, rel=1e-9)
     # Two pilots of three are known; how long errors hold depends on what others leave to spend.
     assert len(store.new) <= 5
-    assert told(planned(SCORE, store)) == first
+    assert plan_values(planned(SCORE, store)) == first
 
 
 def test_a_plan_of_what_is_known_is_that_from_scratch() -> None:
     first, saved = plan_of_score()
-    assert told(planned(SCORE, None)) == first
+    assert plan_values(planned(SCORE, None)) == first
     store = Records(saved)
     again = planned(SCORE, store)
-    assert (told(again), again.is_kept, store.new) == (first, True, [])
+    assert (plan_values(again), again.is_kept, store.new) == (first, True, [])
 
 
 @pytest.mark.slow
@@ -143,7 +143,7 @@ def test_an_entry_after_the_trials_needs_none() -> None:
     planned(text, store)
     n_first = len(store.new)
     late = text.replace("{at: 2|3, play: knock}", "{at: 2|3, play: knock}, {at: 60|1, play: knock}")
-    assert told(planned(late, store)) == told(planned(late, None))
+    assert plan_values(planned(late, store)) == plan_values(planned(late, None))
     # Of how long the error of one island holds alone is something new.
     assert len(store.new) - n_first <= 2
 
@@ -151,17 +151,19 @@ def test_an_entry_after_the_trials_needs_none() -> None:
 @pytest.mark.parametrize("share", few([0.001, 0.01, 0.05, 0.2], [0.01]))
 def test_where_the_allowance_ends_the_plan_is_that_from_scratch(share: float) -> None:
     """An allowance that all islands share: what one takes less of, another has."""
-    network, timeline = _of(SCORE)
-    _, edited = _of(SCORE.replace("ada: [{at: 1|1, play: knock}", "ada: [{at: 1|1.1, play: lean}"))
+    network, timeline = _prepared(SCORE)
+    _, edited = _prepared(
+        SCORE.replace("ada: [{at: 1|1, play: knock}", "ada: [{at: 1|1.1, play: lean}")
+    )
     store = Records()
     for played in (timeline, edited, timeline, edited):
         saved = _core.Plan(network, played, error_db=-60.0, store=store, share=share)
         fresh = _core.Plan(network, played, error_db=-60.0, share=share)
-        assert told(Planned(saved, Accuracy())) == told(Planned(fresh, Accuracy()))
+        assert plan_values(Planned(saved, Accuracy())) == plan_values(Planned(fresh, Accuracy()))
         assert saved.trials == pytest.approx(fresh.trials, rel=1e-9)
 
 
-def _of(text: str) -> tuple[_core.Network, _core.Timeline]:
+def _prepared(text: str) -> tuple[_core.Network, _core.Timeline]:
     ready = prepare(piece_of(text))
     return ready.network, ready.timeline
 
@@ -175,11 +177,11 @@ def test_scores_by_chance_are_planned_as_from_scratch(seed: int) -> None:
     built = random_scores.Score(seed)
     store = Records()
     first = planned(built.text, store)
-    assert told(planned(built.text, store)) == told(first)
-    assert told(planned(built.text, None)) == told(first)
+    assert plan_values(planned(built.text, store)) == plan_values(first)
+    assert plan_values(planned(built.text, None)) == plan_values(first)
     for old, new in (("impulse: 1mNs", "impulse: 2mNs"), ("4mm@40ms", "5mm@40ms")):
         edited = built.text.replace(old, new)
-        assert told(planned(edited, store)) == told(planned(edited, None))
+        assert plan_values(planned(edited, store)) == plan_values(planned(edited, None))
 
 
 def test_what_a_store_raises_ends_the_planning() -> None:
@@ -187,6 +189,6 @@ def test_what_a_store_raises_ends_the_planning() -> None:
         def get(self, key: str) -> _core.TrialRecord | None:
             raise KeyboardInterrupt(key)
 
-    network, timeline = _of(SCORE)
+    network, timeline = _prepared(SCORE)
     with pytest.raises(KeyboardInterrupt):
         _core.Plan(network, timeline, store=Broken())

@@ -40,9 +40,9 @@ mix: {channels: 1}
 """
 
 
-def errors(score: str, at: float, **budget: float) -> list[tuple[float, float]]:
+def errors(score: str, time: float, **budget: float) -> list[tuple[float, float]]:
     """What a plan says of errors [dB], and until when [s], where the event is at an instant."""
-    piece = load("scene.yaml", text=score.replace("WHEN", f"{at}s")).piece
+    piece = load("scene.yaml", text=score.replace("WHEN", f"{time}s")).piece
     assert piece is not None
     scene = Score(piece).at(RATE)
     rows = _core.Plan(scene.network, scene.timeline, **budget).rows()
@@ -95,7 +95,7 @@ def test_what_comes_to_rest_before_an_event_is_tried_from_its_beginning():
     assert metrics.waveform_db(rough, exact) <= -45.0
 
 
-FELT = """\
+HAMMERED = """\
 ergon: 1
 rates: {audio: 44.1kHz}
 instruments:
@@ -111,8 +111,8 @@ mix: {channels: 1}
 """
 
 
-def felt(others: str) -> NetworkAndTimeline:
-    piece = load("scene.yaml", text=FELT.replace("OTHERS", others)).piece
+def hammered(others: str) -> NetworkAndTimeline:
+    piece = load("scene.yaml", text=HAMMERED.replace("OTHERS", others)).piece
     assert piece is not None
     return Score(piece).at(RATE)
 
@@ -125,7 +125,7 @@ def played(scene: NetworkAndTimeline, plan: _core.Plan) -> np.ndarray:
 
 
 def test_where_friction_holds_the_first_blow_the_first_that_is_heard_is_tried():
-    scene = felt("")
+    scene = hammered("")
     (by_ca,) = _core.Plan(scene.network, scene.timeline, method="ca").choices()
     pins = [by_ca._replace(oversampling=64)]
     exact = played(scene, _core.Plan(scene.network, scene.timeline, method="ca", pins=pins))
@@ -141,7 +141,7 @@ def test_where_friction_holds_the_first_blow_the_first_that_is_heard_is_tried():
 
 def test_an_output_that_hears_only_rounding_is_silent():
     # The felt and what lies beyond it differ from run to run by as much as they move.
-    scene = felt(", near: {SOX: s.9}, felt: {SOX: s.20}")
+    scene = hammered(", near: {SOX: s.9}, felt: {SOX: s.20}")
     plan = _core.Plan(scene.network, scene.timeline, error_db=-60.0)
     rows = plan.rows()
     assert all(row.error_db is not None and row.error_db <= -60.0 for row in rows)
@@ -164,7 +164,7 @@ render: {tail: 1s}
 
 
 @pytest.mark.parametrize(
-    ("hardening", "later", "told"),
+    ("hardening", "later", "stated_db"),
     [
         ("1e9N/m3", "5mNs", 3.0),
         ("1e9N/m3", "-5mNs", 3.0),
@@ -172,11 +172,11 @@ render: {tail: 1s}
         ("0N/m3", "5mNs", None),
     ],
 )
-def test_what_is_struck_harder_later_is_told(hardening: str, later: str, told: float | None):
+def test_what_is_struck_harder_later_is_told(hardening: str, later: str, stated_db: float | None):
     """The error was that of the soft stroke, and nothing said so."""
     text = HARDENS.replace("HARDENING", hardening).replace("LATER", later)
     _, plan = planned(text, error_db=-40.0)
-    assert {row.harder_at for row in plan.rows()} == {told}
+    assert {row.harder_at for row in plan.rows()} == {stated_db}
 
 
 KEYED = """\
@@ -196,11 +196,11 @@ parts: {ada: [{at: 0, play: soft}, {at: 8, play: LATER}]}
 """
 
 
-@pytest.mark.parametrize(("later", "told"), [("soft", None), ("strong", 8.0)])
-def test_a_key_that_plays_harder_later_is_told(later: str, told: float | None):
+@pytest.mark.parametrize(("later", "stated_db"), [("soft", None), ("strong", 8.0)])
+def test_a_key_that_plays_harder_later_is_told(later: str, stated_db: float | None):
     """Its trials play on, and may not come so far."""
     _, plan = planned(KEYED.replace("LATER", later))
     (row,) = plan.rows()
     assert row.error_s is not None
     assert row.error_s < 8.0
-    assert row.harder_at == told
+    assert row.harder_at == stated_db

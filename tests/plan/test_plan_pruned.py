@@ -19,7 +19,7 @@ N = 6000
 WISHES: list[dict[str, Any]] = [{}, {"method": "modal"}, {"method": "ca"}, {"error_db": -60.0}]
 
 
-def heard(scene: Scene) -> None:
+def add_played_bodies(scene: Scene) -> None:
     """A key that plays a string, a bell beside it, a drop on a wire, and a few cells."""
     scene.part("k1")
     key = scene.cel("m", M=0.4, K=60.0, Z=1.2)
@@ -69,10 +69,10 @@ def both(first: Callable[[Scene], None], second: Callable[[Scene], None]) -> Sce
 @pytest.mark.parametrize("wishes", few(WISHES, [{"method": "modal"}, {"method": "ca"}]), ids=str)
 def test_no_byte_tells_of_what_is_not_heard(wishes: dict[str, Any]):
     alone = Scene()
-    heard(alone)
+    add_played_bodies(alone)
     sound = planned(alone, RATE, N, **wishes)
     assert (np.abs(sound).max(axis=0) > 1e-6).all()
-    for scene in (both(heard, unheard), both(unheard, heard)):
+    for scene in (both(add_played_bodies, unheard), both(unheard, add_played_bodies)):
         assert planned(scene, RATE, N, **wishes).tobytes() == sound.tobytes()
         rows = plan(scene, RATE, **wishes).rows()
         silent = {" + ".join(row.parts): row for row in rows if row.what in ("unheard", "still")}
@@ -125,8 +125,8 @@ def still(scene: Scene) -> list[Mat]:
 @pytest.mark.parametrize("wishes", few(WISHES, WISHES[:1]), ids=str)
 def test_where_what_is_still_stands_is_heard(wishes: dict[str, Any]):
     alone, scene = Scene(), Scene()
-    heard(alone)
-    heard(scene)
+    add_played_bodies(alone)
+    add_played_bodies(scene)
     point, cell, a, b = still(scene)
     other = scene.sol("t", X0=5e-3)
     pressed = scene.ref("p", point, other, K=200.0)

@@ -25,11 +25,11 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 @dataclass(frozen=True)
-class Found:
+class Measured:
     """How far the plan is from the finest run, what it says itself, how sure that run is [dB]."""
 
     error: float
-    said: float
+    stated: float
     sure: float
     how: list[tuple[str, int, object]]
 
@@ -50,7 +50,7 @@ def reference(scene: Scene) -> tuple[np.ndarray, np.ndarray, float]:
     return fine, listened, sure
 
 
-def look(seed: int, *, even: bool) -> Found:
+def look(seed: int, *, even: bool) -> Measured:
     scene = chance.scene(seed, even=even)
     fine, listened, sure = reference(scene)
     network, timeline = scene.build(_core, RATE)
@@ -59,15 +59,15 @@ def look(seed: int, *, even: bool) -> Found:
     rows = plan.rows()
     output = max((row.error_db for row in rows if row.error_db is not None), default=-inf)
     how = [(row.what, row.n_mat, row.modes) for row in rows]
-    return Found(db(planned, fine, listened), output, sure, how)
+    return Measured(db(planned, fine, listened), output, sure, how)
 
 
 def check(seed: int, *, even: bool) -> None:
     """Within the budget, or about as far from it as the plan says, or as nobody knows."""
     result = look(seed, even=even)
     least = max(BUDGET_DB, result.sure)
-    if result.said > BUDGET_DB:
-        least = max(least, result.said + ESTIMATE_DB)
+    if result.stated > BUDGET_DB:
+        least = max(least, result.stated + ESTIMATE_DB)
     assert result.error <= least, f"seed {seed}: {result}"
 
 

@@ -53,7 +53,7 @@ def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "ergon" / "plans"
 
 
-def told(capsys: Capture, *options: str) -> tuple[list[dict], bool]:
+def printed_plan(capsys: Capture, *options: str) -> tuple[list[dict], bool]:
     """The rows of the plan, and whether it was kept from before."""
     assert app.run(["plan", "a.yaml", "--json", *options]) == 0
     *rows, plan = records(capsys)
@@ -67,13 +67,13 @@ def sound() -> str:
 
 def test_the_same_sound_and_the_same_table(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ERGON_CACHE", "off")
-    fresh, is_kept = told(capsys)
+    fresh, is_kept = printed_plan(capsys)
     assert not is_kept
     by_fresh = sound()
     monkeypatch.setenv("ERGON_CACHE", "on")
     capsys.readouterr()
-    assert told(capsys) == (fresh, False)
-    assert told(capsys) == (fresh, True)
+    assert printed_plan(capsys) == (fresh, False)
+    assert printed_plan(capsys) == (fresh, True)
     assert sound() == by_fresh
     # What only a pilot knows is among it.
     assert any(row["error_db"] is not None for row in fresh[:-1])
@@ -98,23 +98,23 @@ EDITS = [
 def test_whatever_a_trial_depends_on_makes_another(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch, old: str, new: str, is_known: bool
 ):
-    assert not told(capsys)[1]
+    assert not printed_plan(capsys)[1]
     Path("a.yaml").write_text(SCORE.replace(old, new))
-    edited, is_kept = told(capsys)
+    edited, is_kept = printed_plan(capsys)
     assert is_kept == is_known
     monkeypatch.setenv("ERGON_CACHE", "off")
-    assert told(capsys) == (edited, False)
+    assert printed_plan(capsys) == (edited, False)
 
 
 def test_another_budget_is_tried_anew(capsys: Capture):
-    assert not told(capsys)[1]
-    assert not told(capsys, "--error", "-49dB")[1]
+    assert not printed_plan(capsys)[1]
+    assert not printed_plan(capsys, "--error", "-49dB")[1]
 
 
 def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
-    assert not told(capsys)[1]
+    assert not printed_plan(capsys)[1]
     monkeypatch.setattr(cache_folder, "_version", lambda: "another")
-    assert not told(capsys)[1]
+    assert not printed_plan(capsys)[1]
 
 
 SPOILT = [
@@ -138,21 +138,21 @@ SPOILT = [
 @pytest.mark.parametrize("spoil", few(SPOILT, 3))
 def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
     Path("a.yaml").write_text(BELL)
-    fresh, _ = told(capsys)
+    fresh, _ = printed_plan(capsys)
     good = {file: file.read_text() for file in plans.iterdir()}
     spoilt = {file: spoil(text) for file, text in good.items()}
     assert spoilt != good
     for file, text in spoilt.items():
         file.write_text(text)
-    assert told(capsys) == (fresh, False)
+    assert printed_plan(capsys) == (fresh, False)
     assert {file: file.read_text() for file in good} == good
-    assert told(capsys) == (fresh, True)
+    assert printed_plan(capsys) == (fresh, True)
 
 
 def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: Path):
     plans.parent.mkdir(parents=True)
     plans.write_text("no folder")
-    assert not told(capsys)[1]
+    assert not printed_plan(capsys)[1]
     assert capsys.readouterr().err == ""
 
 

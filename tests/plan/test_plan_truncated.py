@@ -84,7 +84,7 @@ def every(name: str) -> np.ndarray:
     return render(SCENES[name](), RATE, N, method="modal")
 
 
-def heard(name: str, db: float) -> tuple[int, float | None, float, float]:
+def truncated_run(name: str, db: float) -> tuple[int, float | None, float, float]:
     """Modes computed, what the plan says of the others, error over 0.1 s and over 1 s of sound."""
     scene = SCENES[name]()
     (row,) = (row for row in plan(scene, RATE, error_db=db).rows() if row.what != "still")
@@ -99,7 +99,7 @@ def heard(name: str, db: float) -> tuple[int, float | None, float, float]:
 def test_what_is_left_out_stays_below_the_budget(name: str):
     saved = []
     for db in BUDGETS:
-        modes, _, early, late = heard(name, db)
+        modes, _, early, late = truncated_run(name, db)
         assert early <= db
         assert late <= db
         saved.append(modes)
@@ -111,7 +111,7 @@ def test_what_is_left_out_stays_below_the_budget(name: str):
 def test_a_plan_says_how_loud_the_rest_would_have_been(name: str):
     """The worst of spans from 0.1 s to 1 s, so it is never less than what was measured over two."""
     for db in BUDGETS:
-        _, text, early, late = heard(name, db)
+        _, text, early, late = truncated_run(name, db)
         assert text is not None
         assert max(early, late) - 1.0 < text <= db
         assert text < max(early, late) + 11.0

@@ -70,7 +70,7 @@ def test_a_rate_that_is_no_whole_fraction_is_refused_with_the_nearest(
 
 
 def test_a_staged_key_is_slow_and_sounds_alike():
-    def heard(text: str) -> np.ndarray:
+    def rendered(text: str) -> np.ndarray:
         played = stage(piece(text), planned=True)
         assert not played.diagnostics
         out = np.zeros((8820, played.simulation.n_out))
@@ -82,7 +82,7 @@ def test_a_staged_key_is_slow_and_sounds_alike():
     assert plan is not None
     (row,) = [row for row in plan.rows() if row.what == "e4"]
     assert (row.parts, row.macrostep, row.preserved) == (["k1"], 10, True)
-    first, other = heard(slow), heard(HEAD + KEYS + REST)
+    first, other = rendered(slow), rendered(HEAD + KEYS + REST)
     assert 0.0 < np.abs(first - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
 
 

@@ -150,7 +150,7 @@ def test_npz_and_csv_hold_what_the_reader_finds() -> None:
     with np.load("x.npz") as raised:
         t, moved, names = raised["t"], raised["displacement"], raised["names"]
     assert names.tolist() == replica.names
-    there = replica.at(t)
+    there = replica.displacements(t)
     free = [part for part in replica.manifest["parts"] if part["kind"] != "sampled"]
     for part in free:
         single = slice(part["first"], part["first"] + part["count"])
@@ -187,7 +187,7 @@ def test_a_gltf_animates_a_node_for_each_point() -> None:
         )
         if part["kind"] == "sampled":
             continue
-        moved = 100.0 * replica.at(np.arange(len(times)) / 30.0)[:, point]
+        moved = 100.0 * replica.displacements(np.arange(len(times)) / 30.0)[:, point]
         still = scene.nodes[node]["translation"]
         assert np.allclose(path[:, 1] - still[1], moved, rtol=1e-4, atol=1e-6)
         checked += 1

@@ -89,7 +89,7 @@ class Workers:
     def answer(self, future: Future[Answer]) -> Answer:
         return future.result()
 
-    def heard(self, answer: Answer, n_frames: int) -> None:
+    def receive(self, answer: Answer, n_frames: int) -> None:
         assert n_frames > 0
 
 
@@ -120,7 +120,7 @@ def frames(source: object, n_frames: int, block: int = 1000) -> NDArray[np.float
     return out
 
 
-def told(home: PreparedRender) -> str:
+def report_values(home: PreparedRender) -> str:
     """What the gestures' reports say, to the last digit."""
     names = [name for name in dir(_core.Report) if name[0] != "_"]
     reports = home.stage.simulation.reports()
@@ -147,7 +147,7 @@ def test_the_samples_of_one_machine(accuracy: str, count: int):
         assert shared.n_computed == len(home.stage.simulation.storable()) * n_frames
         # What islands tell of themselves at the end.
         assert home.stage.simulation.finer() == first.stage.simulation.finer()
-        assert told(home) == told(first)
+        assert report_values(home) == report_values(first)
 
 
 @pytest.mark.parametrize("scene", few(SCENES, ("modes",)))

@@ -239,12 +239,14 @@ def test_the_end_stands_below_a_line_that_takes_effect_while_the_engine_closes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "keys.yaml").write_text(KEYS)
-    at = Stepped(SCORE, tmp_path)
-    at.run(0.1)
-    at.ok("gain ring -3dB")
-    monkeypatch.setattr(at.engine, "close", lambda: at.engine.process(int(4 * at.rate)))
-    at.session.close()
-    *_, commit, end = read_events(at.journal)
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.run(0.1)
+    stepped.ok("gain ring -3dB")
+    monkeypatch.setattr(
+        stepped.engine, "close", lambda: stepped.engine.process(int(4 * stepped.rate))
+    )
+    stepped.session.close()
+    *_, commit, end = read_events(stepped.journal)
     assert (commit.name, end.name) == ("commit", "end")
     assert end.get("frame", int) >= commit.get("frame", int)
 

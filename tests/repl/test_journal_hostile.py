@@ -75,9 +75,9 @@ class Sandbox:
         self.events: list[dict[str, Any]] = [json.loads(line) for line in lines]
         self.opened: list[str] = []
         self.is_watched = False
-        sys.addaudithook(self._heard)  # stays as long as the process; it looks where it is asked to
+        sys.addaudithook(self._audit)  # stays as long as the process; it looks where it is asked to
 
-    def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
+    def _audit(self, event: str, arguments: tuple[Any, ...]) -> None:
         if self.is_watched and event == "open" and isinstance(arguments[0], str | bytes):
             real = os.path.realpath(os.fsdecode(arguments[0]))
             if real.startswith((str(self.outside), "/etc/", "/dev/")):
@@ -202,7 +202,7 @@ def hostile(chance: random.Random, box: Sandbox) -> bytes:
     events = copy.deepcopy(box.events)
     out = str(box.outside)
 
-    def said(value: Any) -> Any:
+    def substituted(value: Any) -> Any:
         return value.replace("{out}", out) if isinstance(value, str) else value
 
     for _ in range(chance.choice((1, 1, 2, 5))):
@@ -211,10 +211,10 @@ def hostile(chance: random.Random, box: Sandbox) -> bytes:
         if kind < 4:
             known = [name for name in event if name in FIELDS]
             name = chance.choice(known or ["event"])
-            event[name] = said(chance.choice(FIELDS[name]))
+            event[name] = substituted(chance.choice(FIELDS[name]))
         elif kind == 4:  # texts for files anywhere
-            path = said(chance.choice(PATHS))
-            text = said(chance.choice([*TEXTS, "import os; os.abort()\n"]))
+            path = substituted(chance.choice(PATHS))
+            text = substituted(chance.choice([*TEXTS, "import os; os.abort()\n"]))
             event.setdefault("overlay", {})
             if isinstance(event["overlay"], dict):
                 event["overlay"][path] = text
@@ -224,7 +224,9 @@ def hostile(chance: random.Random, box: Sandbox) -> bytes:
                 disk[path] = hashlib.sha256((box.outside / there).read_bytes()).hexdigest()
         elif kind == 5:
             name = chance.choice(("overlay", "gains", "muted", "solo", "disk", *event))
-            event[name] = said(chance.choice([*NUMBERS, *PATHS, {"a": {}}, {"bell": "x"}, [["x"]]]))
+            event[name] = substituted(
+                chance.choice([*NUMBERS, *PATHS, {"a": {}}, {"bell": "x"}, [["x"]]])
+            )
         elif kind == 6:
             events.insert(chance.randrange(len(events) + 1), copy.deepcopy(chance.choice(events)))
         else:

@@ -42,7 +42,7 @@ def test_nothing_cannot_be_kept():
         excerpt.keep(texts, piece, "x", 400.0, 416.0)
 
 
-def some_line(choice, texts, piece, at):
+def some_line(choice, texts, piece, beat):
     """One edit of any kind."""
     player = choice([*piece.players, None])
     played = [*piece.gestures, *piece.takes]
@@ -59,18 +59,18 @@ def some_line(choice, texts, piece, at):
     tempo = choice([("72",), ("60 -> 90", "2bar")])
     pair = [*piece.keys][:2]
     edits = {
-        "play": lambda: parts.play(texts, piece, player, at, parse_entry(words)),
-        "transform": lambda: parts.transform(texts, piece, player, at, ["scale 0.9", "mirror"]),
+        "play": lambda: parts.play(texts, piece, player, beat, parse_entry(words)),
+        "transform": lambda: parts.transform(texts, piece, player, beat, ["scale 0.9", "mirror"]),
         "define": lambda: names.define(texts, name, "0@0 smooth 5@60ms 0@120ms"),
         "set": lambda: matter.set_value(texts, piece, target, "x1.1"),
-        "tempo": lambda: times.change(texts, piece, at, *tempo),
-        "mark": lambda: times.mark(texts, piece, name, at),
+        "tempo": lambda: times.change(texts, piece, beat, *tempo),
+        "mark": lambda: times.mark(texts, piece, name, beat),
         "seed": lambda: names.seed(texts, 5),
-        "rest": lambda: parts.rest(texts, piece, player, at),
-        "hush": lambda: parts.hush(texts, piece, at),
-        "finish": lambda: parts.finish(texts, piece, at),
-        "couple": lambda: keys.couple(texts, piece, at, *pair, "90N/m"),
-        "uncouple": lambda: keys.uncouple(texts, piece, at, *pair),
+        "rest": lambda: parts.rest(texts, piece, player, beat),
+        "hush": lambda: parts.hush(texts, piece, beat),
+        "finish": lambda: parts.finish(texts, piece, beat),
+        "couple": lambda: keys.couple(texts, piece, beat, *pair, "90N/m"),
+        "uncouple": lambda: keys.uncouple(texts, piece, beat, *pair),
     }
     verb = choice(verbs)
     return verb, edits[verb]()

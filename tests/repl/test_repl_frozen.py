@@ -296,7 +296,7 @@ LINES = (
 )
 
 
-def heard_and_rendered(name: str, pause: float) -> Comparison:
+def compare_with_journal(name: str, pause: float) -> Comparison:
     """A session of its own whose lines are so far apart [s], held against its journal."""
     command = [*ERGON, "repl", "score.yaml", "--frozen", "score.frozen", "--plain"]
     command += ["--audio", f"clock:{name}.wav", "--gain", "50dB", "--journal", f"{name}.jsonl"]
@@ -321,5 +321,5 @@ def test_what_was_heard_is_what_its_journal_renders(folder: Path) -> None:
 
     How much is heard between two lines is up to the machine: a busy one gets more time.
     """
-    compared = (heard_and_rendered(f"heard{times}", 0.5 * 2**times) for times in range(5))
+    compared = (compare_with_journal(f"heard{times}", 0.5 * 2**times) for times in range(5))
     assert any(found.equal > RATE / 10 for found in compared)

@@ -48,7 +48,7 @@ def pitch(sound: np.ndarray, rate: float) -> float:
     return (position + 0.5 * (low - high) / (low - 2 * here + high)) * rate / (8 * len(sound))
 
 
-def heard(session: Stepped, begin: float, end: float) -> float:
+def played_pitch(session: Stepped, begin: float, end: float) -> float:
     rate = session.rate
     return pitch(session.sound[int(begin * rate) : int(end * rate), 0], rate)
 
@@ -61,9 +61,9 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
     (entry,) = session.session.schedule.head.piece.automation
     tempo = session.session.schedule.head.piece.tempo_map
     start = begun + tempo.seconds(tempo.resolve(entry.at))
-    assert heard(session, start - 1.0, start) == pytest.approx(110.0, rel=0.01)
-    assert heard(session, start + 1.9, start + 2.1) == pytest.approx(110 * 2**0.5, rel=0.02)
-    assert heard(session, start + 4.2, start + 5.0) == pytest.approx(220.0, rel=0.01)
+    assert played_pitch(session, start - 1.0, start) == pytest.approx(110.0, rel=0.01)
+    assert played_pitch(session, start + 1.9, start + 2.1) == pytest.approx(110 * 2**0.5, rel=0.02)
+    assert played_pitch(session, start + 4.2, start + 5.0) == pytest.approx(220.0, rel=0.01)
     # It glides: no step of the sound is rougher than those before and after.
     third = np.abs(np.diff(session.sound[:, 0], 3))
     position = int(start * session.rate)
@@ -88,7 +88,7 @@ def test_a_string_glides_in_pitch_and_what_is_saved_glides_too(session, tmp_path
 
 
 STRING = "      s: {STRING: {masses: 20, M: 5g, f: 110Hz, t60: 8s, X0: {at: 5, x: 1mm}}}\n"
-ONE_PITCH = SCORE.replace(STRING, "").replace("SOX: s.7", "SOX: m")
+SINGLE_PITCH = SCORE.replace(STRING, "").replace("SOX: s.7", "SOX: m")
 NOTES = "bell notes C4 A3 euclid 5 8 impulse 0.1mNs..1mNs"
 
 
@@ -97,8 +97,11 @@ NOTES = "bell notes C4 A3 euclid 5 8 impulse 0.1mNs..1mNs"
     [
         (SCORE, ["set bell.s.f A3 over 2bar"]),
         # The pitch follows two. At the end of the timeline one is known further than the other.
-        (ONE_PITCH, [NOTES, "lfo bell.f 0.9..1.1 period 1bar"]),
-        (ONE_PITCH, [NOTES, "lfo bell.f 0.9..1.1 period 200bar", "lfo bell.b.K 0.5..1.5 period 3"]),
+        (SINGLE_PITCH, [NOTES, "lfo bell.f 0.9..1.1 period 1bar"]),
+        (
+            SINGLE_PITCH,
+            [NOTES, "lfo bell.f 0.9..1.1 period 200bar", "lfo bell.b.K 0.5..1.5 period 3"],
+        ),
     ],
 )
 def test_when_the_timeline_is_extended_changes_no_bit(score, lines, tmp_path, monkeypatch):
@@ -128,7 +131,7 @@ def test_a_string_whose_pitch_is_set_does_not_jump(session):
         third[position - 200 : position + 4000].max()
         < 2 * third[position - 9000 : position - 200].max()
     )
-    assert heard(session, 1.2, 2.0) == pytest.approx(116.0, rel=0.01)
+    assert played_pitch(session, 1.2, 2.0) == pytest.approx(116.0, rel=0.01)
     session.close()
     assert np.array_equal(session.again(), session.sound)
 

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 
 import pytest
-from spoken import OTHERS, SCOPE, SESSION, one, plays, refused
+from spoken import OTHERS, SCOPE, SESSION, parsed, plays, refused
 
 from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl import language
@@ -30,7 +30,7 @@ def alike(command: Command) -> Command:
 
 @pytest.mark.parametrize(("line", "command"), SESSION + OTHERS)
 def test_a_line_is_what_it_says(line: str, command: Command):
-    assert alike(one(line)) == alike(command)
+    assert alike(parsed(line)) == alike(command)
 
 
 _BASES = (Command, BlockCommand)
@@ -49,7 +49,7 @@ def test_every_command_is_reached_by_a_line_above():
 
 @pytest.mark.parametrize("form", verbs.FORMS, ids=lambda form: form.written)
 def test_the_example_of_every_verb_is_taken(form: verbs.Form):
-    assert isinstance(one(form.example.replace("as solo", "as solo-2")), Command)
+    assert isinstance(parsed(form.example.replace("as solo", "as solo-2")), Command)
     text = "\n".join(help.verb_help(form.verb))
     assert form.written in text
     assert form.example in text
@@ -57,7 +57,7 @@ def test_the_example_of_every_verb_is_taken(form: verbs.Form):
 
 def test_values_are_kept_as_written_and_where():
     line = "ada plays knock every 1/2 do scale 0.5, mirror until C  in 2bar"
-    words = one(line).words
+    words = parsed(line).words
     assert {name: word.text for name, word in words.items()} == {
         "player": "ada",
         "what": "knock",
@@ -72,11 +72,11 @@ def test_values_are_kept_as_written_and_where():
         for name, word in words.items()
         if name not in ("do", "play")
     )
-    assert one("couple k1 k2 K=40N/m").words["stiffness"] == ("40N/m", 15, 20)
-    text = one("ada plays knock at B layer every 2").words
+    assert parsed("couple k1 k2 K=40N/m").words["stiffness"] == ("40N/m", 15, 20)
+    text = parsed("ada plays knock at B layer every 2").words
     assert text["when"] == ("B", 19, 20)
     assert text["play"].text == "knock every 2 layer"
-    assert one("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
+    assert parsed("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
 
 
 def test_a_pasted_block_is_several_commands():
@@ -119,7 +119,7 @@ def test_a_line_that_goes_on_is_not_whole():
 
 
 def test_a_hash_inside_a_word_begins_no_comment():
-    assert one("set gong.f A#1") == Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
+    assert parsed("set gong.f A#1") == Set("gong.f", pytest.approx(58.27, abs=0.01), None, None)
 
 
 @pytest.mark.parametrize("among", [verbs.VERBS, verbs.SUBJECT_VERBS])

@@ -32,9 +32,9 @@ parts: {ada: []}
 
 @pytest.fixture
 def stepped(tmp_path):
-    at = Stepped(SCORE, tmp_path, keeps=False)
-    yield at
-    at.close()
+    stepped = Stepped(SCORE, tmp_path, keeps=False)
+    yield stepped
+    stepped.close()
 
 
 def test_line_above_its_limit_is_not_taken(stepped, monkeypatch):
@@ -98,11 +98,11 @@ def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
 
     rehearsed = travel._rehearsed
 
-    def told(*of):
+    def rehearse_begun(*of):
         begun.set()
         return rehearsed(*of)
 
-    monkeypatch.setattr(travel, "_rehearsed", told)
+    monkeypatch.setattr(travel, "_rehearsed", rehearse_begun)
     replies = []
     thread = threading.Thread(target=lambda: replies.append(stepped.type("ada plays far")))
     thread.start()

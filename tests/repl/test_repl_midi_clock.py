@@ -68,25 +68,25 @@ class Master:
         self._bpm, self._jitter, self._stall = bpm, jitter, stall
         self._stalls_until = 0.0
         self.beats: list[float] = []  # the true instants of its beats
-        self._at, self._number = 0.0, 0
+        self._beat_time, self._number = 0.0, 0
         self.messages: list[tuple[float, bytes]] = []
 
-    def begin(self, at, *, start=True):
-        self._at = at
+    def begin(self, time, *, start=True):
+        self._beat_time = time
         if start:
-            self.messages.append((at - 0.001, bytes([0xFA])))
+            self.messages.append((time - 0.001, bytes([0xFA])))
 
     def until(self, now):
         """The messages that have come by an instant."""
-        while self._at <= now + 0.1:
+        while self._beat_time <= now + 0.1:
             if self._number % 24 == 0:
-                self.beats.append(self._at)
-            come = self._at + abs(self._chance.gauss(0.0, self._jitter))
+                self.beats.append(self._beat_time)
+            come = self._beat_time + abs(self._chance.gauss(0.0, self._jitter))
             if self._chance.random() < 0.02:  # nothing comes for a while, then all at once
                 self._stalls_until = come + self._chance.uniform(0.0, self._stall)
             self.messages.append((max(come, self._stalls_until), bytes([0xF8])))
             bpm = self._bpm(self._number / 24) if callable(self._bpm) else self._bpm
-            self._at += 60.0 / bpm / 24
+            self._beat_time += 60.0 / bpm / 24
             self._number += 1
         self.messages.sort(key=lambda one: one[0])
         come = [one for one in self.messages if one[0] <= now]
@@ -94,31 +94,31 @@ class Master:
         return come
 
 
-def followed(own, master, seconds, *, latency=0.03, since=0.2, start=True):
+def followed(stepped, master, seconds, *, latency=0.03, since=0.2, start=True):
     """Let a session follow a master; (errors of each beat [s], number of tempo lines)."""
     began = 50.0  # of the clock that both go by
 
     def when(frame):
-        return began + latency + frame / own.rate
+        return began + latency + frame / stepped.rate
 
-    clock = ClockIn(own.session, when)
+    clock = ClockIn(stepped.session, when)
     master.begin(began + since, start=start)
     for step in range(round(seconds / STEP)):
         now = began + step * STEP
         for position, data in master.until(now):
             clock.receive(data, position)
         clock.follow(now)
-        own.run(STEP)
-    running = own.session.schedule.running
+        stepped.run(STEP)
+    running = stepped.session.schedule.running
     tempo = running.version.piece.tempo_map
     by = running.clock
     errors = np.array(
         [
-            when(by.seconds(tempo, n) * own.rate) - position
+            when(by.seconds(tempo, n) * stepped.rate) - position
             for n, position in enumerate(master.beats)
         ]
     )
-    rows = map(json.loads, own.journal.read_text().splitlines())
+    rows = map(json.loads, stepped.journal.read_text().splitlines())
     lines = [row["line"] for row in rows if row["event"] == "line"]
     return errors, [line for line in lines if line.startswith("tempo ")]
 

@@ -51,7 +51,7 @@ def pressure(channel: int, value: int) -> bytes:
     return bytes([0xD0 | channel - 1, value])
 
 
-def heard_cents(session: Stepped, side: int, number: int) -> float:
+def played_cents(session: Stepped, side: int, number: int) -> float:
     """How far what sounded last on a channel lies from a note."""
     sound = session.sound[-4096:, side]
     spectrum = np.abs(np.fft.rfft(sound * np.hanning(len(sound)), 1 << 18))
@@ -94,22 +94,22 @@ def check_journal(session: Stepped) -> None:
 def test_zone_bends_each_note_by_itself(keyboard):
     session, send = keyboard
     send(*zone(5), note(2, 60), note(3, 67), wheel(2, 1024))  # an eighth of 48 semitones
-    assert heard_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
     send(wheel(1, 4096))  # half of the master's two semitones, for both
-    assert heard_cents(session, 0, 60) == pytest.approx(700.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(100.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(700.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(100.0, abs=4.0)
     send(wheel(1, 0), wheel(3, -2048), seconds=0.7)
-    assert heard_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(-1200.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(-1200.0, abs=4.0)
     check_journal(session)
 
 
 def test_registered_parameter_says_the_range_of_a_zone(keyboard):
     session, send = keyboard
     send(*zone(5), *registered(2, 0, 24), note(2, 60), note(4, 67), wheel(4, 2048))
-    assert heard_cents(session, 1, 67) == pytest.approx(600.0, abs=4.0)
-    assert heard_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(600.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
 
 
 def test_next_note_of_a_channel_has_its_values(keyboard):
@@ -117,13 +117,13 @@ def test_next_note_of_a_channel_has_its_values(keyboard):
     session.ok("map pressure bar.t60 1s..3s now")
     session.run(0.2)
     send(*zone(5), wheel(2, 1024), pressure(2, 127), note(2, 60))
-    assert heard_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
     assert value(session, "bar.C4", "t60") == pytest.approx(3.0)
     send(note(2, 67), wheel(2, 0))  # the channel has another note now
-    assert heard_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(600.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
     send(note(3, 60))  # the note on another channel, whose wheel stands in the middle
-    assert heard_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
     check_journal(session)
 
 
@@ -143,11 +143,11 @@ def test_pressure_and_controllers_act_on_the_note(keyboard):
 def test_without_a_zone_a_channel_moves_all_notes(keyboard):
     session, send = keyboard
     send(note(2, 60), note(3, 67), wheel(2, 8191))
-    assert heard_cents(session, 0, 60) == pytest.approx(200.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(200.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(200.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(200.0, abs=4.0)
     send(*zone(5), *zone(0), wheel(2, 0))  # a zone that has ended
-    assert heard_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
-    assert heard_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 0, 60) == pytest.approx(0.0, abs=4.0)
+    assert played_cents(session, 1, 67) == pytest.approx(0.0, abs=4.0)
 
 
 @pytest.mark.parametrize(
@@ -169,11 +169,11 @@ def test_a_transposition_moves_all_notes(tmp_path, matter):
         for number in (60, 67):
             session.session.midi.receive(note(2, number), 0.0)
             session.run(0.6)
-        assert heard_cents(session, 0, 60) == pytest.approx(-300.0, abs=4.0)
-        assert heard_cents(session, 1, 67) == pytest.approx(-200.0, abs=4.0)
+        assert played_cents(session, 0, 60) == pytest.approx(-300.0, abs=4.0)
+        assert played_cents(session, 1, 67) == pytest.approx(-200.0, abs=4.0)
         session.ok("set bar.G4.transpose 0cents over 50ms now")
         session.run(0.8)
-        assert heard_cents(session, 1, 67) == pytest.approx(-300.0, abs=4.0)
+        assert played_cents(session, 1, 67) == pytest.approx(-300.0, abs=4.0)
         check_journal(session)
 
 

@@ -54,37 +54,37 @@ def folder(work_folder: Path) -> Path:
     return work_folder
 
 
-class Told:
+class OscSession:
     """A stepped session that hears OSC: time passes only by `own.run`."""
 
     def __init__(self, folder: Path, message: Listener) -> None:
-        self.own = Stepped(SCORE, folder)
-        self._said, self._osc = message, OscServer(("127.0.0.1", 0), None)
+        self.stepped = Stepped(SCORE, folder)
+        self._listener, self._osc = message, OscServer(("127.0.0.1", 0), None)
         performance = cast(_core.Performance, SimpleNamespace())
-        self._served = SessionOsc(self.own.session, self._osc, performance)
+        self._served = SessionOsc(self.stepped.session, self._osc, performance)
 
     def tell(self, name: str, value: float) -> None:
         """Say a value by UDP, and wait until it acts, at the frame that is next."""
         assert self._osc.place is not None
-        self._said.say(self._osc.place[1], f"/ergon/input/{name}", value)
+        self._listener.say(self._osc.place[1], f"/ergon/input/{name}", value)
         before = len(self.values())
-        until(lambda: self.own.session.pump() or len(self.values()) > before, "the value acts")
+        until(lambda: self.stepped.session.pump() or len(self.values()) > before, "the value acts")
 
     def values(self) -> list[tuple[int, str, float]]:
         """Those of the journal: frame, input, value."""
-        rows = map(json.loads, self.own.journal.read_text().splitlines())
+        rows = map(json.loads, self.stepped.journal.read_text().splitlines())
         return [
             (row["frame"], row["input"], row["value"]) for row in rows if row["event"] == "value"
         ]
 
     def close(self) -> None:
         self._served.close()
-        self.own.close()
+        self.stepped.close()
 
 
 @pytest.fixture
-def session_osc(folder: Path, listener: Listener) -> Iterator[Told]:  # noqa: F811
-    built = Told(folder, listener)
+def session_osc(folder: Path, listener: Listener) -> Iterator[OscSession]:  # noqa: F811
+    built = OscSession(folder, listener)
     yield built
     built.close()
 
@@ -100,8 +100,10 @@ def forces(values: list[tuple[int, str, float]], n_frames: int) -> NDArray[np.fl
     return np.clip(2e-3 * x[1:], -3e-3, 3e-3)
 
 
-def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(session_osc: Told):
-    single = session_osc.own
+def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(
+    session_osc: OscSession,
+):
+    single = session_osc.stepped
     single.run(0.1)
     session_osc.tell("breath", 0.5)
     single.run(0.05)
@@ -128,8 +130,8 @@ def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(s
     assert np.array_equal(single.again(), single.sound)
 
 
-def test_versions_go_on_by_what_was_told(session_osc: Told):
-    single = session_osc.own
+def test_versions_go_on_by_what_was_told(session_osc: OscSession):
+    single = session_osc.stepped
     single.run(0.1)
     session_osc.tell("breath", 1.0)
     session_osc.tell("place", 0.75)
@@ -149,19 +151,23 @@ def test_versions_go_on_by_what_was_told(session_osc: Told):
 
 
 @pytest.mark.parametrize("value", ["loud", float("nan"), float("inf"), True, None])
-def test_what_is_no_finite_number_is_refused(session_osc: Told, listener: Listener, value: Any):  # noqa: F811
+def test_what_is_no_finite_number_is_refused(
+    session_osc: OscSession,
+    listener: Listener,
+    value: Any,  # noqa: F811
+):
     assert session_osc._osc.place is not None
     text = () if value is None else (value,)
     listener.say(session_osc._osc.place[1], "/ergon/input/breath", *text)
     assert listener.until("/ergon/error")[3] == [
         "the argument has to be one finite number; 1 is full scale"
     ]
-    session_osc.own.run(0.1)
+    session_osc.stepped.run(0.1)
     assert session_osc.values() == []
-    assert not session_osc.own.sound[:, 0].any()
+    assert not session_osc.stepped.sound[:, 0].any()
 
 
-def test_an_input_that_the_score_lacks_has_no_address(session_osc: Told, listener: Listener):  # noqa: F811
+def test_an_input_that_the_score_lacks_has_no_address(session_osc: OscSession, listener: Listener):  # noqa: F811
     assert session_osc._osc.place is not None
     listener.say(session_osc._osc.place[1], "/ergon/input/nobody", 1.0)
     listener.say(session_osc._osc.place[1], "/ergon/input/", 1.0)
@@ -174,12 +180,12 @@ class Asked:
 
     def __init__(self) -> None:
         self.now, self.takes = 0.0, True
-        self.told: list[tuple[str, float]] = []
+        self.received: list[tuple[str, float]] = []
         self.inputs = InputValues(self._tell, lambda: self.now)
 
     def _tell(self, name: str, value: float) -> bool:
         if self.takes:
-            self.told.append((name, value))
+            self.received.append((name, value))
         return self.takes
 
 
@@ -192,9 +198,9 @@ def test_of_values_that_come_too_fast_the_latest_acts():
         asked.inputs.send_due()
     asked.now = 1.1
     asked.inputs.send_due()
-    assert 200 <= len(asked.told) <= 222
-    assert dict(asked.told) == {"a": 999.0, "b": 999.0}
-    assert abs(sum(name == "a" for name, _ in asked.told) - len(asked.told) / 2) <= 1
+    assert 200 <= len(asked.received) <= 222
+    assert dict(asked.received) == {"a": 999.0, "b": 999.0}
+    assert abs(sum(name == "a" for name, _ in asked.received) - len(asked.received) / 2) <= 1
 
 
 def test_a_value_that_finds_no_room_is_told_later():
@@ -202,10 +208,10 @@ def test_a_value_that_finds_no_room_is_told_later():
     asked.takes = False
     asked.inputs.handler_of("a")([0.5])
     asked.inputs.handler_of("a")([0.25])
-    assert asked.told == []
+    assert asked.received == []
     asked.takes = True
     asked.inputs.send_due()
-    assert asked.told == [("a", 0.25)]
+    assert asked.received == [("a", 0.25)]
     for wrong in ([], [1.0, 2.0], ["1"], [10**400]):
         with pytest.raises(OscRequestError, match="finite number"):
             asked.inputs.handler_of("a")(wrong)
@@ -222,20 +228,20 @@ def test_a_value_that_finds_no_room_is_told_later():
     ],
 )
 def test_a_forged_value_is_refused_with_its_place(
-    session_osc: Told, damage: dict[str, Any], message: str
+    session_osc: OscSession, damage: dict[str, Any], message: str
 ):
-    session_osc.own.run(0.1)
+    session_osc.stepped.run(0.1)
     session_osc.tell("breath", 1.0)
-    session_osc.own.run(0.1)
-    session_osc.own.close()
-    rows = [json.loads(line) for line in session_osc.own.journal.read_text().splitlines()]
+    session_osc.stepped.run(0.1)
+    session_osc.stepped.close()
+    rows = [json.loads(line) for line in session_osc.stepped.journal.read_text().splitlines()]
     for number, row in enumerate(rows, 1):
         if row["event"] == "value":
             row.update(damage)
             place = number
-    session_osc.own.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    session_osc.stepped.journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(JournalError, match=f"line {place}: .*{message}"):
-        session_osc.own.again()
+        session_osc.stepped.again()
 
 
 @contextmanager

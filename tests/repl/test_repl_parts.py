@@ -119,22 +119,22 @@ def test_what_begins_just_there_begins_transformed(score, what):
     ]
 
 
-@pytest.mark.parametrize(("path", "at"), crossed(SCORES, [0.0, 6.5, 17.0]))
-def test_rest_leaves_what_has_begun(path, at):
+@pytest.mark.parametrize(("path", "beat"), crossed(SCORES, [0.0, 6.5, 17.0]))
+def test_rest_leaves_what_has_begun(path, beat):
     texts, piece = opened(path)
-    after = parts.rest(texts, piece, None, at)
+    after = parts.rest(texts, piece, None, beat)
     for player in piece.players:
-        assert begun(piece_of(after), player) == [x for x in begun(piece, player) if x[0] < at]
+        assert begun(piece_of(after), player) == [x for x in begun(piece, player) if x[0] < beat]
 
 
-@pytest.mark.parametrize("at", few([0.0, 9.0, 17.0, 40.0], [9.0]))
-def test_after_hush_no_ergon_begins(at):
+@pytest.mark.parametrize("beat", few([0.0, 9.0, 17.0, 40.0], [9.0]))
+def test_after_hush_no_ergon_begins(beat):
     for path in SCORES:
         texts, piece = opened(path)
-        silent = piece_of(parts.hush(texts, piece, at))
+        silent = piece_of(parts.hush(texts, piece, beat))
         tempo = silent.tempo_map
         for strikes in silent.strikes:
-            assert tempo.resolve(strikes.at) < at
+            assert tempo.resolve(strikes.at) < beat
             ends = [tempo.resolve(strikes.until)] if strikes.until else []
             if strikes.span:
                 ends.append(tempo.after(tempo.resolve(strikes.at), strikes.span))
@@ -149,7 +149,7 @@ def test_after_hush_no_ergon_begins(at):
                 ends.append(
                     tempo.after(tempo.resolve(strikes.at), strikes.every.times(strikes.times - 1))
                 )
-            assert min(ends, default=tempo.resolve(strikes.at)) <= at
+            assert min(ends, default=tempo.resolve(strikes.at)) <= beat
 
 
 def test_what_is_saved_has_an_end():

@@ -372,12 +372,12 @@ def test_what_is_wrong_with_strikes_is_told(session, line, why):
 # --- automation ----------------------------------------------------------------------------------
 
 
-def value(session: Stepped, at: float, module: str = "m") -> float:
+def value(session: Stepped, time: float, module: str = "m") -> float:
     """K of a module of the bell at an instant of the session [s]."""
     points = session.session.schedule.running.stage.paths.get(("bell", module), [])
     if not points:
         return float("nan")
-    return float(np.interp(at, [p[0] for p in points], [p[1] for p in points]))
+    return float(np.interp(time, [p[0] for p in points], [p[1] for p in points]))
 
 
 def hertz(k: float) -> float:

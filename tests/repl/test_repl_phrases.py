@@ -36,8 +36,8 @@ def stepped_session(tmp_path: Path):
 def struck(stepped_session: Stepped, since: float) -> list[float]:
     """Seconds at which something is struck, from an instant on."""
     return [
-        since + one / stepped_session.rate
-        for one in onsets(
+        since + onset / stepped_session.rate
+        for onset in onsets(
             stepped_session.sound[int(since * stepped_session.rate) :, 0], stepped_session.rate
         )
     ]

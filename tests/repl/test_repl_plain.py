@@ -154,7 +154,7 @@ def test_a_plain_terminal_draws_nothing(tmp_path: Path, how: str):
         time.sleep(0.1)
         assert terminal.child.isalive()
     assert submitted(tmp_path) == ["ada plays", "say 1 0.2 remi is gone", "slow 1000"]
-    assert b"\x1b" not in terminal.said
+    assert b"\x1b" not in terminal.output
 
 
 def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):

@@ -356,4 +356,4 @@ def test_no_colour_where_none_is_wanted(tmp_path: Path):
         with prompt(tmp_path, **environment) as prompt_shown:
             prompt_shown.type("play and more")
             prompt_shown.typing("play and more")
-            assert bool(colour.search(prompt_shown.said)) is coloured
+            assert bool(colour.search(prompt_shown.output)) is coloured

@@ -24,28 +24,28 @@ from tests.fuzz.harness import BROKEN
 from tests.repl.test_repl_session import SCORE
 
 
-class Kept:
+class RandomSession:
     """A random session: what was typed and answered, over all its resumes."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder = folder
         self.draws = Player(seed)
-        self.said: list[str] = []
+        self.transcript: list[str] = []
         self.seconds = 0.0
-        self.at = Stepped(self.draws.one(SCORE, TABLE), folder)
+        self.stepped = Stepped(self.draws.choose(SCORE, TABLE), folder)
 
     def run(self, seconds: float) -> None:
-        self.at.run(seconds)
+        self.stepped.run(seconds)
         self.seconds += seconds
 
     def type(self, line: str) -> None:
-        self.said.append(line)
-        reply = self.at.type(line)
+        self.transcript.append(line)
+        reply = self.stepped.type(line)
         self.tells(reply.text, *reply.lines)
 
     def tells(self, *texts: str) -> None:
         """Note what the session says: nothing of it stands for a fault of the program."""
-        self.said += (f"    {text}" for text in texts)
+        self.transcript += (f"    {text}" for text in texts)
         for text in texts:
             assert not BROKEN.search(text), self.story()
             assert "Error" not in text or "your Python" in text, self.story()
@@ -54,47 +54,50 @@ class Kept:
         """One line, message of MIDI, edit of the file, resume or kill."""
         chance = self.draws.draw.random()
         if chance < 0.04:
-            self.at.close()
-            same(self.at, self)
-            rows = self.at.ok("history").lines
+            self.stepped.close()
+            same(self.stepped, self)
+            rows = self.stepped.ok("history").lines
             self.resume("(resumed)")
-            assert self.at.ok("history").lines == rows, [rows, self.at.ok("history").lines]
+            assert self.stepped.ok("history").lines == rows, [
+                rows,
+                self.stepped.ok("history").lines,
+            ]
         elif chance < 0.08:
             self.kill()
         elif chance < 0.14:
             self.draws.edit(self.folder)
-            self.said.append("(edited)")
+            self.transcript.append("(edited)")
         elif chance < 0.24:
             packet = self.draws.packet()
-            self.said.append(f"(MIDI {packet.hex()})")
-            self.at.session.midi.receive(packet, self.seconds)
+            self.transcript.append(f"(MIDI {packet.hex()})")
+            self.stepped.session.midi.receive(packet, self.seconds)
         else:
             line = self.draws.line()
             if line.startswith("load ") and "/dev" not in line:
                 line = line.replace("load ", f"load {self.folder}/")
             self.type(line)
         self.run(self.draws.draw.choice([0.002, 0.01, 0.2, 0.5, 1.3]))
-        self.tells(*self.at.session.messages())
+        self.tells(*self.stepped.session.messages())
 
     def resume(self, how: str) -> None:
-        self.said.append(how)
-        self.at = Stepped.resumed(self.at.journal)
+        self.transcript.append(how)
+        self.stepped = Stepped.resumed(self.stepped.journal)
         self.run(0.002)
 
     def kill(self) -> None:
         """End as `kill -9` does: what the journal holds at this instant is all that is left."""
-        written = self.at.journal.read_bytes()
+        written = self.stepped.journal.read_bytes()
         if self.draws.draw.random() < 0.5:  # in the middle of its last line
             last = len(written) - written.rstrip(b"\n").rfind(b"\n") - 1
             if last < len(written):
                 written = written[: len(written) - self.draws.draw.randrange(1, last)]
-        self.at.close()
-        self.at.journal.write_bytes(written)
-        same(self.at, self, is_killed=True)
+        self.stepped.close()
+        self.stepped.journal.write_bytes(written)
+        same(self.stepped, self, is_killed=True)
         self.resume("(killed and resumed)")
 
     def story(self) -> str:
-        return "\n".join(self.said)
+        return "\n".join(self.transcript)
 
 
 def played(folder: Path, seed: int, n_lines: int) -> None:
@@ -104,7 +107,7 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
     mine.mkdir()
     for name, text in SCENES.items():
         (mine / f"{name}.yaml").write_text(text)
-    single = Kept(mine, seed)
+    single = RandomSession(mine, seed)
     counted = SimpleNamespace(monotonic=lambda: single.seconds)
     try:
         with mock.patch.object(session_commands, "time", counted), written_outside(mine) as outside:
@@ -113,19 +116,19 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
                 single.type("play")
             for _ in range(n_lines):
                 single.step()
-            single.at.close()
-        same(single.at, single)
+            single.stepped.close()
+        same(single.stepped, single)
     finally:
-        single.at.close()
+        single.stepped.close()
     assert not outside, [outside, single.story()]
     assert [path.name for path in folder.iterdir()] == ["mine"]
 
 
-def same(at: Stepped, own: Kept, *, is_killed: bool = False) -> None:
+def same(stepped: Stepped, random_session: RandomSession, *, is_killed: bool = False) -> None:
     """The journal renders what was heard, at every frame; one of a kill up to its last event."""
-    sound, again = at.sound, at.again()
+    sound, again = stepped.sound, stepped.again()
     differ = np.flatnonzero(np.any(again != sound[: len(again)], axis=1))
-    assert not differ.size, [own.story(), f"from frame {differ[0]} of {len(again)}"]
+    assert not differ.size, [random_session.story(), f"from frame {differ[0]} of {len(again)}"]
     assert len(again) == len(sound) or (is_killed and len(again) < len(sound))
 
 

@@ -31,13 +31,13 @@ _FALLS = 442  # frames in which a panic falls silent, and its end comes back
 _ENDS = 4 * 1024  # frames in which a session that ends falls silent
 
 
-class Kept:
+class RandomDeviceSession:
     """A random session: what was typed and answered, and what became of its keys."""
 
-    def __init__(self, own: Played, seed: int) -> None:
-        self.own = own
+    def __init__(self, played: Played, seed: int) -> None:
+        self.played = played
         self.draws = Player(seed)
-        self.said: list[str] = []
+        self.transcript: list[str] = []
         self.lost: tuple[Paced, str] | None = None
 
     def step(self) -> None:
@@ -49,7 +49,7 @@ class Kept:
             # What plays here is the file heard.wav itself.
             line = self.draws.line().replace("heard.wav", "own.wav")
             if draw.random() < 0.15:
-                line = self.draws.one(
+                line = self.draws.choose(
                     "guide remi ada K=40N/m now",
                     "guide zoe leo K=60N/m now",
                     "guide remi off",
@@ -61,36 +61,36 @@ class Kept:
                     "release",
                 )
             self.type(line)
-        self.own.run(draw.choice([0.002, 0.02, 0.1, 0.3]))
-        self.tells(*self.own.session.messages())
+        self.played.run(draw.choice([0.002, 0.02, 0.1, 0.3]))
+        self.tells(*self.played.session.messages())
 
     def change(self) -> None:
         if self.lost is not None:
-            self.said.append(f"({self.lost[1]} is back)")
-            self.own.find(self.lost[0])
+            self.transcript.append(f"({self.lost[1]} is back)")
+            self.played.find(self.lost[0])
             self.lost = None
             return
         board, player = self.draws.draw.choice(
-            list(zip(self.own.boards, ("remi", "zoe"), strict=True))
+            list(zip(self.played.boards, ("remi", "zoe"), strict=True))
         )
-        self.said.append(f"({player} vanishes)")
-        self.own.lose(board, player)
+        self.transcript.append(f"({player} vanishes)")
+        self.played.lose(board, player)
         self.lost = board, player
 
     def type(self, line: str) -> None:
-        self.said.append(line)
-        reply = self.own.session.submit(line)
+        self.transcript.append(line)
+        reply = self.played.session.submit(line)
         self.tells(reply.text, *reply.lines)
 
     def tells(self, *texts: str) -> None:
         """Note what the session says: nothing of it stands for a fault of the program."""
-        self.said += (f"    {text}" for text in texts)
+        self.transcript += (f"    {text}" for text in texts)
         for text in texts:
             assert not BROKEN.search(text), self.story()
             assert "Error" not in text or "your Python" in text, self.story()
 
     def story(self) -> str:
-        return "\n".join(self.said)
+        return "\n".join(self.transcript)
 
 
 def played(folder: Path, seed: int, n_lines: int) -> None:
@@ -98,7 +98,7 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
         (folder / f"{name}.yaml").write_text(text)
     with playing(folder, SCORE) as player_session:
         order = [id(board) for board in player_session.boards]
-        saved = Kept(player_session, seed)
+        saved = RandomDeviceSession(player_session, seed)
         player_session.run(0.02)
         saved.type("play")
         for _ in range(n_lines):

@@ -69,7 +69,7 @@ def a_verse(stepped_session: Stepped) -> None:
     assert "verse.yaml" in stepped_session.ok("keep 2bar as verse").text
 
 
-def heard(stepped_session: Stepped, bar: int, count: int = 1) -> np.ndarray:
+def bar_sound(stepped_session: Stepped, bar: int, count: int = 1) -> np.ndarray:
     n = int(stepped_session.rate)
     return stepped_session.sound[(bar - 1) * n : (bar - 1 + count) * n]
 
@@ -87,7 +87,7 @@ def test_a_scene_comes_back_on_the_next_bar_and_begins_again(stepped_session: St
         wanted = [float(beat + 8 * turn) for turn in range(3) for beat in first]
         assert result == pytest.approx(wanted), (player, times)
     # Each round sounds as the one before, but for what still rings from before the scene.
-    rounds = [heard(stepped_session, bar, 2) for bar in (13, 15, 17)]
+    rounds = [bar_sound(stepped_session, bar, 2) for bar in (13, 15, 17)]
     scale = np.abs(rounds[0]).max()
     assert scale > 0
     assert np.abs(rounds[1] - rounds[0]).max() < 0.05 * scale
@@ -374,10 +374,10 @@ def test_strikes_by_patterns_come_back(stepped_session: Stepped, line: str):
     stepped_session.ok("keep 2bar as verse")
     stepped_session.ok("scene verse")
     to_bar(stepped_session, 13)
-    first, second = heard(stepped_session, 9, 2), heard(stepped_session, 11, 2)
+    first, second = bar_sound(stepped_session, 9, 2), bar_sound(stepped_session, 11, 2)
     assert np.abs(first).max() > 1e-5
     assert np.max(np.abs(first[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
-    saved = heard(stepped_session, 4, 2)
+    saved = bar_sound(stepped_session, 4, 2)
     assert np.max(np.abs(saved[-4000:] - second[-4000:])) < 0.02 * np.abs(first).max()
     stepped_session.close()
     assert np.array_equal(stepped_session.again(), stepped_session.sound)

@@ -27,7 +27,7 @@ strikes:
   unheard: {to: dark.3, at: 1|1, impulse: 1mNs}
 mix: {channels: 1, route: [{from: sky, to: 1}]}
 """
-HEARD = SCORE.replace("M: 10g}}", "M: 10g}, out: {SOX: dark.5}}").replace(
+AUDIBLE_SCORE = SCORE.replace("M: 10g}}", "M: 10g}, out: {SOX: dark.5}}").replace(
     "to: 1}]", "to: 1}, {from: dark, to: 1}]"
 )
 
@@ -66,8 +66,8 @@ def test_what_is_heard_keeps_its_samples(tmp_path: Path) -> None:
 
 def test_a_journal_renders_what_had_moved_before_it_was_heard(tmp_path: Path) -> None:
     """A string that was struck while nobody heard it rings on where it was computed."""
-    plain, _ = played(tmp_path / "plain", is_seen=False, then=HEARD)
-    seen, _ = played(tmp_path / "seen", is_seen=True, then=HEARD)
+    plain, _ = played(tmp_path / "plain", is_seen=False, then=AUDIBLE_SCORE)
+    seen, _ = played(tmp_path / "seen", is_seen=True, then=AUDIBLE_SCORE)
     assert not np.array_equal(plain.sound, seen.sound)
     for item in (plain, seen):
         again = item.again()

@@ -115,7 +115,7 @@ def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
 
 def test_a_hostile_line_changes_no_sample(tmp_path):
     """Check 8: 200 bad lines, and the sound of a run without them."""
-    with closing(_at(tmp_path / "a")) as plain, closing(_at(tmp_path / "b")) as hurt:
+    with closing(_stepped(tmp_path / "a")) as plain, closing(_stepped(tmp_path / "b")) as hurt:
         _hurt(plain, hurt)
 
 
@@ -127,7 +127,7 @@ def _panicking(command: object) -> object:
     raise PanicException("index out of bounds")
 
 
-def _at(folder: Path, score: str = SCORE) -> Stepped:
+def _stepped(folder: Path, score: str = SCORE) -> Stepped:
     folder.mkdir()
     return Stepped(score, folder)
 
@@ -398,7 +398,7 @@ def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
         "parts:\n",
         "strikes: {rain: {to: bell.m, at: 1|1, for: 99bar, rate: 20Hz, impulse: 1uNs}}\nparts:\n",
     )
-    with closing(_at(tmp_path / "a", score)) as stepped:
+    with closing(_stepped(tmp_path / "a", score)) as stepped:
         stepped.ok("play from 3|1")
         stepped.run(1.0)
         assert onset(stepped.sound) < 0.5 * stepped.rate

@@ -210,11 +210,11 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
         listened: list[str] = []
 
         def hears(words: str) -> None:
-            def heard_it() -> bool:
+            def is_received() -> bool:
                 listened.extend(prompt.messages())
                 return any(words in message for message in listened)
 
-            until(heard_it, words)
+            until(is_received, words)
 
         vanish.set()
         hears("no longer answers")

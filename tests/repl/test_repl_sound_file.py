@@ -18,7 +18,7 @@ from tests.repl.test_repl_live import session_on
 from tests.repl.test_repl_session import SCORE
 
 
-def _heard(session: Session) -> list[str]:
+def _sound_messages(session: Session) -> list[str]:
     messages: list[str] = []
     until(
         lambda: any(
@@ -46,7 +46,7 @@ def test_a_file_of_what_is_heard_is_the_render_of_those_frames(tmp_path: Path, a
         assert "still being recorded" in session.submit("record audio other").text
         _frames(session, 11_000)
         assert session.submit("record audio off").taken
-        text = _heard(session)
+        text = _sound_messages(session)
         assert "no sound is being recorded" in session.submit("record audio off").text
         assert "overwrites no file" in session.submit("record audio part.wav").text
     assert any(one.startswith("sound of 1.") for one in text)

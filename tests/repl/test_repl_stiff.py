@@ -16,18 +16,18 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import stage
 
 # A motor gives a hand no more in the long run [W].
-MOST = 0.05
+POWER_MAX = 0.05
 STIFF = "set bell.b.K 5kN/m now"
 
 
-def settled(own: Rig, line: str) -> float:
+def settled(rig: Rig, line: str) -> float:
     """Power after half a second of what a line has made [W], the key being hit."""
-    own.ok(line)
-    own.run(0.5)
-    own.kick()
-    since = own.board.periods
-    own.run(1.0)
-    return own.power(since)
+    rig.ok(line)
+    rig.run(0.5)
+    rig.kick()
+    since = rig.board.periods
+    rig.run(1.0)
+    return rig.power(since)
 
 
 @pytest.mark.parametrize("hand", HANDS)
@@ -38,7 +38,7 @@ def settled(own: Rig, line: str) -> float:
 def test_what_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
     with rig(tmp_path, hand, Scene().text) as single:
         assert single.scale == 1.0
-        assert settled(single, line) <= MOST
+        assert settled(single, line) <= POWER_MAX
         assert 0.02 <= single.scale < 0.9
         assert single.trips == 0
 
@@ -66,20 +66,20 @@ def test_undo_reload_and_load_take_the_same_road(tmp_path: Path, monkeypatch: py
     monkeypatch.chdir(tmp_path)
     soft, stiff = Scene(), Scene(stiffness=5e3)
     with rig(tmp_path, "firm", soft.text) as single:
-        assert settled(single, STIFF) <= MOST
+        assert settled(single, STIFF) <= POWER_MAX
         low = single.scale
         single.ok("undo")
         single.run(0.5)
         assert single.scale == 1.0
         single.path.write_text(stiff.text, encoding="utf-8")
-        assert settled(single, "reload") <= MOST
+        assert settled(single, "reload") <= POWER_MAX
         assert single.scale == pytest.approx(low, rel=1e-3)
         single.path.with_name("soft.yaml").write_text(soft.text, encoding="utf-8")
         single.ok("load soft.yaml")
         single.run(0.5)
         assert single.scale == 1.0
         single.path.with_name("stiff.yaml").write_text(stiff.text, encoding="utf-8")
-        assert settled(single, "load stiff.yaml") <= MOST
+        assert settled(single, "load stiff.yaml") <= POWER_MAX
         assert single.scale == pytest.approx(low, rel=1e-3)
         assert single.trips == 0
 
@@ -100,7 +100,7 @@ def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_pat
         single.kick()
         since = single.board.periods
         single.run(0.5)
-        assert single.power(since) <= MOST
+        assert single.power(since) <= POWER_MAX
 
 
 def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gone(tmp_path: Path):
@@ -126,12 +126,12 @@ def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gon
         assert single.scale == 1.0
 
 
-def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
+def _ticks(rig: Rig, until: int) -> list[tuple[int, float]]:
     """Frame and scale after every period up to a frame."""
     seen = [(0, 1.0)]
     while seen[-1][0] < until:
-        own.run(0.001)
-        status = own.engine.performance.status()
+        rig.run(0.001)
+        status = rig.engine.performance.status()
         seen.append((status.frame, status.hands[0].scale))
     return seen[1:]
 
@@ -157,7 +157,7 @@ def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
         folder = tmp_path / hand
         folder.mkdir()
         power, trips, _, text = measured(folder, hand, seed)
-        assert power <= MOST, text
+        assert power <= POWER_MAX, text
         assert trips == 0, text
 
 
@@ -168,7 +168,7 @@ def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
         folder = tmp_path / f"{seed}-{hand}"
         folder.mkdir()
         power, trips, _, text = measured(folder, hand, seed)
-        assert power <= MOST, (seed, hand, text)
+        assert power <= POWER_MAX, (seed, hand, text)
         assert trips == 0, (seed, hand, text)
         worst = max(worst, power)
     print(f"200 stiffenings x {len(HANDS)} hands: {worst:.3f} W at most, no trip")
@@ -199,7 +199,7 @@ def test_automation_that_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: s
         )  # a spring that stiffens under a hand that is away does some work at first
         since = single.board.periods
         single.run(2.0)
-        assert single.power(since) <= MOST
+        assert single.power(since) <= POWER_MAX
         assert 0.02 <= single.scale < 0.9
         assert single.trips == 0
 

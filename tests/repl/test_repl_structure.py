@@ -307,11 +307,11 @@ def test_unheard_part_is_refused_by_its_line(stepped_session: Stepped) -> None:
     stepped_session.ok("route cup 2")
 
 
-FOUND = "ergon: 1\nuse: instruments/found.yaml\nmix: {channels: 2}\n"
+USING_SCORE = "ergon: 1\nuse: instruments/found.yaml\nmix: {channels: 2}\n"
 
 
 def test_build_with_name_of_used_file(tmp_path: Path):
-    stepped_session = Stepped(FOUND, tmp_path)
+    stepped_session = Stepped(USING_SCORE, tmp_path)
     reply = stepped_session.type("bottle = found/bottle")
     assert reply.text.startswith("bottle exists: a file that the score uses has it")
     stepped_session.close()
@@ -325,7 +325,7 @@ def test_build_with_name_of_used_file(tmp_path: Path):
     ],
 )
 def test_strikes_on_instrument_of_used_file(tmp_path: Path, line: str):
-    stepped_session = Stepped(FOUND, tmp_path)
+    stepped_session = Stepped(USING_SCORE, tmp_path)
     stepped_session.ok("play")
     stepped_session.ok(line)
     stepped_session.run(6.0)

@@ -71,12 +71,14 @@ def edited(stepped: Stepped, edit: str, count: int) -> None:
     stepped.ok(f"{edit} now")
 
 
-def worst(sound: np.ndarray, at: int, rate: float) -> float:
+def worst(sound: np.ndarray, frame: int, rate: float) -> float:
     """The third difference in a swap, over the larger of before and after."""
     third = np.abs(np.diff(sound, 3, axis=0)).max(axis=1)
     quiet, longest = int(BEFORE * rate), int(LONGEST * rate)
-    around = max(third[at - quiet : at].max(), third[at + longest : at + longest + quiet].max())
-    return float(third[at - 8 : at + longest].max() / around)
+    around = max(
+        third[frame - quiet : frame].max(), third[frame + longest : frame + longest + quiet].max()
+    )
+    return float(third[frame - 8 : frame + longest].max() / around)
 
 
 def clicks(count: int, folder: Path) -> list[tuple[str, float]]:

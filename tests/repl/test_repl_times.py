@@ -12,19 +12,19 @@ from ergon.scores.edits.texts import Texts
 
 
 @pytest.mark.parametrize(
-    ("path", "at", "tempo"),
+    ("path", "beat", "tempo"),
     crossed(SCORES, [0.0, 3.0, 12.0, 22.0, 60.0], [("72", None), ("60 -> 96", "8")]),
 )
-def test_the_tempo_holds_from_its_beat(path, at, tempo):
+def test_the_tempo_holds_from_its_beat(path, beat, tempo):
     bpm, over = tempo
     texts, piece = opened(path)
-    after = piece_of(times.change(texts, piece, at, bpm, over)).tempo_map
+    after = piece_of(times.change(texts, piece, beat, bpm, over)).tempo_map
     for k in range(20):
-        beats = at * k / 20
+        beats = beat * k / 20
         assert after.seconds(beats) == pytest.approx(piece.tempo_map.seconds(beats), abs=1e-9)
-        assert after.bar_beat(at + k) == piece.tempo_map.bar_beat(at + k)
-    assert after.bpm(at) == float(bpm.split()[0])
-    assert after.bpm(at + 1000) == float(bpm.split()[-1])
+        assert after.bar_beat(beat + k) == piece.tempo_map.bar_beat(beat + k)
+    assert after.bpm(beat) == float(bpm.split()[0])
+    assert after.bpm(beat + 1000) == float(bpm.split()[-1])
 
 
 def test_a_ramp_under_way_ends_where_it_is():
@@ -120,26 +120,26 @@ def test_a_take_and_a_seed():
     assert (after.takes["solo"].channel, after.seed) == ("x", 7)
 
 
-def acting(piece, at):
+def acting(piece, beat):
     result = []
     for c in piece.duet:
         until = piece.tempo_map.resolve(c.until) if c.until else float("inf")
-        if piece.tempo_map.resolve(c.at) <= at < until:
+        if piece.tempo_map.resolve(c.at) <= beat < until:
             result.append(c.link.fields["K"])
     return result
 
 
-@pytest.mark.parametrize("at", [8.0, 32.0, 40.0])
-def test_a_coupling_takes_the_place_of_another(at):
+@pytest.mark.parametrize("coupling_beat", [8.0, 32.0, 40.0])
+def test_a_coupling_takes_the_place_of_another(coupling_beat):
     texts, piece = opened(DUET)
-    after = keys.couple(texts, piece, at, "k2", "k1", "90N/m", "1Ns/m")
+    after = keys.couple(texts, piece, coupling_beat, "k2", "k1", "90N/m", "1Ns/m")
     new = piece_of(after)
     for beat in (0.0, 7.0, 31.0, 39.0, 41.0, 100.0):
-        assert acting(new, beat) == ([90.0] if beat >= at else acting(piece, beat))
+        assert acting(new, beat) == ([90.0] if beat >= coupling_beat else acting(piece, beat))
     assert "duet:                                      # the two keys" in after.text
-    free = piece_of(keys.uncouple(after, new, at + 8, "k1", "k2"))
-    assert acting(free, at + 9) == []
-    assert acting(free, at + 7) == [90.0]
+    free = piece_of(keys.uncouple(after, new, coupling_beat + 8, "k1", "k2"))
+    assert acting(free, coupling_beat + 9) == []
+    assert acting(free, coupling_beat + 7) == [90.0]
 
 
 def test_keys_that_nothing_joins_cannot_part():

@@ -99,17 +99,19 @@ def test_a_line_that_takes_a_name_from_one_that_waits_is_refused(session: Steppe
 
 @pytest.mark.slow
 def test_a_session_that_stood_still_says_what_did_not_begin(tmp_path: Path):
-    at = Stepped(SCORE, tmp_path)
-    at.ok("play")
-    at.run(1.0)
-    at.engine.process(int(200.0 * at.rate))  # as where the program is stopped, and the sound is not
-    at.session.pump()
-    messages = [one for one in at.session.messages() if "was skipped" in one]
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    stepped.run(1.0)
+    stepped.engine.process(
+        int(200.0 * stepped.rate)
+    )  # as where the program is stopped, and the sound is not
+    stepped.session.pump()
+    messages = [one for one in stepped.session.messages() if "was skipped" in one]
     assert len(messages) == 1
     assert messages[0].startswith("the program was suspended, or the machine was too busy: ")
-    at.run(1.0)
-    assert not at.session.messages()
-    at.close()
+    stepped.run(1.0)
+    assert not stepped.session.messages()
+    stepped.close()
 
 
 def test_lines_that_one_delay_makes_late_are_put_off_once(session: Stepped):
@@ -166,16 +168,16 @@ parts:
 
 def test_a_line_that_can_no_longer_take_effect_is_dropped_and_not_committed(tmp_path: Path):
     """The journal held both, and could not be rendered."""
-    at = Stepped(TRAVEL, tmp_path)
-    at.ok("play")
-    at.run(0.3)
-    at.ok("tempo 100")
-    at.ok("ada plays knock every 1 do scale 5")
-    at.ok("knock = 0mm@0 smooth 6mm@60ms 0mm@120ms now")
-    at.run(6.0)
-    assert any("could not take effect and is dropped" in one for one in at.session.messages())
-    events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+    stepped = Stepped(TRAVEL, tmp_path)
+    stepped.ok("play")
+    stepped.run(0.3)
+    stepped.ok("tempo 100")
+    stepped.ok("ada plays knock every 1 do scale 5")
+    stepped.ok("knock = 0mm@0 smooth 6mm@60ms 0mm@120ms now")
+    stepped.run(6.0)
+    assert any("could not take effect and is dropped" in one for one in stepped.session.messages())
+    events = [json.loads(line) for line in stepped.journal.read_text().splitlines()]
     dropped = [one["number"] for one in events if one["event"] == "dropped"]
     assert len(dropped) == 1
-    assert set(dropped).isdisjoint(commits(at))
-    same(at)
+    assert set(dropped).isdisjoint(commits(stepped))
+    same(stepped)

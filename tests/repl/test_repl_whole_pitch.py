@@ -131,20 +131,23 @@ def test_the_whole_glides_at_the_prompt_and_what_is_saved_does(stepped_session, 
 
 
 def test_the_pitch_is_set_where_it_is_written(stepped_session):
-    def said(name):
+    def written_pitch(name):
         return stepped_session.session.schedule.head.piece.instruments[name].pitch
 
     stepped_session.ok("play from 1|1")
     stepped_session.run(0.5)
     stepped_session.ok("set bell.f C4 now")
     assert "transpose: 3st" in stepped_session.session.schedule.head.texts.text
-    assert (said("bell"), said("bell2")) == (pytest.approx(261.6256), pytest.approx(261.6256))
+    assert (written_pitch("bell"), written_pitch("bell2")) == (
+        pytest.approx(261.6256),
+        pytest.approx(261.6256),
+    )
     stepped_session.run(1.0)
     assert pitch(
         stepped_session.sound[-int(0.7 * stepped_session.rate) :, 0], stepped_session.rate
     ) == pytest.approx(261.6, rel=0.01)
     stepped_session.ok("set bell.f x1.5 now")
-    assert said("bell") == pytest.approx(392.4384)
+    assert written_pitch("bell") == pytest.approx(392.4384)
     stepped_session.ok("set bell2.f A4 now")
     assert "bell2: {like: bell, f: A4}" in stepped_session.session.schedule.head.texts.text
     stepped_session.ok("set bell.f A3 now")

@@ -147,7 +147,7 @@ MORE: dict[str, Callable[[SessionProxy], Reply]] = {
 }
 
 
-class Told:
+class StoringFace:
     """A face that keeps what it was told."""
 
     def __init__(self) -> None:
@@ -170,7 +170,7 @@ def test_every_form_has_its_call():
 
 @pytest.mark.parametrize("wanted", [*CALLS, *MORE])
 def test_a_call_is_its_line(wanted: str):
-    face = Told()
+    face = StoringFace()
     reply = (CALLS | MORE)[wanted](SessionProxy(face))
     assert face.lines == [wanted]
     assert reply.taken
@@ -178,7 +178,7 @@ def test_a_call_is_its_line(wanted: str):
 
 
 def test_what_is_refused_is_raised():
-    face = Told()
+    face = StoringFace()
     with pytest.raises(NotTaken, match=r"unknown verb 'adda'; try: ada plays knock") as refused:
         SessionProxy(face)("adda")
     assert refused.value.reply == Reply(False, "unknown verb 'adda'", "ada plays knock")
@@ -198,21 +198,21 @@ def test_what_is_refused_is_raised():
     ],
 )
 def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[SessionProxy], Reply]):
-    face = Told()
+    face = StoringFace()
     with pytest.raises(TypeError, match="write it as "):
         wrong(SessionProxy(face))
     assert face.lines == []
 
 
 def test_a_value_is_no_second_line():
-    face = Told()
+    face = StoringFace()
     with pytest.raises(ValueError, match="one line"):
         SessionProxy(face).py("1\nquit")
     assert face.lines == []
 
 
 def test_names_can_be_completed_and_explained():
-    session = SessionProxy(Told())
+    session = SessionProxy(StoringFace())
     assert {"plays", "define", "look", "hush", "state"} <= set(dir(session))
     assert "ada plays knock every 1 times 8" in (session.plays.__doc__ or "")
     assert not hasattr(session, "plyas")

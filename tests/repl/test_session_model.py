@@ -72,28 +72,28 @@ class SessionMachine(RuleBasedStateMachine):
     def begin(self, pace: list[float]) -> None:
         """Begin with a piece that stands; makings take the delays of `pace` in turn."""
         self.folder = Path(tempfile.mkdtemp(prefix="ergon-model-"))
-        self.at = Delayed(SCORE, self.folder)
-        self.first = self.at.session.schedule.head
+        self.delayed = Delayed(SCORE, self.folder)
+        self.first = self.delayed.session.schedule.head
         self.pace, self.n_made = pace, 0
-        self.at.delay = self.next_delay
-        self.at_submit: dict[int, int] = {}  # by number of a quick line, the frame when typed
+        self.delayed.delay = self.next_delay
+        self.submit_frames: dict[int, int] = {}  # by number of a quick line, the frame when typed
         self.story: list[str] = []
         self.stack = ExitStack()
-        self.stack.enter_context(delays(lambda: self.at))
+        self.stack.enter_context(delays(lambda: self.delayed))
 
     def next_delay(self) -> float:
         self.n_made += 1
         return self.pace[self.n_made % len(self.pace)]
 
     def type(self, line: str) -> bool:
-        frame, n_lines = self.at.engine.frame, self.at.session._n_lines
-        reply = self.at.type(line)
+        frame, n_lines = self.delayed.engine.frame, self.delayed.session._n_lines
+        reply = self.delayed.type(line)
         self.story.append(f"{frame} {line!r}: {reply.text}")
         assert "internal error" not in reply.text, self.story
         is_late = "chime" in line or "gong" in line  # it may wait for what it names
-        is_new = self.at.session._n_lines > n_lines  # an undo may cancel lines alone
+        is_new = self.delayed.session._n_lines > n_lines  # an undo may cancel lines alone
         if reply.taken and is_new and line.split()[-1] == "now" and not is_late:
-            self.at_submit[self.at.session._n_lines] = frame
+            self.submit_frames[self.delayed.session._n_lines] = frame
         return reply.taken
 
     @rule(
@@ -118,33 +118,33 @@ class SessionMachine(RuleBasedStateMachine):
     @rule(seconds=st.sampled_from([0.003, 0.05, 0.4, 1.7, 5.0]))
     def plays_on(self, seconds: float) -> None:
         """Time passes."""
-        self.at.run(seconds)
+        self.delayed.run(seconds)
 
     @rule(seconds=st.sampled_from([0.2, 3.0, 30.0]))
     def is_suspended(self, seconds: float) -> None:
         """No thread of the session has a turn, as where the program is stopped."""
-        self.story.append(f"{self.at.engine.frame} (suspended {seconds} s)")
-        self.at.advance(int(seconds * self.at.rate) // EVERY * EVERY)
+        self.story.append(f"{self.delayed.engine.frame} (suspended {seconds} s)")
+        self.delayed.advance(int(seconds * self.delayed.rate) // EVERY * EVERY)
 
     def teardown(self) -> None:
         """What holds at the end of every session."""
         if not hasattr(self, "at"):
             return
         try:
-            self.at.run(1.0)
+            self.delayed.run(1.0)
             self.check_saved()
             self.check_undone()
-            self.at.session.close()
+            self.delayed.session.close()
             self.stack.close()  # a render takes no virtual time
-            events = [json.loads(row) for row in self.at.journal.read_text().splitlines()]
+            events = [json.loads(row) for row in self.delayed.journal.read_text().splitlines()]
             self.check_order(events)
             self.check_quick(events)
-            again = self.at.again()
-            assert np.array_equal(again, self.at.sound[: len(again)]), self.story
-            assert len(again) == len(self.at.sound), self.story
+            again = self.delayed.again()
+            assert np.array_equal(again, self.delayed.sound[: len(again)]), self.story
+            assert len(again) == len(self.delayed.sound), self.story
         finally:
             self.stack.close()
-            self.at.session.close()
+            self.delayed.session.close()
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def check_saved(self) -> None:
@@ -155,15 +155,15 @@ class SessionMachine(RuleBasedStateMachine):
 
     def check_undone(self) -> None:
         """As many undos as lines bring back the beginning."""
-        for _ in range(len(self.at.session.history.numbers) + len(self.story)):
+        for _ in range(len(self.delayed.session.history.numbers) + len(self.story)):
             if not self.type("undo now"):
                 break
-            self.at.run(0.3)
+            self.delayed.run(0.3)
         for _ in range(40):
-            if not self.at.session.schedule.waiting:
+            if not self.delayed.session.schedule.waiting:
                 break
-            self.at.run(0.5)
-        head = self.at.session.schedule.head
+            self.delayed.run(0.5)
+        head = self.delayed.session.schedule.head
         assert head.texts.text == self.first.texts.text, self.story
         assert head.faders == self.first.faders, self.story
 
@@ -173,8 +173,8 @@ class SessionMachine(RuleBasedStateMachine):
         ends = [one for one in events if one["event"] in ("commit", "dropped")]
         numbers = [one["number"] for one in ends]
         assert len(numbers) == len(set(numbers)), self.story
-        waiting = {one.number for one in self.at.session.schedule.waiting}
-        sent = {n for one in self.at.session.schedule.changes.under_way for n in _numbers(one)}
+        waiting = {one.number for one in self.delayed.session.schedule.waiting}
+        sent = {n for one in self.delayed.session.schedule.changes.under_way for n in _numbers(one)}
         assert set(numbers) | waiting | sent == set(lines), self.story
         done = [(one["frame"], one["number"]) for one in ends if one["event"] == "commit"]
         fenced = [
@@ -200,7 +200,7 @@ class SessionMachine(RuleBasedStateMachine):
         for item in events:
             number = item.get("number")
             if item["event"] == "commit" and kinds[number] in ("faders", "ends"):
-                frame = self.at_submit.get(number)
+                frame = self.submit_frames.get(number)
                 if frame is not None:
                     assert item["frame"] <= frame + MARGIN + 2 * EVERY, [self.story, item]
 

@@ -202,7 +202,7 @@ def test_a_file_is_read_one_line_ahead(tmp_path: Path):
     assert "ada a" not in bound
 
 
-class Told(Acted):
+class StoringActions(Acted):
     """Keeps what it was asked."""
 
     def __init__(self) -> None:
@@ -219,7 +219,7 @@ class Told(Acted):
 
 
 def test_lines_before_a_stop_bring_nothing_back():
-    face = Told()
+    face = StoringActions()
     turns: LineQueue[int] = LineQueue(face)
     turns.enter("play", 1)
     turns.enter("pa  # at once", 2)

@@ -135,7 +135,7 @@ def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str
                 assert "Traceback" not in text
                 assert not Path("two.wav").exists()
             else:
-                whole(process, expected)
+                check_complete(process, expected)
             process = render("-o", "two.wav", "--on", "local:2")
         elif dice.random() < 0.3:
             process.kill()
@@ -147,7 +147,7 @@ def test_kills_at_random_instants(expected: str, seed: int, killed: "Counter[str
             killed["workers"] += 1
             n_kills += 1
     process.wait(PATIENCE)
-    whole(process, expected)
+    check_complete(process, expected)
     finished(expected)
 
 
@@ -160,7 +160,7 @@ def runs_on(dice: random.Random, process: "subprocess.Popen[bytes]") -> bool:
     return False
 
 
-def whole(process: "subprocess.Popen[bytes]", expected: str) -> None:
+def check_complete(process: "subprocess.Popen[bytes]", expected: str) -> None:
     """It ended well; the next one finds nothing that was computed."""
     assert process.returncode == 0, Path("said.txt").read_text()
     assert digest("two.wav") == expected
@@ -233,7 +233,7 @@ def test_schedulers_are_killed_at_random_instants(
     process, n_kills = render("-o", "two.wav", "--on", dask.address), 0
     while n_kills < 5:
         if not runs_on(dice, process):
-            whole(process, expected)
+            check_complete(process, expected)
         elif dice.random() < 0.3:
             killed["workers"] += kill_a_worker(dice, dask.processes[dice.choice((1, 2))])
             continue
@@ -242,7 +242,7 @@ def test_schedulers_are_killed_at_random_instants(
             killed["schedulers"] += 1
             n_kills += 1
             if process.wait(PATIENCE) == 0:
-                whole(process, expected)
+                check_complete(process, expected)
             else:
                 text = Path("said.txt").read_text()
                 assert process.returncode == 2, text
@@ -252,4 +252,4 @@ def test_schedulers_are_killed_at_random_instants(
             dask.begin()
         process = render("-o", "two.wav", "--on", dask.address)
     process.wait(PATIENCE)
-    whole(process, expected)
+    check_complete(process, expected)

@@ -43,7 +43,7 @@ def files(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-GIVEN = ["live.yaml", "long.yaml", "score.yaml"]
+INPUT_FILES = ["live.yaml", "long.yaml", "score.yaml"]
 
 
 def limited(kind: int, most: int) -> Callable[[], None]:
@@ -125,7 +125,7 @@ def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> N
     code, _, output = forked_ergon(here, line, (resource.RLIMIT_FSIZE, 100_000))
     assert code == 2
     assert " cannot be written: File too large" in output, output
-    assert files(here) == GIVEN
+    assert files(here) == INPUT_FILES
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ def test_little_memory(here: Path, line: str, limit: int) -> None:
         preexec_fn=limited(resource.RLIMIT_AS, limit << 20),
     )
     assert done.returncode >= 0, "it ends by itself"
-    assert files(here) == GIVEN
+    assert files(here) == INPUT_FILES
 
 
 # --- signals --------------------------------------------------------------------------------------
@@ -409,7 +409,7 @@ def test_a_signal_ends_it_with_nothing_left(
             process.kill()
     assert process.returncode == 128 + number, printed
     assert not [word for word in NEVER if word in out + printed], printed
-    assert [name for name in files(here) if name not in GIVEN] == (
+    assert [name for name in files(here) if name not in INPUT_FILES] == (
         ["session.jsonl"] if "repl" in line else []
     )
 
@@ -421,7 +421,7 @@ def test_who_reads_no_further_ends_a_render(here: Path) -> None:
     done = subprocess.run(words, cwd=here, capture_output=True, text=True, timeout=PATIENCE)
     assert done.stdout.strip() == "100", done
     assert done.stderr == ""
-    assert files(here) == GIVEN
+    assert files(here) == INPUT_FILES
 
 
 # --- two at once ----------------------------------------------------------------------------------
@@ -436,7 +436,7 @@ def test_two_renders_to_one_file(here: Path) -> None:
         _, output = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, output
     assert (here / "x.wav").read_bytes() == (here / "one.wav").read_bytes()
-    assert files(here) == sorted([*GIVEN, "one.wav", "x.wav"])
+    assert files(here) == sorted([*INPUT_FILES, "one.wav", "x.wav"])
 
 
 def test_two_sessions_in_one_folder(here: Path) -> None:

@@ -17,7 +17,7 @@ EVERY = (*MAKERS, *WRITERS)
 SHOWN = writers_of("new piece", "export s.yaml --to faust")
 # They hold times of the processor, so no two are alike.
 _TIMED = ("sweep.csv", "sweep.svg", "c.csv", "c.svg", "c.png")
-_MOST = 200  # changes of a file
+_CHANGES_MAX = 200  # changes of a file
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_a_kill_at_any_change_of_a_file(inputs: Path, tmp_path: Path, writer: Wr
     assert built.keys() - before.keys() == {*writer.files}
     is_maker = writer in MAKERS
     for is_over in (False,) if is_maker else (False, True):
-        for number in range(1, _MOST):
+        for number in range(1, _CHANGES_MAX):
             folder = shutil.copytree(
                 complete if is_over else inputs, tmp_path / f"{is_over}{number}"
             )
@@ -69,4 +69,4 @@ def test_a_kill_at_any_change_of_a_file(inputs: Path, tmp_path: Path, writer: Wr
                 assert run(writer, folder) == 0, f"it does not go on after change {number}"
             assert alike(contents(folder), built), f"litter after change {number}"
             shutil.rmtree(folder)
-        assert 3 < number < _MOST - 1, "no kill was tried"
+        assert 3 < number < _CHANGES_MAX - 1, "no kill was tried"

@@ -99,13 +99,13 @@ def names(folder: Path) -> list[str]:
 
 # What a command makes: whole, in a folder of its own, and how long it takes to make it.
 @dataclass
-class Whole:
+class CompleteRun:
     files: dict[str, bytes]
     seconds: float
 
 
 @cache
-def whole(line: tuple[str, ...], tail: str) -> Whole:
+def complete_run(line: tuple[str, ...], tail: str) -> CompleteRun:
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "score.yaml").write_text(SCORE.replace("TAIL", tail))
@@ -113,13 +113,13 @@ def whole(line: tuple[str, ...], tail: str) -> Whole:
         code, text = ended(folder, *line)
         seconds = time.monotonic() - began
         assert code == 0, text
-        return Whole(contents(folder), seconds)
+        return CompleteRun(contents(folder), seconds)
 
 
 def _makes(line: tuple[str, ...], folder: Path, chance: random.Random) -> None:
     """A command that writes files: each is the old one or the new one; the next start is clean."""
-    built = whole(line, "20s")
-    old = whole(line, "1s")
+    built = complete_run(line, "20s")
+    old = complete_run(line, "1s")
     over = chance.random() < 0.5  # over what an earlier run made, of another score
     if over:
         for name, data in old.files.items():

@@ -22,7 +22,7 @@ from tests.robust.test_kills import LIVE, SCORE
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no rights of users here")
 UMASKS = (0o000, 0o002, 0o022, 0o077, 0o777)
-KEPT = ("cache", "state", "run", "tmp")  # folders for what ergon keeps by itself
+PRIVATE_FOLDERS = ("cache", "state", "run", "tmp")  # folders for what ergon keeps by itself
 
 # Commands and what they read from their input, each of which writes something else.
 COMMANDS = {
@@ -83,7 +83,7 @@ def run(folder: Path, line: str, lines: str, umask: int, seen: Callable[[], None
 @pytest.fixture
 def folder(short_folder: Path) -> Path:
     short_folder.chmod(0o755)
-    for name in ("home", *KEPT):
+    for name in ("home", *PRIVATE_FOLDERS):
         (short_folder / name).mkdir(mode=0o700)
     (short_folder / "score.yaml").write_text(SCORE.replace("TAIL", "1s"))
     (short_folder / "live.yaml").write_text(LIVE)
@@ -98,7 +98,7 @@ def check(folder: Path, before: dict[str, int], umask: int) -> None:
         is_folder = (folder / name).is_dir()
         least = 0o700 if is_folder else 0o600
         greatest = (0o777 if is_folder else 0o666) & ~(umask & 0o077 | 0o002) | least
-        if Path(name).parts[0] in KEPT and is_folder:
+        if Path(name).parts[0] in PRIVATE_FOLDERS and is_folder:
             greatest = 0o700
         assert mode & least == least, (name, oct(mode))
         assert not mode & ~greatest & ~0o111, (name, oct(mode))

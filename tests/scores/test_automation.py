@@ -70,12 +70,12 @@ def test_a_pattern_of_notes_is_heard():
     complete.simulation.process(sound)
     rate = int(complete.rate)
 
-    def heard(begin: float, end: float) -> float:
+    def played_pitch(begin: float, end: float) -> float:
         return pitch(sound[int((begin + 0.05) * rate) : int((end - 0.02) * rate), 0], rate)
 
     spans = [(0, 1), (1, 2), (2, 2.5), (2.5, 3), (3, 4), (4, 5), (5, 5.5), (5.5, 6), (6.0, 7.0)]
     notes = [220.0, 261.6256, 329.6276, 440.0] * 2 + [220.0]
-    assert [heard(*span) for span in spans] == [pytest.approx(f, rel=2e-4) for f in notes]
+    assert [played_pitch(*span) for span in spans] == [pytest.approx(f, rel=2e-4) for f in notes]
 
 
 def test_values_and_factors_are_set_in_twenty_milliseconds():
@@ -141,14 +141,14 @@ def test_lines_follow_one_another_and_parameters_go_together():
     )
     result = points(piece(lines))
 
-    def at(instant: float) -> tuple[float, float]:
+    def values_of_time(instant: float) -> tuple[float, float]:
         t = [p[0] for p in result]
         k, z, m = (float(np.interp(instant, t, [p[i] for p in result])) for i in (1, 2, 3))
         return frequency(k, z, m), 6.907755278982137 / (z / (2 * m)) if z else math.inf
 
-    assert at(0.5) == (pytest.approx(220.0, rel=1e-5), pytest.approx(3.0, rel=1e-3))
-    assert at(1.5) == (pytest.approx(440.0, rel=1e-5), pytest.approx(1.0, rel=1e-3))
-    assert at(4.5)[0] == pytest.approx(329.6276, rel=1e-5)
+    assert values_of_time(0.5) == (pytest.approx(220.0, rel=1e-5), pytest.approx(3.0, rel=1e-3))
+    assert values_of_time(1.5) == (pytest.approx(440.0, rel=1e-5), pytest.approx(1.0, rel=1e-3))
+    assert values_of_time(4.5)[0] == pytest.approx(329.6276, rel=1e-5)
     assert frequency(*result[-1][1:]) == pytest.approx(220.0)
     assert all(a[0] <= b[0] for a, b in pairwise(result))
 
@@ -191,7 +191,7 @@ def test_a_written_curve_passes_its_points():
     assert "do not rise in time" in collector.finish()[0].message
     result = points(piece(line.replace("250ms", "3")))
 
-    def at(instant: float) -> float:
+    def frequency_of_time(instant: float) -> float:
         t = [p[0] for p in result]
         return frequency(*(float(np.interp(instant, t, [p[i] for p in result])) for i in (1, 2, 3)))
 
@@ -202,7 +202,7 @@ def test_a_written_curve_passes_its_points():
         (2.5, 220 * 2**0.5),
         (3.5, 220),
     ):
-        assert at(instant) == pytest.approx(f, rel=1e-3)
+        assert frequency_of_time(instant) == pytest.approx(f, rel=1e-3)
     again = points(piece("{set: bell.m.f, to: A3@0 (A3@1/2 line A4@1)*3, at: 1|1}"))
     assert frequency(*again[-1][1:]) == pytest.approx(440.0)
 

@@ -40,14 +40,14 @@ render: {{tail: 0.5s, bits: float}}
 
 @pytest.fixture
 def piece(tmp_path: Path):
-    def of(measured: str = MEASURED, **fields: str) -> Piece:
+    def loaded_piece(measured: str = MEASURED, **fields: str) -> Piece:
         (tmp_path / "key.yaml").write_text(measured)
         text = SCORE.format(**({"more": "", "how": "", "hand": ""} | fields))
         loaded = load(str(tmp_path / "score.yaml"), text=text)
         assert loaded.piece is not None, loaded.diagnostics
         return loaded.piece
 
-    return of
+    return loaded_piece
 
 
 def test_the_whole_key_is_played(piece):

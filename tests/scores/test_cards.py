@@ -45,8 +45,8 @@ def test_count_of_instruments_in_pages(page: Path) -> None:
     ("family", "name"),
     [
         (family, name)
-        for family, said in FAMILIES.items()
-        for name, card in said["cards"].items()
+        for family, entry in FAMILIES.items()
+        for name, card in entry["cards"].items()
         if card.get("strike") == "hammer"
     ],
 )

@@ -50,7 +50,7 @@ def piece(tmp_path, monkeypatch):
     return folder
 
 
-def found(text, name="s.yaml", **options):
+def reports(text, name="s.yaml", **options):
     return [
         (d.code, d.message) for d in load(name, text="ergon: 1\n" + text, **options).diagnostics
     ]
@@ -72,10 +72,12 @@ def test_what_lies_outside_is_refused(piece, what, method):
     elif method == "folder that is a link":
         os.symlink("..", "in")
         name = f"in/x{suffix}"
-    codes = [code for code, _ in found(text.format(name))]
+    codes = [code for code, _ in reports(text.format(name))]
     assert "E112" in codes
     assert "E107" not in codes
-    trusted = [c for c, _ in found(text.format(name), bounds=FileBounds.around(piece, trust=True))]
+    trusted = [
+        c for c, _ in reports(text.format(name), bounds=FileBounds.around(piece, trust=True))
+    ]
     assert "E112" not in trusted
     assert ("E107" in trusted) == (method == "missing" and content is not None)
 
@@ -90,7 +92,7 @@ def test_what_lies_inside_is_read(piece, what):
         here = os.path.abspath(name)
         os.symlink(here, f"{name}.link{suffix}")
         for method in (name, here, f"{name}.link{suffix}"):
-            assert not {c for c, _ in found(text.format(method))} & {"E112", "E107"}
+            assert not {c for c, _ in reports(text.format(method))} & {"E112", "E107"}
 
 
 def test_no_line_of_a_file_outside_is_told(piece, capsys):
@@ -120,17 +122,17 @@ def test_an_instrument_names_files_from_where_it_stands(piece):
     Path("common/laws.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     Path("instruments/bell.yaml").write_text("use: [parts/m.yaml, ../common/laws.yaml]\n")
     Path("instruments/parts/m.yaml").write_text("gestures: {h: 0@0 1@1}\n")
-    assert found("use: [instruments/bell.yaml]\n") == []
+    assert reports("use: [instruments/bell.yaml]\n") == []
     Path("instruments/parts/m.yaml").write_text("use: [../../../x.yaml]\n")
     Path("../x.yaml").write_text("gestures: {i: 0@0 1@1}\n")
-    assert [code for code, _ in found("use: [instruments/bell.yaml]\n")] == ["E112"]
+    assert [code for code, _ in reports("use: [instruments/bell.yaml]\n")] == ["E112"]
 
 
 def test_what_ships_is_always_read(piece):
-    assert found("use: [instruments/bowed.yaml]\n") == []
+    assert reports("use: [instruments/bowed.yaml]\n") == []
     # Its own take lies in another folder of the library.
     assert (
-        found(f"use: [instruments/bowed.yaml]\n{KEY}parts: {{p: [{{at: 0, play: drawing}}]}}\n")
+        reports(f"use: [instruments/bowed.yaml]\n{KEY}parts: {{p: [{{at: 0, play: drawing}}]}}\n")
         == []
     )
 
@@ -139,22 +141,22 @@ def test_a_project_is_one_folder(piece):
     (piece.parent / "scores").mkdir()
     (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     name = str(piece.parent / "scores" / "s.yaml")
-    assert [code for code, _ in found("use: [../x.yaml]\n", name)] == ["E112"]
+    assert [code for code, _ in reports("use: [../x.yaml]\n", name)] == ["E112"]
     (piece.parent / MARKER).touch()
-    assert found("use: [../x.yaml]\nrender: {file: ../out/x.wav}\n", name) == []
-    assert [code for code, _ in found("use: [../../x.yaml]\n", name)] == ["E112"]
+    assert reports("use: [../x.yaml]\nrender: {file: ../out/x.wav}\n", name) == []
+    assert [code for code, _ in reports("use: [../../x.yaml]\n", name)] == ["E112"]
 
 
 def test_a_project_is_what_its_owner_made_one(piece, monkeypatch):
     (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
     os.mkfifo(piece.parent / MARKER)
-    assert [code for code, _ in found("use: [../x.yaml]\n")] == ["E112"]
+    assert [code for code, _ in reports("use: [../x.yaml]\n")] == ["E112"]
     (piece.parent / MARKER).unlink()
     (piece.parent / MARKER).touch()
-    assert found("use: [../x.yaml]\n") == []
+    assert reports("use: [../x.yaml]\n") == []
     other = os.geteuid() + 1  # in a folder that all may write to, another user made it
     monkeypatch.setattr(os, "geteuid", lambda: other)
-    assert [code for code, _ in found("use: [../x.yaml]\n")] == ["E112"]
+    assert [code for code, _ in reports("use: [../x.yaml]\n")] == ["E112"]
 
 
 def test_render_writes_inside(piece, capsys):
@@ -283,7 +285,7 @@ def test_what_is_no_file_is_never_waited_for(piece, what):
     os.symlink(f"fifo{suffix}", f"link{suffix}")
     os.symlink(f"loop{suffix}", f"loop{suffix}")
     for name in ("fifo", "dir", "link", "loop"):
-        assert "E107" in [code for code, _ in found(text.format(name + suffix))]
+        assert "E107" in [code for code, _ in reports(text.format(name + suffix))]
 
 
 @pytest.mark.parametrize("kind", ["fifo", "/dev/zero", "dir"])

@@ -16,7 +16,7 @@ from sweep import few
 from ergon import _core
 from ergon.cli.console import Console
 from ergon.cli.outcome import Outcome
-from ergon.cli.take_info import take as told
+from ergon.cli.take_info import take as take_info
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import read
 
@@ -124,7 +124,7 @@ def tried(suffix, count, seed, tmp_path, capsys) -> Counter:
     for i, data in enumerate(complete):
         for damaged in corrupted(data, count // len(complete), seed + i, *others):
             path.write_bytes(damaged)
-            result.update(internal(path, lambda path: told(Console(json=True), path)))
+            result.update(internal(path, lambda path: take_info(Console(json=True), path)))
             n += 1
             if n % 500 == 0:
                 capsys.readouterr()

@@ -183,16 +183,16 @@ strikes: {one: {to: TO, at: 0, notes: D3 F3 ~ D4, every: 1/2, times: 3, impulse:
 
 
 @pytest.mark.parametrize(
-    ("to", "told", "suggestion"),
+    ("to", "message", "suggestion"),
     [
         ("st.hamer", "nothing is called 'st.hamer'", "st.hammer"),
         ("st.D3.hamer", "nothing is called 'st.D3.hamer'", "st.D3.hammer"),
         ("st.hammer.D3", "nothing is called 'st.hammer.D3'", None),
     ],
 )
-def test_a_mistake_in_a_name_of_many_members_is_told_once(to, told, suggestion):
+def test_a_mistake_in_a_name_of_many_members_is_told_once(to, message, suggestion):
     (error,) = load("s.yaml", text=FAMILY.replace("TO", to)).diagnostics
-    assert told in error.message
+    assert message in error.message
     assert error.suggestion == suggestion
 
 

@@ -15,15 +15,15 @@ DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
 MELODIES = (DATA / "melodies.yaml").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("own", few([DUET, MELODIES], 1), ids=["duet", "melodies"])
+@pytest.mark.parametrize("score_text", few([DUET, MELODIES], 1), ids=["duet", "melodies"])
 @settings(max_examples=200)
 @given(st.data())
-def test_no_damage_raises(own, data):
+def test_no_damage_raises(score_text, data):
     """Cut, double or replace a stretch of a score: diagnostics, never an exception."""
-    start = data.draw(st.integers(0, len(own)))
-    stop = data.draw(st.integers(start, min(len(own), start + 30)))
+    start = data.draw(st.integers(0, len(score_text)))
+    stop = data.draw(st.integers(start, min(len(score_text), start + 30)))
     new = data.draw(st.text(":{}[]-|,.0123456789@ \nabM\t'#&*!é", max_size=6))
-    loaded = load(DATA / "duet-2.2.yaml", text=own[:start] + new + own[stop:])
+    loaded = load(DATA / "duet-2.2.yaml", text=score_text[:start] + new + score_text[stop:])
     for d in loaded.diagnostics:
         assert full(d, loaded.files)
     assert (loaded.piece is None) == any(d.severity == "error" for d in loaded.diagnostics)

@@ -68,14 +68,14 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("verse.yaml").write_text(VERSE, encoding="utf-8")
 
 
-def heard(text: str) -> np.ndarray:
+def rendered(text: str) -> np.ndarray:
     Path("main.yaml").write_text(text, encoding="utf-8")
     frames = ergon.render("main.yaml").frames
     assert np.abs(frames).max() > 0
     return frames
 
 
-def found(text: str, **files: str) -> list[tuple[str, str, int]]:
+def reports(text: str, **files: str) -> list[tuple[str, str, int]]:
     """Code, message and line of all that is wrong."""
     for name, content in files.items():
         Path(f"{name}.yaml").write_text(content, encoding="utf-8")
@@ -84,8 +84,8 @@ def found(text: str, **files: str) -> list[tuple[str, str, int]]:
 
 
 def test_it_is_what_is_written_by_hand():
-    included = heard(MAIN.replace("INCLUDE", "include: {file: verse.yaml, at: 3|1}"))
-    assert np.array_equal(included, heard(MAIN.replace("INCLUDE", BY_HAND)))
+    included = rendered(MAIN.replace("INCLUDE", "include: {file: verse.yaml, at: 3|1}"))
+    assert np.array_equal(included, rendered(MAIN.replace("INCLUDE", BY_HAND)))
 
 
 def test_a_prefix_and_a_transposition_are_what_is_written_by_hand():
@@ -94,7 +94,7 @@ def test_a_prefix_and_a_transposition_are_what_is_written_by_hand():
     Path("verse.yaml").write_text("\n".join(plain), encoding="utf-8")
     line = "include: {file: verse.yaml, at: 3|1, as: v2, transpose: 7st}"
     routes = MAIN.replace("from: bell", "from: v2.bell").replace("from: glass", "from: v2.glass")
-    included = heard(routes.replace("INCLUDE", line))
+    included = rendered(routes.replace("INCLUDE", line))
     hand = [one for one in BY_HAND.splitlines() if "rain" not in one and "automation" not in one]
     Path("shared.yaml").write_text(
         SHARED.replace("  bell:\n", "  bell:\n    transpose: 7st\n").replace(
@@ -102,7 +102,7 @@ def test_a_prefix_and_a_transposition_are_what_is_written_by_hand():
         ),
         encoding="utf-8",
     )
-    assert np.array_equal(included, heard(MAIN.replace("INCLUDE", "\n".join(hand))))
+    assert np.array_equal(included, rendered(MAIN.replace("INCLUDE", "\n".join(hand))))
 
 
 def test_twice_in_one_piece_and_inside_another():
@@ -118,7 +118,7 @@ def test_twice_in_one_piece_and_inside_another():
     )
     text = text.replace("route: [{from: bell, to: 1}, {from: glass, to: 2}]", "route: ROUTES")
     routes = "[{from: a.glass, to: 1}, {from: b.glass, to: 2}]"
-    frames = heard(text.replace("ROUTES", routes))
+    frames = rendered(text.replace("ROUTES", routes))
     bar = int(4 * 60 / 240 * 44_100)
     first, second = frames[: -2 * bar, 0], frames[2 * bar :, 1]
     assert np.abs(first).max() > 0.01
@@ -152,7 +152,7 @@ def test_positions_in_seconds_stay_seconds():
 )
 def test_mistakes_are_told_at_the_line(line: str, code: str, words: str):
     ring = "ergon: 1\ninclude: [{file: ring.yaml}]\n"
-    errors = [one for one in found(f"ergon: 1\n{line}\n", ring=ring) if one[0][0] == "E"]
+    errors = [one for one in reports(f"ergon: 1\n{line}\n", ring=ring) if one[0][0] == "E"]
     assert errors
     assert (errors[0][0], words in errors[0][1]) == (code, True)
     assert errors[0][2] == 2
@@ -170,7 +170,7 @@ def test_a_mistake_inside_is_told_there_once():
 
 def test_a_tempo_of_its_own_is_left_out_with_a_warning():
     slow = VERSE + "tempo: [{bpm: 30}]\n"
-    codes = [one[0] for one in found("ergon: 1\ninclude: {file: slow.yaml}\n", slow=slow)]
+    codes = [one[0] for one in reports("ergon: 1\ninclude: {file: slow.yaml}\n", slow=slow)]
     assert codes.count("W330") == 1
 
 
@@ -179,5 +179,5 @@ def test_what_doubles_with_each_file_is_bounded():
     for n in range(1, 19):
         lines = f"[{{file: f{n - 1}.yaml, as: a}}, {{file: f{n - 1}.yaml, as: b}}]"
         files[f"f{n}"] = f"ergon: 1\ninclude: {lines}\n"
-    errors = found("ergon: 1\ninclude: {file: f18.yaml}\n", **files)
+    errors = reports("ergon: 1\ninclude: {file: f18.yaml}\n", **files)
     assert "E105" in [one[0] for one in errors]

@@ -57,7 +57,7 @@ HANDS += ("feathers", "feathers-small")
 LIVE = [SCORES / f"{name}.yaml" for name in HANDS]
 # `make test` renders these, `make test-long` all.
 SHORT = {"strokes", "bloom", "one-gesture"}
-HEARD = {  # how many seconds are rendered here; others wholly
+RENDERED_SECONDS = {  # how many seconds are rendered here; others wholly
     "duet": 0.5,
     "two-keys": 4.0,
     "rain": 6.0,
@@ -101,9 +101,9 @@ def play(staged: Stage, seconds: float, reference: float | None = None) -> Frame
 
 
 @cache
-def heard(name: str) -> tuple[Stage, Frames]:
+def staged_and_rendered(name: str) -> tuple[Stage, Frames]:
     staged = stage(piece_of(SCORES / f"{name}.yaml"))
-    return staged, play(staged, HEARD.get(name, 1e9), REFERENCE)
+    return staged, play(staged, RENDERED_SECONDS.get(name, 1e9), REFERENCE)
 
 
 def write(text: str) -> Stage:
@@ -182,13 +182,13 @@ def test_every_score_has_a_title_a_length_and_comments() -> None:
 
 @pytest.mark.parametrize("name", few(SECONDS, SHORT))
 def test_sounds(name: str) -> None:
-    staged, x = heard(name)
+    staged, x = staged_and_rendered(name)
     assert staged.n_frames / staged.rate == pytest.approx(SECONDS[name], abs=0.05)
     assert np.all(np.isfinite(x))
     peak = np.max(np.abs(x))
     assert 1e-5 < peak < 1.0
     assert np.max(np.abs(np.mean(x, axis=0))) < 0.01 * peak
-    if name not in HEARD:
+    if name not in RENDERED_SECONDS:
         # Nothing longer than a breath is silent (-60 dB) before the tail.
         end = int((staged.n_frames / staged.rate - staged.piece.render.tail) / 0.5)
         half = int(staged.rate / 2)
@@ -217,7 +217,7 @@ def loneliest(x: Frames, rate: float) -> float:
 def test_no_stroke_clicks() -> None:
     """A click is a step: more treble in one sample than any sound around it has."""
     for name in ("one-gesture", "tempo", "hand"):
-        staged, x = heard(name)
+        staged, x = staged_and_rendered(name)
         assert loneliest(x, staged.rate) < 3.0
         clicked = x.copy()
         clicked[int(15.2 * staged.rate) :] += 0.02 * np.max(np.abs(x))

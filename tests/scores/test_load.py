@@ -2,7 +2,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 
 from ergon.notation.tables.strengths import Level, Levels
 from ergon.scores.reading.digest import digest_of
@@ -164,7 +164,9 @@ def test_names_with_a_prefix():
 
 
 def test_a_clash_of_names_is_an_error():
-    clash = found("ergon: 1\nuse: [a.yaml]\ngestures: {g: 0@0 1@1}\n", a="gestures: {g: 0@0}\n")
+    clash = check_reports(
+        "ergon: 1\nuse: [a.yaml]\ngestures: {g: 0@0 1@1}\n", a="gestures: {g: 0@0}\n"
+    )
     assert [code for code, *_ in clash] == ["E303"]
     assert (
         codes("ergon: 1\nuse: [a.yaml, b.yaml]\n", a="use: [b.yaml]\n", b="gestures: {g: 0@0}")

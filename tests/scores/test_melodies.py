@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from sweep import few
 
 from ergon.scores.edits import parts
@@ -337,7 +337,7 @@ def test_scales_and_chances_of_patterns_choose_among_the_notes():
     ],
 )
 def test_what_is_no_melody_is_refused(text, report):
-    code, _, message = found(f"{CELLS}{text}\n")[0]
+    code, _, message = check_reports(f"{CELLS}{text}\n")[0]
     assert (code, message) == report
 
 
@@ -369,9 +369,9 @@ def texts(more: str) -> tuple[Texts, Piece]:
     return single, built
 
 
-def falling(own: Texts) -> list[tuple[float, int]]:
-    built = own.load().piece
-    assert built is not None, own.load().diagnostics
+def falling(texts: Texts) -> list[tuple[float, int]]:
+    built = texts.load().piece
+    assert built is not None, texts.load().diagnostics
     result = [hit for s in built.strikes for hit in s.falls(built)]
     return sorted((round(beat, 9), len(hit.to)) for beat, _, hit in result)
 

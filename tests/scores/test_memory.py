@@ -62,7 +62,7 @@ def _changed(text: str, chance: random.Random) -> str:
             return text[: first.start()] + str(chance.randrange(40)) + text[first.end() :]
 
 
-def _told(loaded: Loaded) -> tuple[object, ...]:
+def _loaded_values(loaded: Loaded) -> tuple[object, ...]:
     return repr(loaded.piece), loaded.diagnostics, loaded.left_out, [*loaded.files]
 
 
@@ -76,7 +76,7 @@ def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) ->
         text = _changed(complete if chance.random() < 0.4 else text, chance)
         saved = load(path, text=text, memory=memory)
         new = load(path, text=text)
-        assert _told(saved) == _told(new)
+        assert _loaded_values(saved) == _loaded_values(new)
         refused += saved.has_errors
     assert 0 < refused < STEPS
 
@@ -93,7 +93,7 @@ def test_a_loose_memory_keeps_all_but_the_places_of_what_is_right(name: str) -> 
         saved = load(path, text=text, memory=memory)
         new = load(path, text=text)
         if new.piece is None:
-            assert _told(saved) == _told(new)
+            assert _loaded_values(saved) == _loaded_values(new)
         else:
             assert saved.piece is not None
             assert digest_of(saved.piece) == digest_of(new.piece)
@@ -150,7 +150,7 @@ def test_two_instruments_may_be_one_node() -> None:
         memory = Memory()
         for _ in range(2):
             saved = load("s.yaml", text=text, memory=memory)
-            assert _told(saved) == _told(load("s.yaml", text=text))
+            assert _loaded_values(saved) == _loaded_values(load("s.yaml", text=text))
 
 
 def test_a_reading_of_names_forgets_no_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -63,7 +63,7 @@ def checked(folder: Path, text: str) -> Loaded:
     return load(folder / "s.yaml", text=CELLS + text)
 
 
-def said(folder: Path, text: str) -> list[tuple[str, int, str]]:
+def reports(folder: Path, text: str) -> list[tuple[str, int, str]]:
     return [(d.code, d.place.line, d.message) for d in checked(folder, text).diagnostics]
 
 
@@ -301,7 +301,7 @@ def test_a_tune_presses_a_key(tmp_path):
 def test_what_cannot_be_played_is_said(tmp_path, text, report):
     tune(tmp_path / "tune.mid")
     (tmp_path / "tune.csv").write_text("t [s],x [mm]\n0,0\n1,1\n")
-    code, line, message = said(tmp_path, text)[0]
+    code, line, message = reports(tmp_path, text)[0]
     assert (code, line) == report[:2]
     assert message.startswith(report[2])
 
@@ -345,7 +345,7 @@ def test_a_damaged_file_is_refused_with_the_byte(tmp_path, data, message):
     assert message in refused.value.message
     text = "takes: {t: {file: bad.mid, velocity: 1mNs}}\n"
     text += "strikes: {s: {play: t, to: cell, at: 0}}\n"
-    assert [(code, line) for code, line, _ in said(tmp_path, text)] == [("E310", 6)]
+    assert [(code, line) for code, line, _ in reports(tmp_path, text)] == [("E310", 6)]
 
 
 def test_running_status_over_meta_events(tmp_path):
@@ -408,4 +408,4 @@ def test_a_file_outside_the_folder_is_refused(tmp_path):
     inner.mkdir()
     text = "takes: {t: {file: ../tune.mid, velocity: 1mNs}}\n"
     text += "strikes: {s: {play: t, to: cell, at: 0}}\n"
-    assert said(inner, text)[0][0] == "E112"
+    assert reports(inner, text)[0][0] == "E112"

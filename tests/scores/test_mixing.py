@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, codes, found
+from checked import check, check_reports, codes
 from scipy.signal import lfilter
 from sessions import Stepped
 
@@ -36,7 +36,7 @@ def score(treated: str = PLAIN, rooms: str = "", master: str = "") -> str:
     return text.replace("MASTER", master)
 
 
-def heard(text: str, n_frames: int = 30_000) -> np.ndarray:
+def mixed_score(text: str, n_frames: int = 30_000) -> np.ndarray:
     staged = stage(load("x.yaml", text=text).piece, planned=True)
     mixer = staged.mixer()
     frames = np.zeros((n_frames, staged.simulation.n_out))
@@ -52,14 +52,14 @@ def digest(text: str) -> str:
 
 @pytest.mark.parametrize(("pan", "gains"), [(-1, (1, 0)), (0, (0.5**0.5,) * 2), (0.28, (0.6, 0.8))])
 def test_a_pan_keeps_the_power(pan, gains):
-    plain, panned = heard(score()), heard(score(f"pan: {pan}"))
+    plain, panned = mixed_score(score()), mixed_score(score(f"pan: {pan}"))
     assert np.allclose(panned, plain * gains, rtol=1e-12, atol=0)
 
 
 def test_a_fade_goes_by_positions():
     fade = "{at: A, gain: -40dB}, {at: B, gain: 0dB, curve: line}, {at: B+1/2, gain: -6dB}"
     fade = f"fade: [{fade}]"
-    plain, faded = heard(score(), 80_000), heard(score(fade), 80_000)
+    plain, faded = mixed_score(score(), 80_000), mixed_score(score(fade), 80_000)
     position = np.array([1000, 22_050, 44_100, 55_125, 70_000])
     gains = 20 * np.log10(faded[position, 0] / plain[position, 0])
     assert gains == pytest.approx([-40 + 40 * 1000 / 44_100, -20, 0, -3, -6], abs=1e-9)
@@ -67,14 +67,16 @@ def test_a_fade_goes_by_positions():
 
 def test_the_master_fades_to_nothing():
     fade = "master: {fade: [{at: A, gain: 0dB}, {at: 0.5s, gain: x0}]}"
-    plain, faded = heard(score()), heard(score(master=fade))
+    plain, faded = mixed_score(score()), mixed_score(score(master=fade))
     assert faded[11_025, 1] == pytest.approx(plain[11_025, 1] / 2)
     assert not faded[22_050:].any()
 
 
 def test_a_disc_is_heard_later_and_softer_from_afar():
-    near, far = (heard(score(f"radiate: {{distance: {d}, radius: 2cm}}")) for d in ("1m", "8m"))
-    plain = heard(score())
+    near, far = (
+        mixed_score(score(f"radiate: {{distance: {d}, radius: 2cm}}")) for d in ("1m", "8m")
+    )
+    plain = mixed_score(score())
     # rho · S · a / (2 pi r), S = pi (2 cm)²
     gain, late = 1.204 * 0.02**2 / 2, [round(d / 343 * RATE) for d in (1, 8)]
     assert np.allclose(near[late[0] :], plain[: -late[0]] * gain, rtol=1e-12, atol=0)
@@ -160,7 +162,7 @@ def test_what_says_nothing_new_has_the_old_hash():
     ],
 )
 def test_mistakes_have_places(treated, rooms, code, words):
-    reports = found(score(treated, rooms))
+    reports = check_reports(score(treated, rooms))
     assert reports, "it is refused"
     assert any(c == code and words in message for c, _, message in reports), reports
     lines = {line for c, line, _ in reports if c == code}
@@ -191,10 +193,10 @@ def test_a_position_does_not_radiate():
 
 def turned(path: str, n_frames: int = 80_000) -> np.ndarray:
     """The gains of both channels, frame by frame."""
-    plain = heard(score(), n_frames)
+    plain = mixed_score(score(), n_frames)
     loud = np.abs(plain[:, :1]) > 1e-3 * np.abs(plain).max()
     return np.divide(
-        heard(score(path), n_frames), plain, out=np.full(plain.shape, np.nan), where=loud
+        mixed_score(score(path), n_frames), plain, out=np.full(plain.shape, np.nan), where=loud
     )
 
 
@@ -219,10 +221,13 @@ def test_a_pan_between_places_of_the_constant_one():
 def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
     fade = "fade: [{at: A, gain: -6dB}]"
     path = "pan: [{at: A, pan: -1}, {at: B, pan: 1}]"
-    alone, faded = heard(score(path)), heard(score(f"{path}, {fade}"))
+    alone, faded = mixed_score(score(path)), mixed_score(score(f"{path}, {fade}"))
     assert np.allclose(faded, alone * 10 ** (-6 / 20), rtol=1e-12, atol=0)
     send = "send: {hall: 0dB}"
-    room = [heard(score(f"{send}, {pan}", ROOMS)) - heard(score(pan)) for pan in (path, "pan: 0")]
+    room = [
+        mixed_score(score(f"{send}, {pan}", ROOMS)) - mixed_score(score(pan))
+        for pan in (path, "pan: 0")
+    ]
     assert np.abs(room[0]).max() > 0.0
     assert np.allclose(room[0], room[1], rtol=0, atol=1e-9 * np.abs(room[0]).max())
 
@@ -243,7 +248,7 @@ def test_a_pan_that_moves_multiplies_a_fade_and_leaves_rooms_alone():
     ],
 )
 def test_mistakes_of_treatments_have_places(treated, code, words):
-    reports = found(score(treated))
+    reports = check_reports(score(treated))
     assert any(c == code and words in message for c, _, message in reports), reports
     assert {line for c, line, _ in reports if c == code} == {11}, reports
 
@@ -287,7 +292,7 @@ def cookbook(kind: str, f: float, level: float = 0.0) -> tuple[list[float], list
     ],
 )
 def test_a_filter_is_that_of_the_cookbook_by_scipy(written, kind, f, level):
-    plain, filtered = heard(score()), heard(score(written))
+    plain, filtered = mixed_score(score()), mixed_score(score(written))
     expected = lfilter(*cookbook(kind, f, level), plain[:, 0])
     assert np.abs(filtered[:, 0] - expected).max() < 1e-10 * np.abs(plain).max()
 
@@ -295,7 +300,7 @@ def test_a_filter_is_that_of_the_cookbook_by_scipy(written, kind, f, level):
 def test_filters_follow_each_other():
     written = "highpass: 90Hz, lowpass: 2kHz, lowshelf: {f: 300Hz, gain: 4dB}"
     written += ", highshelf: {f: 1kHz, gain: -7dB}"
-    expected = heard(score())[:, 0]
+    expected = mixed_score(score())[:, 0]
     for item in (
         ("highpass", 90),
         ("lowpass", 2000),
@@ -303,16 +308,18 @@ def test_filters_follow_each_other():
         ("highshelf", 1000, -7),
     ):
         expected = lfilter(*cookbook(*item), expected)
-    assert np.abs(heard(score(written))[:, 1] - expected).max() < 1e-10 * np.abs(expected).max()
+    assert (
+        np.abs(mixed_score(score(written))[:, 1] - expected).max() < 1e-10 * np.abs(expected).max()
+    )
 
 
 def test_a_delay_is_later_and_its_echoes_fall():
-    plain = heard(score())[:, 0]
+    plain = mixed_score(score())[:, 0]
     frames = round(0.1 * RATE)
-    later = heard(score("delay: 100ms"))[:, 0]
+    later = mixed_score(score("delay: 100ms"))[:, 0]
     assert np.array_equal(later[frames:], plain[:-frames])
     assert not later[:frames].any()
-    echoes = heard(score("delay: {time: 100ms, feedback: -6dB}"))[:, 0]
+    echoes = mixed_score(score("delay: {time: 100ms, feedback: -6dB}"))[:, 0]
     ratio = 10 ** (-6 / 20)
     line = np.zeros(frames + 1)
     expected = lfilter([*line[:-1], 1.0], [1.0, *line[1:-1], -ratio], plain)
@@ -321,8 +328,8 @@ def test_a_delay_is_later_and_its_echoes_fall():
 
 def test_echoes_of_what_radiates_come_by_the_delay_alone():
     radiate = "radiate: {distance: 3.43m}"  # 441 frames
-    plain = heard(score(radiate))[:, 0]
-    echoes = heard(score(f"{radiate}, delay: {{time: 50ms, feedback: x0.5}}"))[:, 0]
+    plain = mixed_score(score(radiate))[:, 0]
+    echoes = mixed_score(score(f"{radiate}, delay: {{time: 50ms, feedback: x0.5}}"))[:, 0]
     line = np.zeros(2205)
     expected = lfilter([*line, 1.0], [1.0, *line[1:], -0.5], plain)
     assert np.abs(echoes - expected).max() < 1e-12 * np.abs(plain).max()

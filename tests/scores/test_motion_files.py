@@ -146,7 +146,7 @@ def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
 
 
 @pytest.mark.parametrize(
-    ("channel", "told", "suggestion"),
+    ("channel", "message", "suggestion"),
     [
         (None, r"such as RWRI\.x; the points are RWRI, LWRI", None),
         ("RWRI", "not a point with an axis", "RWRI.x"),
@@ -155,9 +155,9 @@ def test_what_is_no_c3d_file_is_refused(tmp_path, data, told):
         ("head.z", "no point 'head'; there are RWRI, LWRI", None),
     ],
 )
-def test_an_unknown_channel_names_what_there_is(tmp_path, channel, told, suggestion):
+def test_an_unknown_channel_names_what_there_is(tmp_path, channel, message, suggestion):
     path = wrote(tmp_path, ".c3d", files.c3d(PLACES))
-    with pytest.raises(TakeError, match=told) as caught:
+    with pytest.raises(TakeError, match=message) as caught:
         read(path, channel)
     assert (caught.value.suggestion, caught.value.field) == (suggestion, "channel")
 
@@ -280,7 +280,7 @@ def test_an_arm_that_turns_by_a_right_angle(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("HIERARCHY", "HIERACHY", "1: this is not a BVH file"),
         ("JOINT arm", "JOIN arm", "6: this line is out of place"),
@@ -296,11 +296,11 @@ def test_an_arm_that_turns_by_a_right_angle(tmp_path):
         ("0 0 0 0 0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 0 0 0 1", "a frame must be 12 numbers"),
     ],
 )
-def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, told):
+def test_what_is_no_bvh_file_is_refused_in_its_line(tmp_path, old, new, message):
     text = files.bvh(np.eye(12)[[0, 3, 11]]).decode()
     assert old in text
     path = wrote(tmp_path, ".bvh", text.replace(old, new, 1).encode())
-    with pytest.raises(TakeError, match=told):
+    with pytest.raises(TakeError, match=message):
         read(path, "hand.x", unit=0.01)
 
 
@@ -330,7 +330,7 @@ TRC = files.trc(files.curve(3))
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "message"),
     [
         (TRC.replace(b"PathFileType", b"Path"), "this is not a TRC file"),
         (b"PathFileType", "this is not a TRC file"),
@@ -347,9 +347,9 @@ TRC = files.trc(files.curve(3))
         (TRC.replace(b"\tmm", b"\tell"), "does not state the unit"),
     ],
 )
-def test_what_is_no_trc_file_is_refused(tmp_path, data, told):
+def test_what_is_no_trc_file_is_refused(tmp_path, data, message):
     assert data != TRC
-    with pytest.raises(TakeError, match=told):
+    with pytest.raises(TakeError, match=message):
         read(wrote(tmp_path, ".trc", data), "RWRI.x")
 
 
@@ -379,7 +379,7 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("MARKER_NAMES", "BONE_NAMES", "export 3D or 6D data with a header"),
         ("MARKER_NAMES", "BODY_NAMES", "the bodies need 32"),
@@ -391,11 +391,11 @@ def test_tsv_of_qtm_by_another_clock_needs_a_rate(tmp_path):
         ("\t-", "\t1\t", "the markers need 6"),
     ],
 )
-def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, told):
+def test_what_is_no_tsv_of_qtm_is_refused(tmp_path, old, new, message):
     text = files.qtm(PLACES).decode()
     head, _, rest = text.rpartition(old)
     path = wrote(tmp_path, ".tsv", f"{head}{new}{rest}".encode())
-    with pytest.raises(TakeError, match=told):
+    with pytest.raises(TakeError, match=message):
         read(path, "RWRI.x")
 
 
@@ -447,7 +447,7 @@ def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ("Frame,", "Row,", "no line that begins with Frame"),
         ("Position", "Place", "no columns called Position"),
@@ -460,12 +460,12 @@ def test_csv_of_optitrack_without_a_rate_or_unit_asks_for_them(tmp_path):
         (",0,7,", ",0,-7e99,", "no camera sees"),
     ],
 )
-def test_what_is_no_csv_of_optitrack_is_refused(tmp_path, old, new, told):
+def test_what_is_no_csv_of_optitrack_is_refused(tmp_path, old, new, message):
     text = files.optitrack(PLACES).decode()
     assert old in text
     count = -1 if old == "Position" else 1
     path = wrote(tmp_path, ".csv", text.replace(old, new, count).encode())
-    with pytest.raises(TakeError, match=told):
+    with pytest.raises(TakeError, match=message):
         read(path, "Hand:RWRI.x")
 
 
@@ -499,13 +499,13 @@ def test_columns_of_sdif_by_their_names(tmp_path):
 
 @pytest.mark.parametrize("kind", [4, 8, 0x104])
 def test_streams_and_rows_of_sdif_are_told_apart(tmp_path, kind):
-    def at(t: float, stream: int, x: float) -> bytes:
+    def packet(t: float, stream: int, x: float) -> bytes:
         return files.frame(
             b"XMOV", t, files.matrix(b"XPOS", np.array([[x], [-x]]), kind), stream=stream
         )
 
     path = wrote(
-        tmp_path, ".sdif", files.sdif(*(at(i, s, i * s) for i in range(3) for s in (1, 2)))
+        tmp_path, ".sdif", files.sdif(*(packet(i, s, i * s) for i in range(3) for s in (1, 2)))
     )
     for stream in (1, 2):
         for row, sign in ((1, 1), (2, -1)):

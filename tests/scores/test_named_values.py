@@ -448,7 +448,7 @@ def test_names_and_arithmetic_stand_in_positions():
 
 
 @pytest.mark.parametrize(
-    ("at", "code", "message"),
+    ("written", "code", "message"),
     [
         ("step*2", "E204", "'step*2' is 4bar: a number of bars is not a position"),
         ("first*400g", "E203", "is 1.6kg"),
@@ -458,8 +458,8 @@ def test_names_and_arithmetic_stand_in_positions():
         ("3|1+first*x", "E201", "'x' is not a name"),
     ],
 )
-def test_positions_that_are_none_say_so(at: str, code: str, message: str):
-    text = f"ergon: 1\nlet: {{first: 4, step: 2bar}}\nmarks: {{A: 2|1, B: '{at}'}}\n"
+def test_positions_that_are_none_say_so(written: str, code: str, message: str):
+    text = f"ergon: 1\nlet: {{first: 4, step: 2bar}}\nmarks: {{A: 2|1, B: '{written}'}}\n"
     (result,) = load("s.yaml", text=text).diagnostics
     assert result.code == code
     assert message in result.message
@@ -467,7 +467,7 @@ def test_positions_that_are_none_say_so(at: str, code: str, message: str):
 
 
 @pytest.mark.parametrize(
-    ("at", "suggestion", "help"),
+    ("written", "suggestion", "help"),
     [
         ("c-gap", "c - gap", None),
         ("c-gap+1", "c - gap", None),
@@ -478,10 +478,10 @@ def test_positions_that_are_none_say_so(at: str, code: str, message: str):
         ("last-vers", "last-verse", None),
     ],
 )
-def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(at, suggestion, help):
+def test_what_is_taken_from_a_mark_without_spaces_is_told_from_a_name(written, suggestion, help):
     text = (
         "ergon: 1\nlet: {first: 4, gap: 1/2}\n"
-        f"marks: {{A: 2|1, c: 3|1, last-verse: 5|1, x: '{at}'}}\n"
+        f"marks: {{A: 2|1, c: 3|1, last-verse: 5|1, x: '{written}'}}\n"
     )
     (result,) = load("s.yaml", text=text).diagnostics
     assert (result.code, result.suggestion, result.help) == ("E301", suggestion, help)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.api.simulate import never_closed_warnings, simulate
 from ergon.notation.tables import notes
@@ -235,7 +235,7 @@ def test_notes_of_a_file_with_a_prefix():
     ],
 )
 def test_what_cannot_have_notes_is_said(lines, report):
-    assert found(f"ergon: 1\n{FAMILY}{lines}")[0] == report
+    assert check_reports(f"ergon: 1\n{FAMILY}{lines}")[0] == report
 
 
 def test_a_note_that_is_missing_is_named_with_those_that_are_there():
@@ -340,4 +340,4 @@ def test_members_have_fields_of_their_own():
 def test_members_that_are_not_there_are_refused(members, report):
     cell = "{CEL: {M: 1g, f: A4, t60: 2s}, notes: [C3, D3], members: "
     text = f"ergon: 1\ninstruments:\n  c: {cell}{members}}}\n"
-    assert [(code, message) for code, _, message in found(text)] == [report]
+    assert [(code, message) for code, _, message in check_reports(text)] == [report]

@@ -202,10 +202,10 @@ def test_draws_depend_on_the_seed_and_on_who_plays_what():
 # --- when ----------------------------------------------------------------------------------------
 
 
-def beats(text, every="1", tempo=FLAT, at=0.0, length=lambda name: None, **more):
+def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **more):
     item = {name: more.pop(name) for name in ("euclid", "swing", "skip") if name in more}
     apart = None if every is None else parse_length(every)
-    return steps(tempo, at, course(text, **item), every=apart, length=length, **more)
+    return steps(tempo, start, course(text, **item), every=apart, length=length, **more)
 
 
 @pytest.mark.parametrize(

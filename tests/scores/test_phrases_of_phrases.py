@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 HEAD = """\
 ergon: 1
@@ -113,7 +113,7 @@ def test_impulse_line_of_entries():
     ],
 )
 def test_mistakes_are_told_once(phrases, code, words):
-    reports = [(c, message) for c, _, message in found(HEAD + phrases) if c[0] == "E"]
+    reports = [(c, message) for c, _, message in check_reports(HEAD + phrases) if c[0] == "E"]
     assert len(reports) == 1, reports
     assert reports[0][0] == code
     assert words in reports[0][1]
@@ -121,6 +121,6 @@ def test_mistakes_are_told_once(phrases, code, words):
 
 def test_arrow_without_a_level():
     line = "  line:\n    to: cell\n    entries: |\n      0 C4 ->\n      1 D4 f\n"
-    ((code, position, message),) = [r for r in found(HEAD + line) if r[0][0] == "E"]
+    ((code, position, message),) = [r for r in check_reports(HEAD + line) if r[0][0] == "E"]
     assert (code, position) == ("E204", 14)
     assert "write p ->" in message

@@ -6,7 +6,7 @@ from pathlib import Path
 import damped_bar
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon import _core
 from ergon.instruments.model import Instrument
@@ -149,7 +149,7 @@ def test_phrase_scaled_in_strength():
     ],
 )
 def test_mistake_told_in_its_place(text, code, part):
-    report = found(DRUMS + text + "\n")
+    report = check_reports(DRUMS + text + "\n")
     (code_found, _, message), *others = report
     assert (code_found, others) == (code, [])
     assert part in message

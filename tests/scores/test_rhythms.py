@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.scores.edits import strikes as edits
 from ergon.scores.edits.excerpt import keep
@@ -250,4 +250,4 @@ def test_do_keeps_the_end_of_a_rhythm():
 
 
 def test_no_mistake_in_plain_rhythm():
-    assert found(TEXT) == []
+    assert check_reports(TEXT) == []

@@ -23,10 +23,10 @@ def test_the_first_is_that_of_halving(beats: list[float], wanted: float):
 def test_an_even_line_of_a_million_is_asked_few_times(wanted: float):
     asked = []
 
-    def at(number: int) -> float:
+    def value_of_point(number: int) -> float:
         asked.append(number)
         return 0.25 * number
 
-    result = first_from(at, 1_000_000, wanted)
+    result = first_from(value_of_point, 1_000_000, wanted)
     assert result == (1_000_000 if wanted > 249999.75 else -int(-wanted // 0.25))
     assert len(asked) <= 5

@@ -43,7 +43,7 @@ def refused(written: str) -> list[Diagnostic]:
     return [found for found in load("s.yaml", text=written).diagnostics if found.code[0] == "E"]
 
 
-def heard(staged: Stage) -> NDArray[np.float64]:
+def rendered(staged: Stage) -> NDArray[np.float64]:
     out = np.empty((staged.n_frames, 1))
     staged.simulation.process(out)
     return out[:, 0]
@@ -75,10 +75,10 @@ def test_values_by_osc_glide_and_have_no_filter(work_folder: Path):
     x = noise(99)
     wave("x.wav", x)
     written = text("input: osc, gain: 1mm, clamp: 0.5mm, file: x.wav", "ENX")
-    got = heard(stage(read(written)))
+    got = rendered(stage(read(written)))
     assert np.array_equal(got[1:100], np.clip(1e-3 * x, -0.5e-3, 0.5e-3))
     assert not got[100:].any()
-    assert not heard(stage(read(text("input: osc, gain: 1mm", "ENX")))).any()
+    assert not rendered(stage(read(text("input: osc, gain: 1mm", "ENX")))).any()
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_the_channel_of_a_file_is_that_of_the_input(work_folder: Path):
     fields = "gain: 1mm, highpass: 20Hz, file"
 
     def sound(written: str) -> NDArray[np.float64]:
-        return heard(stage(read(text(written, "ENX"))))
+        return rendered(stage(read(text(written, "ENX"))))
 
     second = sound(f"input: 2, {fields}: two.wav")
     assert np.array_equal(second, sound(f"input: 7, {fields}: one.wav"))
@@ -168,7 +168,7 @@ def test_a_position_is_the_file_filtered_and_clamped(work_folder: Path):
     x = noise(RATE // 2)
     wave("x.wav", x)
     piece = read(text("input: 1, gain: 1mm, highpass: 300Hz, clamp: 0.7mm, file: x.wav", "ENX"))
-    got = heard(stage(piece))
+    got = rendered(stage(piece))
     # It lasts as long as the file, and the tail.
     assert len(got) == len(x) + RATE // 10
     # The bilinear transform of an analogue Butterworth, by its difference equation.
@@ -190,7 +190,7 @@ def test_a_position_is_the_file_filtered_and_clamped(work_folder: Path):
 def test_a_file_at_another_rate_goes_to_that_of_the_score(work_folder: Path):
     t = np.arange(48_000 // 4) / 48_000
     wave("x.wav", 0.5 * np.sin(2 * np.pi * 440.0 * t), rate=48_000)
-    got = heard(stage(read(text("input: 1, gain: 1m, highpass: 0.01Hz, file: x.wav", "ENX"))))
+    got = rendered(stage(read(text("input: 1, gain: 1m, highpass: 0.01Hz, file: x.wav", "ENX"))))
     inside = slice(100, RATE // 4 - 100)
     expected = 0.5 * np.sin(2 * np.pi * 440.0 * (np.arange(len(got)) - 1) / RATE)
     # The spline is within 1e-6 of a slow sine; 0.01 Hz is nearly no filter.

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from sessions import Stepped
 
 from ergon.notation.text.errors import TextError
@@ -117,7 +117,7 @@ def test_a_part_plays_an_axis():
     ],
 )
 def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, message: str):
-    reports = found(SCORE.replace(old, new))
+    reports = check_reports(SCORE.replace(old, new))
     assert reports
     for _, place, sentence in reports:  # `wide` begins with what is wrong, too
         assert message in sentence
@@ -125,23 +125,25 @@ def test_mistakes_of_a_score_have_a_sentence(old: str, new: str, line: int, mess
 
 
 def test_a_session_defines_plays_and_renames(tmp_path: Path):
-    at = Stepped(SCORE, tmp_path)
+    stepped = Stepped(SCORE, tmp_path)
     try:
-        assert "a path in space of 2 points" in at.ok("pour = (0, 0)@0 smooth (3, -3)@1/2").text
-        at.ok("rename circle ring")
-        text = at.session.schedule.head.texts.text
+        assert (
+            "a path in space of 2 points" in stepped.ok("pour = (0, 0)@0 smooth (3, -3)@1/2").text
+        )
+        stepped.ok("rename circle ring")
+        text = stepped.session.schedule.head.texts.text
         assert "play: ring.x" in text
         assert "wide.y ring.y" in text
         assert "like: ring" in text
         assert {"ring.x", "ring.y", "pour.x"} <= check(text).piece.gestures.keys()
-        at.ok("ada plays pour.x")
-        shown = "\n".join(at.ok("? pour").lines)
+        stepped.ok("ada plays pour.x")
+        shown = "\n".join(stepped.ok("? pour").lines)
         assert "pour.x on east" in shown
         assert "pour.y on north" in shown or "pour.y on east" in shown
-        assert "ada plays pour." in at.type("ada plays pour").try_
-        at.ok("remi plays ring.y")
-        at.ok("ada plays ring.x")
-        at.ok("remove pour")
-        assert "pour" not in at.session.schedule.head.texts.text
+        assert "ada plays pour." in stepped.type("ada plays pour").try_
+        stepped.ok("remi plays ring.y")
+        stepped.ok("ada plays ring.x")
+        stepped.ok("remove pour")
+        assert "pour" not in stepped.session.schedule.head.texts.text
     finally:
-        at.close()
+        stepped.close()

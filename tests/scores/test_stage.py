@@ -231,14 +231,14 @@ strikes: {s: {to: [a, b], at: 0, impulse: 1mNs}}
 def test_all_that_the_engine_refuses_is_told_at_once(
     text: str, refused: list[tuple[int, str]], planned: bool
 ) -> None:
-    assert told_at_once(text, planned=planned) == refused
+    assert stage_errors(text, planned=planned) == refused
 
 
 def test_each_part_that_would_diverge_is_told() -> None:
-    assert told_at_once(UNSTABLE, planned=True) == [(3, "first.m"), (5, "second.m")]
+    assert stage_errors(UNSTABLE, planned=True) == [(3, "first.m"), (5, "second.m")]
 
 
-def told_at_once(text: str, *, planned: bool) -> list[tuple[int, str]]:
+def stage_errors(text: str, *, planned: bool) -> list[tuple[int, str]]:
     """Lines and modules of the errors of a stage, all of them E309."""
     piece = load("s.yaml", text=text).piece
     assert piece is not None

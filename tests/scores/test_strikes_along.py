@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 
 from ergon.scores.staging.stage import stage
 
@@ -76,5 +76,5 @@ def test_chance_draws_alike_on_all_axes(when):
     ],
 )
 def test_mistakes_have_a_sentence(strikes, code, said):
-    reports = found(SCENE.format("bob", f"at: 0, {strikes}"))
+    reports = check_reports(SCENE.format("bob", f"at: 0, {strikes}"))
     assert any(code == own and said in message for own, _, message in reports), reports

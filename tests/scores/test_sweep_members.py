@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from checked import check, found
+from checked import check, check_reports
 from sessions import Stepped
 from sweep import few
 
@@ -294,7 +294,7 @@ def test_what_is_rendered_is_struck():
     ],
 )
 def test_what_is_wrong_has_its_place(line, code, words):
-    reports = found(SCORE + f"  s: {{{line}}}\n")
+    reports = check_reports(SCORE + f"  s: {{{line}}}\n")
     assert [(one, stepped_session) for one, stepped_session, _ in reports] == [(code, 10)], reports
     assert words in reports[0][2]
 
@@ -358,9 +358,9 @@ def test_what_passes_is_typed_ended_kept_and_comes_back_as_a_scene(stepped_sessi
     stepped_session.run(4.0)
     assert np.abs(stepped_session.sound[-int(2.0 * stepped_session.rate) :]).max() > 1e-6
     again = [
-        one
-        for one in stepped_session.session.schedule.head.piece.strikes
-        if one.passing is not None
+        strike
+        for strike in stepped_session.session.schedule.head.piece.strikes
+        if strike.passing is not None
     ]
     assert {one.passing.sweep for one in again if one.passing} == {"inward", None}
     stepped_session.ok("undo")

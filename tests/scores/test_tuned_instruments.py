@@ -94,7 +94,7 @@ BY_CLOSED_FORM = [
 TUNINGS = pytest.mark.parametrize("tuning", ["edo: 19", "edo: 19, A4: 440Hz, root: C4"])
 
 
-def one_by_one(words: list[str]) -> str:
+def written_singly(words: list[str]) -> str:
     rows = (
         f"  s{i}: {{to: [{word}.m], at: {i + 1}s, impulse: 1mNs}}" for i, word in enumerate(words)
     )
@@ -107,7 +107,7 @@ def off(heights: list[float], expected: list[float]) -> float:
 
 @TUNINGS
 def test_render_of_two_tunings_against_closed_form(tuning, tmp_path):
-    stage = prepare(read(score(tuning, one_by_one(STRUCK)), tmp_path))
+    stage = prepare(read(score(tuning, written_singly(STRUCK)), tmp_path))
     plan = _core.Plan(stage.network, stage.timeline)
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((stage.n_frames, simulation.n_out))
@@ -116,7 +116,7 @@ def test_render_of_two_tunings_against_closed_form(tuning, tmp_path):
 
 
 def test_session_of_two_tunings_as_closed_form_and_as_its_journal(tmp_path):
-    with closing(Stepped(score("edo: 19", one_by_one(STRUCK)), tmp_path)) as session:
+    with closing(Stepped(score("edo: 19", written_singly(STRUCK)), tmp_path)) as session:
         session.ok("play")
         session.run(len(STRUCK) + 1)
     assert off(pitches(session.sound.sum(axis=1), len(STRUCK)), BY_CLOSED_FORM) < 0.05
@@ -125,7 +125,7 @@ def test_session_of_two_tunings_as_closed_form_and_as_its_journal(tmp_path):
 
 def test_scale_of_an_instrument_is_in_the_journal(tmp_path):
     (tmp_path / "19.scl").write_text(NINETEEN, encoding="utf-8")
-    text = score("scale: 19.scl", one_by_one(["vib.C4", "bars.C4"]), notes="C4, A4")
+    text = score("scale: 19.scl", written_singly(["vib.C4", "bars.C4"]), notes="C4, A4")
     with closing(Stepped(text, tmp_path)) as session:
         session.ok("play")
         session.run(3)
@@ -221,7 +221,7 @@ def test_automation_by_notes_of_the_instrument(tmp_path):
     more = """automation:
   - {set: vib.C4.m.f, to: D#4 Eb4 C4.min, every: 1, at: 1}
   - {set: bars.C4.m.f, to: D#4 E4, every: 1, at: 1}"""
-    piece = read(score("edo: 19", f"{one_by_one(['vib.C4', 'bars.C4'])}\n{more}"), tmp_path)
+    piece = read(score("edo: 19", f"{written_singly(['vib.C4', 'bars.C4'])}\n{more}"), tmp_path)
     vib, bars = ([a.value for a in led.amounts.values()] for led in piece.automation)
     assert [19 * log2(hz / 440.0) + 14 for hz in vib] == pytest.approx([4, 5, 0, 5, 11], abs=1e-9)
     assert [12 * log2(hz / 440.0) + 9 for hz in bars] == pytest.approx([3, 4], abs=1e-9)

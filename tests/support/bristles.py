@@ -49,7 +49,7 @@ class Scene:
     text: str
     masses: tuple[tuple[float, float, float, float, float, float], ...]
     bristles: tuple[Bristles, ...]
-    heard: tuple[int, ...]
+    taps: tuple[int, ...]
     springs: tuple[tuple[int, int, float, float], ...] = ()
     strikes: tuple[tuple[int, float, float], ...] = field(default=())
 
@@ -99,7 +99,7 @@ class Scene:
             )
             result[here] = solved.y[:n, :-1].T
             state = solved.y[:, -1]
-        return result[:, list(self.heard)]
+        return result[:, list(self.taps)]
 
 
 def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:

@@ -13,7 +13,7 @@ SURE_SAMPLES, SURE_FRAMES = 64, 3
 SHAPED = 96
 # The comparison ends after this many wrong frames, because each is searched for in a second of
 # sound.
-MOST_WRONG = 1000
+WRONG_FRAMES_MAX = 1000
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comp
     sounding = np.flatnonzero(captured.any(axis=1))
     position = to = equal = wrong = 0
     gaps: list[Gap] = []
-    while to < len(expected) and position < len(captured) and wrong < MOST_WRONG:
+    while to < len(expected) and position < len(captured) and wrong < WRONG_FRAMES_MAX:
         n = min(len(expected) - to, len(captured) - position)
         differ = np.flatnonzero(
             (captured[position : position + n] != expected[to : to + n]).any(axis=1)
@@ -88,17 +88,17 @@ def _begun(frames: NDArray) -> NDArray:
 
 
 def _gap(
-    captured: NDArray, sounding: NDArray, at: int, expected: NDArray, frame: int
+    captured: NDArray, sounding: NDArray, position: int, expected: NDArray, frame: int
 ) -> Gap | None:
     """Inserted silence, frames left out, or both; None if the sound does not continue after it."""
-    falls = np.flatnonzero(~captured[at : at + SHAPED].any(axis=1))
-    after = np.searchsorted(sounding, at + int(falls[0]) if len(falls) else at)
+    falls = np.flatnonzero(~captured[position : position + SHAPED].any(axis=1))
+    after = np.searchsorted(sounding, position + int(falls[0]) if len(falls) else position)
     if after == len(sounding):
         return None
-    silent = int(sounding[after]) - at
+    silent = int(sounding[after]) - position
     sure = max(SURE_FRAMES, -(-SURE_SAMPLES // captured.shape[1]))
     for rise in range(SHAPED + 1 if silent else 1):
-        behind = captured[at + silent + rise : at + silent + rise + sure]
+        behind = captured[position + silent + rise : position + silent + rise + sure]
         if len(behind) < sure:
             break
         # The first frame is searched everywhere, the others only where the first is found.

@@ -11,11 +11,11 @@ def check(text: str, **overlay: str) -> Loaded:
     return load("s.yaml", text=textwrap.dedent(text), overlay=files)
 
 
-def found(text: str, **overlay: str) -> list[tuple[str, int, str]]:
+def check_reports(text: str, **overlay: str) -> list[tuple[str, int, str]]:
     """Code, line and message of every report."""
     return [(d.code, d.place.line, d.message) for d in check(text, **overlay).diagnostics]
 
 
 def codes(text: str, **overlay: str) -> list[str]:
     """The codes alone."""
-    return [code for code, *_ in found(text, **overlay)]
+    return [code for code, *_ in check_reports(text, **overlay)]

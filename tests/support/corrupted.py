@@ -52,27 +52,27 @@ def corrupted(data: bytes, count: int, seed: int, *others: bytes) -> Iterator[by
 
 
 def _damage(
-    damaged: bytearray, at: int, number: int, chance: random.Random, others: tuple[bytes, ...]
+    damaged: bytearray, offset: int, number: int, chance: random.Random, others: tuple[bytes, ...]
 ) -> None:
     kind = chance.randrange(8)
     if not damaged:
         damaged += bytes([number % 256])
     elif kind <= 1:
-        damaged[at] ^= 1 << chance.randrange(8)
+        damaged[offset] ^= 1 << chance.randrange(8)
     elif kind == 2:
-        damaged[at] = chance.randrange(256)
+        damaged[offset] = chance.randrange(256)
     elif kind == 3:
-        del damaged[at:]
+        del damaged[offset:]
     elif kind == 4:
-        del damaged[at : at + chance.randrange(1, 64)]
+        del damaged[offset : offset + chance.randrange(1, 64)]
     elif kind == 5:
         edge = chance.choice(_EDGES)
-        damaged[at : at + len(edge)] = edge
+        damaged[offset : offset + len(edge)] = edge
     elif kind == 6:
         word = chance.choice(_WORDS)
-        damaged[at : at + chance.choice((0, len(word)))] = word
+        damaged[offset : offset + chance.choice((0, len(word)))] = word
     else:
         other = chance.choice(others)
         start = chance.randrange(max(1, len(other)))
         part = other[start : start + chance.randrange(1, 200)]
-        damaged[at : at + len(part)] = part
+        damaged[offset : offset + len(part)] = part

@@ -11,7 +11,7 @@ from needed import needs
 needs_csound = needs("csound")
 
 
-def heard(orchestra: Path) -> np.ndarray:
+def rendered(orchestra: Path) -> np.ndarray:
     """Outputs (n_frames, n_out) of a `.csd`, in the units of its comments."""
     sound = orchestra.with_suffix(".wav")
     command = ["csound", "-m0", "-o", str(sound), str(orchestra)]

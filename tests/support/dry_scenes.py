@@ -52,13 +52,13 @@ class Scene:
     text: str
     masses: tuple[tuple[float, float, float, float, float, float], ...]
     dry: tuple[Dry, ...]
-    heard: tuple[int, ...]
+    taps: tuple[int, ...]
     springs: tuple[tuple[int, int, float, float], ...] = ()
     strikes: tuple[tuple[int, float, float], ...] = field(default=())
 
     def exact(self, n_frames: int) -> np.ndarray:
         """Positions of the heard masses (n_frames, n_heard) [m]."""
-        return _Motion(self).path(n_frames)[:, list(self.heard)]
+        return _Motion(self).path(n_frames)[:, list(self.taps)]
 
 
 class _Motion:
@@ -171,14 +171,14 @@ class _Motion:
         self.state = solver.y
         return end
 
-    def _stop(self, own: Dry) -> None:
+    def _stop(self, friction: Dry) -> None:
         """Remove the remaining rate of both ends after it has passed zero."""
         v = self.state[self.n :]
-        impulse = self.rate(own, v) / self.weight(own)
-        if own.a >= 0:
-            v[own.a] += impulse / self.m[own.a]
-        if own.b >= 0:
-            v[own.b] -= impulse / self.m[own.b]
+        impulse = self.rate(friction, v) / self.weight(friction)
+        if friction.a >= 0:
+            v[friction.a] += impulse / self.m[friction.a]
+        if friction.b >= 0:
+            v[friction.b] -= impulse / self.m[friction.b]
 
 
 def _score(modules: dict[str, str], out: dict[str, str], more: str = "") -> str:

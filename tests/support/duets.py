@@ -19,21 +19,21 @@ STAND_IN = 8  # of a row's flags
 @dataclass
 class Duet:
     process: subprocess.Popen[str]
-    told: list[str] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
 
     def until(self, words: str) -> str:
         """The next line that contains these words."""
         assert self.process.stdout is not None
         while line := self.process.stdout.readline():
-            self.told.append(line.rstrip())
+            self.lines.append(line.rstrip())
             if words in line:
-                return self.told[-1]
-        raise AssertionError(f"'{words}' was not said, but: {self.told}")
+                return self.lines[-1]
+        raise AssertionError(f"'{words}' was not said, but: {self.lines}")
 
     def end(self) -> int:
         """Read the remaining lines; returns the exit code."""
         assert self.process.stdout is not None
-        self.told += self.process.stdout.read().splitlines()
+        self.lines += self.process.stdout.read().splitlines()
         return self.process.wait(timeout=PATIENCE)
 
 
@@ -52,11 +52,11 @@ def duet(*arguments: object) -> Iterator[Duet]:
 def played(*arguments: object) -> list[str]:
     """Run a performance to its end; returns its lines."""
     with duet(*arguments) as playing:
-        assert playing.end() == 0, playing.told
-        return playing.told
+        assert playing.end() == 0, playing.lines
+        return playing.lines
 
 
-def said(*arguments: object) -> tuple[int, str]:
+def command_output(*arguments: object) -> tuple[int, str]:
     """Run a command that ends by itself; returns its exit code and its output."""
     done = subprocess.run([*ERGON, *map(str, arguments)], capture_output=True, text=True)
     return done.returncode, done.stdout + done.stderr
@@ -65,7 +65,7 @@ def said(*arguments: object) -> tuple[int, str]:
 def rendered(score: Path, take: Path, doubted: bool = False) -> np.ndarray:
     """The recorded motion of the hands, rendered offline: (n_frames, n_channels) of float32."""
     target = take.with_suffix(".offline.wav")
-    code, output = said("render", score, "--hands", take, "--bits", "float", "-o", target)
+    code, output = command_output("render", score, "--hands", take, "--bits", "float", "-o", target)
     assert code == 0, output
     assert ("warning" in output) == doubted, output
     return sound(target)

@@ -20,21 +20,21 @@ COMMAND = [*ERGON, "emulate"]
 class Emulator:
     process: subprocess.Popen[str]
     url: str = ""
-    told: list[dict[str, object]] = field(default_factory=list)
+    records: list[dict[str, object]] = field(default_factory=list)
 
     def next(self) -> dict[str, object]:
         """The next line of JSON."""
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         assert line, "the emulator ended"
-        self.told.append(json.loads(line))
-        return self.told[-1]
+        self.records.append(json.loads(line))
+        return self.records[-1]
 
     def until(self, event: str) -> dict[str, object]:
         """The next line that reports `event`."""
         while self.next()["event"] != event:
             pass
-        return self.told[-1]
+        return self.records[-1]
 
     def end(self, number: signal.Signals = signal.SIGINT) -> str:
         """Send a signal (default: Ctrl-C) and check the exit code, 128 + its number; returns the
@@ -43,7 +43,7 @@ class Emulator:
         self.process.send_signal(number)
         self.until("over")
         assert self.process.wait(timeout=PATIENCE) == 128 + number
-        return str(self.told[-1]["positions"])
+        return str(self.records[-1]["positions"])
 
 
 @contextmanager

@@ -33,7 +33,7 @@ class Looked:
     """Positions (n_frames, n_out), what was said of energy or stability, and the plan's rows."""
 
     x: Floats
-    said: str
+    stated: str
     computed: tuple[str, ...] = ()
 
 
@@ -57,7 +57,7 @@ def look(text: str, method: str, seconds: float) -> Looked:
     return Looked(out, message, tuple(row.what for row in played.plan.rows()))
 
 
-def of_text(text: str) -> RandomNetwork:
+def network_of_text(text: str) -> RandomNetwork:
     """Masses, springs and contacts of a score whose outputs are the positions of all masses."""
     scene = read(text)
     moving = [i for i, m in enumerate(scene.mass) if np.isfinite(m)]

@@ -33,7 +33,7 @@ int main(int, char** arguments) {
 needs_faust = needs("faust", "g++")
 
 
-def heard(program: Path, fed: np.ndarray, rate: int) -> np.ndarray:
+def rendered(program: Path, fed: np.ndarray, rate: int) -> np.ndarray:
     """Outputs (n_frames, n_out) of a program for its inputs (n_frames, n_in)."""
     built = ["faust", "-lang", "cpp", "-double", str(program)]
     code = subprocess.run(built, check=True, capture_output=True, text=True).stdout

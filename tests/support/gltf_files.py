@@ -8,7 +8,7 @@ from typing import Any
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0), (0, 1, 0), (0, 0, 1)]
 
 
-def made(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: Any) -> dict:
+def tetrahedron(mode: int = 4, indices: tuple[int, ...] = (0, 1, 2, 3, 4, 5), **node: Any) -> dict:
     """A tetrahedron without one of its faces; vertices are repeated for each face."""
     data = struct.pack("<18f", *(part for corner in CORNERS for part in corner))
     data += struct.pack(f"<{len(indices)}H", *indices)

@@ -46,7 +46,7 @@ class Scene:
         assert primitive["mode"] == 1
         return self._values(primitive["attributes"]["POSITION"])
 
-    def at(self, node: int, path: str, t: float) -> NDArray[Any]:
+    def value(self, node: int, path: str, t: float) -> NDArray[Any]:
         """`translation` or `scale` of a node at an instant [s] (3,)."""
         still = self.nodes[node].get(path, {"translation": [0, 0, 0], "scale": [1, 1, 1]}[path])
         if (node, path) not in self.channels:

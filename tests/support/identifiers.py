@@ -52,11 +52,11 @@ class Identifier:
 def identifiers(path: Path) -> Iterator[Identifier]:
     """All that a Python or Rust file binds, in the order of the text."""
     if path.suffix == ".rs":
-        return _of_rust(path.read_bytes())
-    return _of_python(ast.parse(path.read_text(encoding="utf-8")), 1 << 30)
+        return _rust_identifiers(path.read_bytes())
+    return _python_identifiers(ast.parse(path.read_text(encoding="utf-8")), 1 << 30)
 
 
-def _of_python(node: ast.AST, scope: int) -> Iterator[Identifier]:
+def _python_identifiers(node: ast.AST, scope: int) -> Iterator[Identifier]:
     for child in ast.iter_child_nodes(node):
         inner = scope
         if isinstance(child, (*_SCOPES, *_COMPREHENSIONS)):
@@ -66,7 +66,7 @@ def _of_python(node: ast.AST, scope: int) -> Iterator[Identifier]:
         for name in _bound(child):
             line = getattr(child, "lineno", 0)
             yield Identifier(name, line, inner if isinstance(child, ast.arg) else scope)
-        yield from _of_python(child, inner)
+        yield from _python_identifiers(child, inner)
 
 
 def _bound(node: ast.AST) -> list[str]:
@@ -88,11 +88,11 @@ def _rust_parser() -> tree_sitter.Parser:
     return tree_sitter.Parser(tree_sitter.Language(tree_sitter_rust.language()))
 
 
-def _of_rust(source: bytes) -> Iterator[Identifier]:
-    return _of_rust_node(_rust_parser().parse(source).root_node, 1 << 30)
+def _rust_identifiers(source: bytes) -> Iterator[Identifier]:
+    return _rust_node_identifiers(_rust_parser().parse(source).root_node, 1 << 30)
 
 
-def _of_rust_node(node: tree_sitter.Node, scope: int) -> Iterator[Identifier]:
+def _rust_node_identifiers(node: tree_sitter.Node, scope: int) -> Iterator[Identifier]:
     kind, pattern = node.type, node.child_by_field_name("pattern")
     if kind in _RUST_ITEMS and (name := node.child_by_field_name("name")) is not None:
         yield _rust_identifier(name, scope)
@@ -111,7 +111,7 @@ def _of_rust_node(node: tree_sitter.Node, scope: int) -> Iterator[Identifier]:
             if child.type != "parameter":
                 yield from _bound_by_pattern(child, scope)
     for child in node.named_children:
-        yield from _of_rust_node(child, scope)
+        yield from _rust_node_identifiers(child, scope)
 
 
 def _bound_by_pattern(node: tree_sitter.Node, scope: int) -> Iterator[Identifier]:

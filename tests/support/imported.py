@@ -11,14 +11,16 @@ from ergon import _core
 from ergon.scores.staging.drives import input_number
 
 
-def rendered(text: str, seconds: float, told: Sequence[tuple[int, str, float]] = ()) -> np.ndarray:
-    """Every channel of a score (n_frames, n_channels); inputs are `told` (frame, name, value)."""
+def rendered(
+    text: str, seconds: float, inputs: Sequence[tuple[int, str, float]] = ()
+) -> np.ndarray:
+    """Every channel of a score (n_frames, n_channels); inputs are `inputs` (frame, name, value)."""
     stage = ready(text)
     plan = _core.Plan(stage.network, stage.timeline, method="ca")
     simulation = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)
     sound = np.empty((round(seconds * mims.RATE), simulation.n_out))
     position = 0
-    for frame, name, value in told:
+    for frame, name, value in inputs:
         simulation.process(sound[position:frame])
         assert simulation.tell(input_number(name), value)
         position = frame

@@ -19,11 +19,11 @@ class Editor:
         self.client = client
         self.uri = path.as_uri()
         self.text = path.read_text(encoding="utf-8")
-        self.told: asyncio.Queue[t.PublishDiagnosticsParams] = asyncio.Queue()
+        self.published: asyncio.Queue[t.PublishDiagnosticsParams] = asyncio.Queue()
 
         @client.feature(t.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
-        def told(params: t.PublishDiagnosticsParams) -> None:
-            self.told.put_nowait(params)
+        def store_published(params: t.PublishDiagnosticsParams) -> None:
+            self.published.put_nowait(params)
 
     async def begin(self) -> None:
         await self.client.start_io(*ERGON, "lsp")
@@ -41,11 +41,11 @@ class Editor:
     async def diagnostics(self, wanted: Callable[[list[t.Diagnostic]], bool]) -> list[t.Diagnostic]:
         """The next ones that are wanted."""
         while True:
-            output = await asyncio.wait_for(self.told.get(), PATIENCE)
+            output = await asyncio.wait_for(self.published.get(), PATIENCE)
             if output.uri == self.uri and wanted(list(output.diagnostics)):
                 return list(output.diagnostics)
 
-    def at(self, before: str) -> t.Position:
+    def position_after(self, before: str) -> t.Position:
         """Behind the first occurrence of some words."""
         index = self.text.index(before) + len(before)
         line = self.text.count("\n", 0, index)
@@ -54,27 +54,29 @@ class Editor:
 
     async def completed(self, before: str) -> dict[str, t.CompletionItem]:
         document = t.TextDocumentIdentifier(self.uri)
-        params = t.CompletionParams(document, self.at(before))
+        params = t.CompletionParams(document, self.position_after(before))
         result = await self.client.text_document_completion_async(params)
         assert isinstance(result, t.CompletionList)
         return {item.label: item for item in result.items}
 
     async def hovered(self, before: str) -> str:
-        params = t.HoverParams(t.TextDocumentIdentifier(self.uri), self.at(before))
+        params = t.HoverParams(t.TextDocumentIdentifier(self.uri), self.position_after(before))
         result = await self.client.text_document_hover_async(params)
         assert result is not None
         assert isinstance(result.contents, t.MarkupContent)
         return result.contents.value
 
     async def defined(self, before: str) -> t.Location:
-        params = t.DefinitionParams(t.TextDocumentIdentifier(self.uri), self.at(before))
+        params = t.DefinitionParams(t.TextDocumentIdentifier(self.uri), self.position_after(before))
         result = await self.client.text_document_definition_async(params)
         assert isinstance(result, t.Location)
         return result
 
     async def renamed(self, before: str, new: str) -> str:
         """The text after the name behind some words is renamed."""
-        params = t.RenameParams(t.TextDocumentIdentifier(self.uri), self.at(before), new)
+        params = t.RenameParams(
+            t.TextDocumentIdentifier(self.uri), self.position_after(before), new
+        )
         result = await self.client.text_document_rename_async(params)
         assert result is not None
         assert result.changes is not None

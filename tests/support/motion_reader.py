@@ -126,15 +126,15 @@ class Replica:
 
     def __init__(self, data: bytes) -> None:
         self.chunks = list(chunks(data))
-        self.manifest: dict[str, Any] = json.loads(self.one(MANIFEST))
+        self.manifest: dict[str, Any] = json.loads(self.single_payload(MANIFEST))
         n, m = self.manifest["points"], self.manifest["modes"]
-        table = self.one(POINTS)
+        table = self.single_payload(POINTS)
         assert struct.unpack_from("<I", table) == (n,)
         self.places = np.frombuffer(table, "<f4", 4 * n, 4).reshape(4, n).astype(float)
         self.omega, self.sigma = np.zeros(n + m), np.zeros(n + m)
         self.omega[:n] = np.frombuffer(table, "<f8", n, 4 + 16 * n)
         self.sigma[:n] = np.frombuffer(table, "<f8", n, 4 + 24 * n)
-        self.names = self.one(NAMES).decode().splitlines()
+        self.names = self.single_payload(NAMES).decode().splitlines()
         self.shapes: dict[int, NDArray[np.float64]] = {}
         for kind, _, payload, _ in self.chunks:
             if kind == SHAPES:
@@ -146,7 +146,7 @@ class Replica:
                 known = self.shapes.get(part, np.zeros((points, 0)))
                 self.shapes[part] = np.hstack([known, shape.reshape(points, count)])
 
-    def one(self, kind: int) -> bytes:
+    def single_payload(self, kind: int) -> bytes:
         """The only payload of a kind."""
         (payload,) = (payload for own, _, payload, _ in self.chunks if own == kind)
         return payload
@@ -155,7 +155,7 @@ class Replica:
         """All records of a kind, with the seconds of their chunks."""
         return [(t, np.frombuffer(p, dtype)) for own, t, p, _ in self.chunks if own == kind]
 
-    def at(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacements(self, instants: NDArray[np.float64]) -> NDArray[np.float64]:
         """Displacements at rising instants (n, n_points); for sampled points those of the last
         frame.
         """

@@ -20,7 +20,7 @@ render: {{bits: float, tail: 40ms}}
 """
 
 
-def heard(text: str) -> np.ndarray:
+def rendered(text: str) -> np.ndarray:
     """Outputs of a score (n_frames, n_out)."""
     built = stage(check(text).piece, planned=True)
     sound = np.empty((built.n_frames, built.simulation.n_out))

@@ -101,13 +101,13 @@ if __name__ == "__main__":
     computing.LINE_STEPS = computing.FILES_STEPS = 1 << 60
     schedule._MAKING_FACTOR = 0.0  # time stands still while a line is computed
     hand = {"stiffness": 900.0, "sine": 5e-3}
-    with paced(hertz=2.0, **hand) as one, paced(hertz=3.0, **hand) as two:
+    with paced(hertz=2.0, **hand) as first, paced(hertz=3.0, **hand) as two:
         port = midi_ports.ProcessPort()
         midi_ports.SystemInput = lambda name: port
         config = local_session._config
         local_session._config = lambda *given: by_frames(config(*given))
-        driver = Driver([one, two], port, Path(sys.argv[1]))
+        driver = Driver([first, two], port, Path(sys.argv[1]))
         Session.run = lambda session: driver.begins(session)
-        live = [f"remi={one.url}", f"zoe={two.url}"]
+        live = [f"remi={first.url}", f"zoe={two.url}"]
         sys.argv = ["ergon", "repl", *sys.argv[2:], *(w for url in live for w in ("--live", url))]
         main()

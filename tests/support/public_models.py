@@ -84,7 +84,7 @@ def compared(path: Path, seconds: float, fallback: ModelOptions) -> tuple[str, f
     return built.dialect, off(rendered(built.text, seconds), exact)
 
 
-def _said(do: Callable[[], tuple[str, float]]) -> tuple[str, str]:
+def _result(do: Callable[[], tuple[str, float]]) -> tuple[str, str]:
     """The result for a model, in a word and in a sentence."""
     try:
         dialect, error = do()
@@ -120,7 +120,7 @@ def main(arguments: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)  # the score of a model and what feeds it stand in one folder
         for path in models:
-            word, sentence = _said(lambda path=path: compared(path, asked.seconds, fallback))
+            word, sentence = _result(lambda path=path: compared(path, asked.seconds, fallback))
             counts[word] += 1
             print(f"{word}\t{path.name}\t{sentence}", flush=True)
     print(", ".join(f"{n} {word}" for word, n in counts.most_common()), f"over {asked.seconds:g} s")

@@ -96,7 +96,7 @@ class RandomNetwork:
         return np.asarray(total)
 
     @property
-    def given(self) -> float:
+    def initial_energy(self) -> float:
         """The energy at the start [J]."""
         return float(self.energy(np.array([self.x0]), np.array([self.v0]))[0])
 
@@ -111,7 +111,7 @@ class RandomNetwork:
         stored = self.energy(x, v)
         lost = np.cumsum(self.power(x, v)) / rate
         single = (stored + lost).reshape(n_windows, WINDOW)
-        return float(np.median(single, axis=1).max() / self.given)
+        return float(np.median(single, axis=1).max() / self.initial_energy)
 
     def kappa(self, x: Floats, rate: float = RATE) -> float:
         """The highest squared frequency of springs and laws in radians a step, at the steepest

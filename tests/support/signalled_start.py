@@ -23,7 +23,7 @@ _count = 0
 _is_here = False  # in a fork, or while forking
 
 
-def _at_import(event: str, arguments: tuple[Any, ...]) -> None:
+def _audit_import(event: str, arguments: tuple[Any, ...]) -> None:
     global _count, _is_here
     if event != "import" or _is_here or threading.current_thread() is not threading.main_thread():
         return
@@ -48,5 +48,5 @@ def _at_import(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 sys.argv = ["ergon", *sys.argv[3:]]
-sys.addaudithook(_at_import)
+sys.addaudithook(_audit_import)
 main()

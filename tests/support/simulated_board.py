@@ -76,8 +76,8 @@ class Key:
         self.ways, self.x, self.v, self.force, self.work = ways, 0.0, 0.0, 0.0, 0.0
         self.steps = 0
         # Computed before anybody waits for a reply, because scipy is slow to load.
-        self._of = (ways.stiffness, FRICTION + ways.damping)
-        self._flow = exactly(*self._of)
+        self._coefficients = (ways.stiffness, FRICTION + ways.damping)
+        self._flow = exactly(*self._coefficients)
 
     def hand(self) -> float:
         """The position of the hand now [m]."""
@@ -91,8 +91,8 @@ class Key:
     def step(self) -> None:
         """One step of the clock."""
         k, b = self.ways.stiffness, FRICTION + self.ways.damping
-        if self._of != (k, b):
-            self._of, self._flow = (k, b), exactly(k, b)
+        if self._coefficients != (k, b):
+            self._coefficients, self._flow = (k, b), exactly(k, b)
         there = self.hand() + self.force / k if k else 0.0
         push = 0.0 if k else self.force / MASS
         a, c, d, e, f, g = self._flow
@@ -121,7 +121,7 @@ class Board:
         self.ways, self.lockstep, self.key = ways, lockstep, Key(ways)
         self.log: list[tuple[float, ...]] = []
         self.began = time.monotonic()
-        self.heard: float | None = None
+        self.packet_time: float | None = None
         self.let_go, self.shown = False, 0.0
         self.owner: object = None  # the host whose forces act; nobody else is answered
 
@@ -134,7 +134,7 @@ class Board:
         if self.lockstep:
             return
         due = int((now - self.began) / STEP)
-        quiet = None if self.heard is None else self.heard + self.ways.watchdog
+        quiet = None if self.packet_time is None else self.packet_time + self.ways.watchdog
         while self.key.steps < due:
             if quiet is not None and self.began + self.key.steps * STEP > quiet:
                 self.key.force, self.let_go, self.owner = 0.0, True, None
@@ -145,7 +145,7 @@ class Board:
         owner.
         """
         self.run_to(now)
-        silent = self.heard is None or now - self.heard > OWNED
+        silent = self.packet_time is None or now - self.packet_time > OWNED
         if self.owner is not None and self.owner != host and not (self.lockstep and silent):
             return None
         if packet[:2] != b"\xa5\x5a" or crc(packet[2:-2]) != packet[-2:]:
@@ -167,7 +167,7 @@ class Board:
             arguments = asked if flags & ENABLE else 0.0
             motor = self.ways.motor if self.is_faulty() else 1.0
             key.force = motor * max(-FORCE_MAX, min(FORCE_MAX, arguments))
-            self.heard, self.let_go = now, False
+            self.packet_time, self.let_go = now, False
             self.owner = host if flags & ENABLE else None
             for _ in range(round(PERIOD / STEP) if self.lockstep else 0):
                 key.step()

@@ -32,10 +32,10 @@ Reply = Literal["state", "empty", "silent"]
 
 
 @dataclass
-class Told:
+class ReceivedForce:
     """A force [N] and the instant at which it arrived [s of time.monotonic]."""
 
-    at: float
+    time: float
     force: tuple[float, float, float]
 
     @property
@@ -50,7 +50,7 @@ class Service:
     reply: Reply = "state"
     prompt: bool = False  # real-time priority where it is granted: a clock that is not late itself
     url: str = ""
-    told: list[Told] = field(default_factory=list)
+    received: list[ReceivedForce] = field(default_factory=list)
     left: int = 0  # hosts that went
 
     def __enter__(self) -> Service:
@@ -71,13 +71,13 @@ class Service:
     def until(self, holds: Callable[[Service], bool], seconds: float = PATIENCE) -> None:
         """Wait until a condition holds; the limit is long, because a busy machine is slow."""
         with self._news:
-            assert self._news.wait_for(lambda: holds(self), seconds), f"never: {self.told[-3:]}"
+            assert self._news.wait_for(lambda: holds(self), seconds), f"never: {self.received[-3:]}"
 
-    def first_zero(self, after: float) -> Told | None:
+    def first_zero(self, after: float) -> ReceivedForce | None:
         """The first zero that came after a moment."""
-        result: Told | None = None
-        for output in reversed(self.told):
-            if output.at < after:
+        result: ReceivedForce | None = None
+        for output in reversed(self.received):
+            if output.time < after:
                 break
             if output.is_zero:
                 result = output
@@ -128,7 +128,7 @@ class Service:
         assert device["device_id"] == _ID
         vector = device["commands"]["set_cursor_force"]["vector"]
         with self._news:
-            self.told.append(Told(now, (vector["x"], vector["y"], vector["z"])))
+            self.received.append(ReceivedForce(now, (vector["x"], vector["y"], vector["z"])))
             self._news.notify_all()
 
     def _state(self) -> bytes:

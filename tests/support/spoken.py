@@ -57,7 +57,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.reading.playing import NO_OPTIONS, PlayingOptions
 
 ROOT = Path(__file__).parents[2]
-ONE = Length(beats=1.0)
+BEAT = Length(beats=1.0)
 
 
 def _scope() -> Scope:
@@ -78,7 +78,7 @@ def _scope() -> Scope:
 SCOPE = _scope()
 
 
-def one(line: str) -> Command:
+def parsed(line: str) -> Command:
     (command,) = parse(line, SCOPE)
     return command
 
@@ -105,7 +105,7 @@ def plays(what: str, **more) -> Plays:
 KNOCK = "0@0 smooth 7@1/8 smooth 0@1/4"
 SESSION = [
     ("play", Play(None)),
-    ("ada plays knock every 1                  # at the next bar", plays("knock", every=ONE)),
+    ("ada plays knock every 1                  # at the next bar", plays("knock", every=BEAT)),
     (f"knock = {KNOCK}     # while sounding", Define("knock", notation.parse(KNOCK))),
     ("? lean                                   # draws it", Look("lean")),
     ("ada plays lean now                       # overrides quant", plays("lean", when=NOW)),

@@ -49,7 +49,7 @@ class Terminal:
         self._unsent = bytearray()
         self.screen.answers = lambda text: self._unsent.extend(text.encode())
         self._stream = pyte.ByteStream(self.screen)
-        self.said = b""  # all bytes that came
+        self.output = b""  # all bytes that came
 
     def __enter__(self) -> Self:
         return self
@@ -87,7 +87,7 @@ class Terminal:
             return True
         except pexpect.EOF:
             return False
-        self.said += text
+        self.output += text
         self._stream.feed(text)
         return True
 

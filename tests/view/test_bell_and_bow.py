@@ -8,7 +8,7 @@ from pathlib import Path
 import browser
 import numpy as np
 import pytest
-from duets import recorded, said, sound
+from duets import command_output, recorded, sound
 from hands_page import HandsPage
 from patience import until
 from scipy.integrate import ode
@@ -161,7 +161,7 @@ def test_two_fingers_on_a_bell_and_a_bow(
     played = sound(Path("played.wav"))[:-FADED]
     end = f"{len(take.positions()) * TICK_FRAMES / 44100:.3f}s"
     render = ("render", "s.yaml", "--hands", "hand.take", "--until", end, "--bits", "float")
-    code, words = said(*render, "-o", "expected.wav")
+    code, words = command_output(*render, "-o", "expected.wav")
     assert code == 0, words
     expected = sound(Path("expected.wav"))[: len(played)]
     assert np.all(np.max(np.abs(played), axis=0) > 1e-3), "bow and bell"

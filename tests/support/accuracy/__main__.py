@@ -16,7 +16,7 @@ from pathlib import Path
 
 from accuracy import tables
 from accuracy.audit import Audit, look, look_drawn
-from accuracy.kept import Kept, found, keep, kept
+from accuracy.kept import FamilyResults, keep, results, stored_results
 from accuracy.random_scenes import FAMILIES
 from docs.generators.wrap import wrapped
 from ergon.common.module_arguments import module_arguments
@@ -101,13 +101,13 @@ def main(page: Path, families: Sequence[str]) -> None:
                 audits = pool.map(look, [path.stem for path in named], texts)
             else:
                 audits = pool.map(partial(look_drawn, family), range(SEEDS))
-            keep(family, found(day, commit, [_told(audit) for audit in audits]))
-    everything = {family: kept(family) for family in ALL}
+            keep(family, results(day, commit, [_printed(audit) for audit in audits]))
+    everything = {family: stored_results(family) for family in ALL}
     known = {family: own for family, own in everything.items() if own is not None}
     page.write_text(wrapped(written(known)), encoding="utf-8")
 
 
-def written(known: Mapping[str, Kept]) -> str:
+def written(known: Mapping[str, FamilyResults]) -> str:
     """The page, from the kept audits of each family."""
     drawn = [own for family, own in known.items() if family != "named"]
     parts = [
@@ -126,7 +126,7 @@ def written(known: Mapping[str, Kept]) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _audited(known: Mapping[str, Kept]) -> list[str]:
+def _audited(known: Mapping[str, FamilyResults]) -> list[str]:
     """A line for each day and commit, with its families."""
     runs: dict[tuple[str, str], list[str]] = {}
     for family, item in known.items():
@@ -143,7 +143,7 @@ def _commit() -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def _told(audit: Audit) -> Audit:
+def _printed(audit: Audit) -> Audit:
     print(audit.name, *(f"{plan.stated:.0f}/{plan.real:.0f}" for plan in audit.plans), flush=True)
     return audit
 

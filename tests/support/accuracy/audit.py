@@ -46,7 +46,8 @@ THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan of a scene. Errors in dB; `real` over the pilot's time, `whole` over the render.
+    """A plan of a scene. Errors in dB: `real` over the pilot's time, `render_error` over the
+    render.
 
     `spectrum`: if the plan says that the motion is chaotic, the mean difference of third octaves
     over the render, minus that of two tolerances of the reference. `stated` is FLOOR_DB if the
@@ -59,7 +60,7 @@ class Plan:
     budget: float | None
     stated: float = inf
     real: float = inf
-    whole: float = inf
+    render_error: float = inf
     doubt: float = inf
     pilot: float = inf
     cost: float = inf
@@ -177,7 +178,7 @@ def look(
     loaded = load("scene.yaml", text=text)
     piece = loaded.piece
     assert piece is not None, f"{name}: {[one.message for one in loaded.diagnostics]}"
-    built = [_made(piece, budget) for budget in budgets]
+    built = [_plan_or_reason(piece, budget) for budget in budgets]
     # A pilot may play on after the end of the render.
     n_frames = prepare(piece).n_frames
     limit = n_frames + round(3.0 * THIRD * piece.rate)
@@ -224,7 +225,7 @@ def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) ->
     return 10.0 * log10(max(worst, 1e-30))
 
 
-def _made(piece: Piece, budget: float | None) -> planning.Planned | str:
+def _plan_or_reason(piece: Piece, budget: float | None) -> planning.Planned | str:
     """The plan of a piece, or why there is none."""
     ready = prepare(piece)
     try:
@@ -272,7 +273,7 @@ def _plan(
         budget,
         stated=max(10.0 * log10(sum(10.0 ** (db / 10.0) for db in [*stated, FLOOR_DB])), FLOOR_DB),
         real=error_db(sound, listened, piece.rate, pilot),
-        whole=error_db(sound, listened, piece.rate),
+        render_error=error_db(sound, listened, piece.rate),
         doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
         pilot=pilot,
         cost=planning.cost(static.plan) + counted * piece.rate,

@@ -22,11 +22,11 @@ ELASTIC = {
 }
 DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
 # Constants of each law, in the order of a link's numbers: elastic ones from 0, damping from 3.
-_OF_ELASTIC = {
+_ELASTIC_FIELDS = {
     **{"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")},
     "power": ("c", "p"),
 }
-_OF_DAMPING = {
+_DAMPING_FIELDS = {
     "cubic": ("z",),
     "rope": ("z",),
     "bow": ("F", "a", "u"),
@@ -191,19 +191,24 @@ def _part(outcome: Equations, part: str, modules: dict[str, Any]) -> None:
 
 
 def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict[str, Any]) -> None:
-    def of(field: str, default: float = 0.0) -> float:
+    def field_value(field: str, default: float = 0.0) -> float:
         return number(arguments[field]) if field in arguments else default
 
     label, single = f"{part}{name}", part.removesuffix(".")
     if kind == "SOL":
-        outcome.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
+        outcome.point(label, np.inf, 0.0, 0.0, 0.0, field_value("X0"), 0.0)
     elif kind in ("MAS", "CEL"):
-        k, z = of("K"), of("Z")
+        k, z = field_value("K"), field_value("Z")
         if "f" in arguments:
-            sigma = 3.0 * np.log(10.0) / of("t60") if "t60" in arguments else 0.0
+            sigma = 3.0 * np.log(10.0) / field_value("t60") if "t60" in arguments else 0.0
             f = number(str(arguments["f"]).removesuffix("Hz"))
-            k, z = of("M") * ((2.0 * np.pi * f) ** 2 + sigma**2), 2.0 * of("M") * sigma
-        outcome.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
+            k, z = (
+                field_value("M") * ((2.0 * np.pi * f) ** 2 + sigma**2),
+                2.0 * field_value("M") * sigma,
+            )
+        outcome.point(
+            label, field_value("M"), k, z, field_value("rest"), field_value("X0"), field_value("V0")
+        )
     elif kind in ("STRING", "PLATE"):
         _body(outcome, label, kind, arguments)
     elif kind == "ENF":
@@ -217,31 +222,52 @@ def _module(outcome: Equations, part: str, name: str, kind: str, arguments: dict
         a, b = pairs[0]
         assert len(pairs) == 1 or kind == "BUT", f"a {kind} over a range is not known here"
         if kind in ("RES", "FRO", "REF"):
-            link = outcome.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
+            link = outcome.link(
+                a, b, 1, 1, field_value("K"), 0.0, field_value("rest"), field_value("Z")
+            )
         elif kind == "BUT":
             sign = -1.0 if arguments.get("side") == "above" else 1.0
             clamp = float(arguments.get("clamp", False))
             for (a, b), gap in zip(pairs, gaps(arguments.get("gap", 0.0), len(pairs)), strict=True):
-                shape = of("K"), of("exponent", 1.0), gap, of("Z"), sign, clamp
+                shape = (
+                    field_value("K"),
+                    field_value("exponent", 1.0),
+                    gap,
+                    field_value("Z"),
+                    sign,
+                    clamp,
+                )
                 link = outcome.link(a, b, ELASTIC["contact"], 0, *shape)
         elif kind == "LNL":
             law, damping = arguments.get("law"), arguments.get("damping")
             row = [0.0] * N_NUMBERS
-            for i, constant in enumerate(_OF_ELASTIC.get(law, ())):
-                row[i] = of(constant)
-            row[REST] = of("rest")
-            for i, constant in enumerate(_OF_DAMPING.get(damping, ())):
-                row[3 + i] = of(constant)
+            for i, constant in enumerate(_ELASTIC_FIELDS.get(law, ())):
+                row[i] = field_value(constant)
+            row[REST] = field_value("rest")
+            for i, constant in enumerate(_DAMPING_FIELDS.get(damping, ())):
+                row[3 + i] = field_value(constant)
             laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
             link = outcome.link(a, b, *laws, *row)
         elif kind == "BRISTLE" or "K" in arguments:
             level, stiffness = ("Fc", "sigma0") if kind == "BRISTLE" else ("F", "K")
-            static = of("Fs" if kind == "BRISTLE" else "static", of(level))
-            speed = of("vs" if kind == "BRISTLE" else "speed", 0.001)
-            shape = of(stiffness), of("sigma1"), of("sigma2"), of(level), static, speed
+            static = field_value("Fs" if kind == "BRISTLE" else "static", field_value(level))
+            speed = field_value("vs" if kind == "BRISTLE" else "speed", 0.001)
+            shape = (
+                field_value(stiffness),
+                field_value("sigma1"),
+                field_value("sigma2"),
+                field_value(level),
+                static,
+                speed,
+            )
             link = outcome.link(a, b, ELASTIC["bristle"], 0, *shape)
         elif kind == "DRY":
-            shape = of("F"), of("static", of("F")), 0.0, of("speed", 0.001)
+            shape = (
+                field_value("F"),
+                field_value("static", field_value("F")),
+                0.0,
+                field_value("speed", 0.001),
+            )
             link = outcome.link(a, b, ELASTIC["dry"], 0, *shape)
         else:
             raise ValueError(f"{kind} is not known here")

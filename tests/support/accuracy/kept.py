@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parents[2] / "data" / "audits"
 
 
 @dataclass(frozen=True)
-class Kept:
+class FamilyResults:
     """Results of a family: date, commit, tallies by budget, and a row for each scene."""
 
     day: str
@@ -23,23 +23,25 @@ class Kept:
     rows: tuple[str, ...]
 
 
-def found(day: str, commit: str, audits: Sequence[Audit]) -> Kept:
+def results(day: str, commit: str, audits: Sequence[Audit]) -> FamilyResults:
     """The results of the audits of a family, in the form that is kept."""
-    return Kept(day, commit, tuple(tables.tallies(audits)), tuple(map(tables.scene, audits)))
+    return FamilyResults(
+        day, commit, tuple(tables.tallies(audits)), tuple(map(tables.scene, audits))
+    )
 
 
-def keep(family: str, own: Kept, folder: Path = FOLDER) -> None:
+def keep(family: str, results: FamilyResults, folder: Path = FOLDER) -> None:
     """Write the results of a family."""
     folder.mkdir(exist_ok=True)
-    text = json.dumps(asdict(own), indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(asdict(results), indent=1, ensure_ascii=False, allow_nan=False)
     (folder / f"{family}.json").write_text(text + "\n", encoding="utf-8")
 
 
-def kept(family: str, folder: Path = FOLDER) -> Kept | None:
+def stored_results(family: str, folder: Path = FOLDER) -> FamilyResults | None:
     """The kept results of a family, if it was audited."""
     path = folder / f"{family}.json"
     if not path.exists():
         return None
     output = json.loads(path.read_text(encoding="utf-8"))
     output["tallies"] = tuple(tables.Tally(**own) for own in output["tallies"])
-    return Kept(**output | {"rows": tuple(output["rows"])})
+    return FamilyResults(**output | {"rows": tuple(output["rows"])})

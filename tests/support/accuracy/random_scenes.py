@@ -30,11 +30,11 @@ class Dice:
     def by_ratio(self, low: float, high: float) -> float:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
-    def whole(self, low: int, high: int) -> int:
+    def integer(self, low: int, high: int) -> int:
         """low … high, both inclusive."""
         return int(self.rng.integers(low, high + 1))
 
-    def one_of(self, *options: Any) -> Any:
+    def choose(self, *options: Any) -> Any:
         return options[int(self.rng.integers(len(options)))]
 
 
@@ -44,7 +44,7 @@ def text(family: str, seed: int) -> str:
     score: dict[str, Any] = {
         "ergon": 1,
         "title": f"{family}-{seed}",
-        "rates": {"audio": f"{dice.one_of(32000, 44100, 48000)}Hz"},
+        "rates": {"audio": f"{dice.choose(32000, 44100, 48000)}Hz"},
         "tempo": [{"at": "1|1", "bpm": 60, "meter": "4/4"}],
         "render": {"bits": "float", "tail": f"{dice.between(0.2, 0.5):.3f}s"},
     }
@@ -68,8 +68,8 @@ def _hear(out: Modules, *names: str) -> None:
         out[f"o{len(out)}"] = {"SOX": name}
 
 
-def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | None = None) -> None:
-    when = f"{dice.between(0.001, 0.05) if at is None else at:.6f}s"
+def _strike(dice: Dice, score: Modules, to: str, impulse: float, time: float | None = None) -> None:
+    when = f"{dice.between(0.001, 0.05) if time is None else time:.6f}s"
     score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
         "to": to,
         "at": when,
@@ -78,24 +78,24 @@ def _strike(dice: Dice, score: Modules, to: str, impulse: float, at: float | Non
 
 
 def _string(dice: Dice) -> tuple[Modules, int]:
-    n = dice.whole(5, 40)
+    n = dice.integer(5, 40)
     # The highest mode stays below 8 kHz.
     f = dice.by_ratio(40.0, min(800.0, 8000.0 / n))
     body = {"masses": n, "M": dice.by_ratio(1e-3, 5e-2), "f": f, "t60": dice.by_ratio(0.3, 8.0)}
-    stiffness = dice.one_of(0.0, 0.0, 0.03)
+    stiffness = dice.choose(0.0, 0.0, 0.03)
     return {"STRING": body | {"stiffness": stiffness}}, n
 
 
 def _body(dice: Dice) -> tuple[Modules, int, float]:
     """A string or a plate, its number of masses, and the mass of each [kg]."""
-    if dice.whole(0, 2):
+    if dice.integer(0, 2):
         built, n = _string(dice)
         return built, n, built["STRING"]["M"] / n
-    radius = dice.whole(1, 3)
+    radius = dice.integer(1, 3)
     n = 1 + 3 * radius * (radius + 1)
     M = dice.by_ratio(1e-2, 1.0)
     body = {"shape": "hex", "radius": radius, "M": M, "f": dice.by_ratio(60.0, 400.0)}
-    rim = dice.one_of("free", "fixed")
+    rim = dice.choose("free", "fixed")
     return {"PLATE": body | {"t60": dice.by_ratio(0.5, 8.0), "rim": rim}}, n, M / n
 
 
@@ -106,26 +106,26 @@ def _cell(dice: Dice, **start: float) -> Modules:
 
 def _mesh(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Masses and cells in a row, some joined across, each link with its own damping."""
-    n = dice.whole(5, 40)
+    n = dice.integer(5, 40)
     M, f = dice.by_ratio(2e-3, 5e-2), dice.by_ratio(200.0, 2000.0)
     K = M * (2.0 * np.pi * f) ** 2
     modules["e"] = {"SOL": {}}
     for i in range(n):
         point = {
             "M": M * dice.between(0.5, 2.0),
-            "X0": dice.one_of(0.0, 1e-3 * dice.between(-1, 1)),
+            "X0": dice.choose(0.0, 1e-3 * dice.between(-1, 1)),
         }
-        if dice.whole(0, 2) == 0:
+        if dice.integer(0, 2) == 0:
             point |= {"K": K * dice.between(0.0, 0.5), "Z": dice.by_ratio(1e-7, 1e-5) * K}
         modules[f"m{i}"] = {"CEL" if "K" in point else "MAS": point}
     names = ["e", *(f"m{i}" for i in range(n))]
     pairs = [(i, i + 1) for i in range(n)]
     pairs += [(a, b) for a, b in (sorted(dice.rng.choice(n + 1, 2, False)) for _ in range(n // 4))]
     for i, (a, b) in enumerate(pairs):
-        Z = K * dice.by_ratio(1e-7, 1e-5) * dice.whole(0, 1)
+        Z = K * dice.by_ratio(1e-7, 1e-5) * dice.integer(0, 1)
         link = {"between": [names[a], names[b]], "K": K * dice.between(0.5, 2.0), "Z": Z}
         modules[f"r{i}"] = {"REF": link}
-    _strike(dice, score, f"s.m{dice.whole(0, n - 1)}", M * dice.between(0.1, 1.0))
+    _strike(dice, score, f"s.m{dice.integer(0, n - 1)}", M * dice.between(0.1, 1.0))
     _hear(out, "m0", f"m{n - 1}")
 
 
@@ -133,64 +133,64 @@ def _damped_body(dice: Dice, score: Modules, modules: Modules, out: Modules) -> 
     """A string or a plate that is struck, with dampers at points."""
     modules["b"], n, m = _body(dice)
     modules["w"] = {"SOL": {}}
-    for i in range(dice.whole(0, 2)):
+    for i in range(dice.integer(0, 2)):
         Z = m * dice.by_ratio(1.0, 100.0)
-        modules[f"d{i}"] = {"FRO": {"between": ["w", f"b.{dice.whole(0, n - 1)}"], "Z": Z}}
-    _strike(dice, score, f"s.b.{dice.whole(0, n - 1)}", m * dice.between(0.1, 1.0))
-    _hear(out, f"b.{dice.whole(0, n - 1)}")
+        modules[f"d{i}"] = {"FRO": {"between": ["w", f"b.{dice.integer(0, n - 1)}"], "Z": Z}}
+    _strike(dice, score, f"s.b.{dice.integer(0, n - 1)}", m * dice.between(0.1, 1.0))
+    _hear(out, f"b.{dice.integer(0, n - 1)}")
 
 
 def _linear(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Masses that springs and dampers of all strengths join, tied to a wall or to nothing."""
-    n = dice.whole(2, 30)
+    n = dice.integer(2, 30)
     M, f = dice.by_ratio(2e-3, 5e-2), dice.by_ratio(100.0, 2000.0)
     omega = 2.0 * np.pi * f
     K, Z = M * omega**2, M * omega
-    is_twin = dice.whole(0, 1)  # all masses and springs alike: poles that are equal or nearly so
+    is_twin = dice.integer(0, 1)  # all masses and springs alike: poles that are equal or nearly so
     modules["w"] = {"SOL": {}}
     for i in range(n):
         m = M if is_twin else M * dice.between(0.5, 2.0)
-        start = {"X0": 1e-3 * dice.between(-1, 1), "V0": dice.one_of(0.0, dice.between(-1, 1))}
+        start = {"X0": 1e-3 * dice.between(-1, 1), "V0": dice.choose(0.0, dice.between(-1, 1))}
         modules[f"m{i}"] = {"MAS": {"M": m, **start}}
     for i in range(1, n):
         k = K if is_twin else K * dice.by_ratio(0.1, 3.0)
-        kind = dice.one_of("RES", "RES", "REF")
-        link = {"between": [f"m{dice.whole(0, i - 1)}", f"m{i}"], "K": k}
+        kind = dice.choose("RES", "RES", "REF")
+        link = {"between": [f"m{dice.integer(0, i - 1)}", f"m{i}"], "K": k}
         if kind == "REF":
             link["Z"] = Z * dice.by_ratio(1e-4, 10.0)
-        modules[f"r{i}"] = {kind: link | {"rest": dice.one_of(0.0, 1e-3)}}
-    for i in range(dice.whole(1, 3)):
+        modules[f"r{i}"] = {kind: link | {"rest": dice.choose(0.0, 1e-3)}}
+    for i in range(dice.integer(1, 3)):
         a, b = dice.rng.choice(n, 2, False)
-        ends = [dice.one_of("w", f"m{a}"), f"m{b}"]
+        ends = [dice.choose("w", f"m{a}"), f"m{b}"]
         modules[f"d{i}"] = {"FRO": {"between": ends, "Z": Z * dice.by_ratio(1e-4, 100.0)}}
-    if dice.whole(0, 1):
-        modules["t"] = {"RES": {"between": ["w", f"m{dice.whole(0, n - 1)}"], "K": K}}
-    _strike(dice, score, f"s.m{dice.whole(0, n - 1)}", M * dice.between(0.1, 1.0))
+    if dice.integer(0, 1):
+        modules["t"] = {"RES": {"between": ["w", f"m{dice.integer(0, n - 1)}"], "K": K}}
+    _strike(dice, score, f"s.m{dice.integer(0, n - 1)}", M * dice.between(0.1, 1.0))
     _hear(out, "m0", f"m{n - 1}")
     out[f"o{len(out)}"] = {"SOF": {next(iter(modules["r1"])): "r1"}}
 
 
 def _contact(dice: Dice, light: float, speed: float) -> Modules:
     """A contact that lasts 0.3 to 3 ms for a mass at a speed."""
-    exponent = dice.one_of(1.0, 1.5, 2.3)
+    exponent = dice.choose(1.0, 1.5, 2.3)
     omega = np.pi / dice.by_ratio(3e-4, 3e-3)
     # The equivalent spring has the same stiffness at the depth speed/omega.
     K = light * omega**2 * (speed / omega) ** (1.0 - exponent)
-    Z = dice.one_of(0.0, 0.0, 0.1 * light * omega)
-    output = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.one_of(False, True)}
+    Z = dice.choose(0.0, 0.0, 0.1 * light * omega)
+    output = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.choose(False, True)}
     if Z == 0.0:
-        output |= {"contact": dice.one_of("plain", "exact")}
+        output |= {"contact": dice.choose("plain", "exact")}
     return output
 
 
 def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A mass that flies against a cell or a body."""
-    if dice.whole(0, 1):
+    if dice.integer(0, 1):
         modules["t"] = _cell(dice)
         target, m = "t", modules["t"]["CEL"]["M"]
     else:
         modules["t"], n, m = _body(dice)
-        target = f"t.{dice.whole(0, n - 1)}"
+        target = f"t.{dice.integer(0, n - 1)}"
     M, speed = dice.by_ratio(2e-3, 2e-2), dice.by_ratio(0.3, 4.0)
     modules["h"] = {"MAS": {"M": M, "V0": speed}}
     contact = _contact(dice, M * m / (M + m), speed)
@@ -201,28 +201,28 @@ def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
 
 def _bridge(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A string over a curved obstacle, which holds still or is a cell: contacts at many points."""
-    n = dice.whole(24, 72)
+    n = dice.integer(24, 72)
     f, M = dice.by_ratio(40.0, min(400.0, 12000.0 / n)), dice.by_ratio(1e-3, 2e-2)
     body = {"masses": n, "M": M, "f": f, "t60": dice.by_ratio(1.0, 8.0)}
     modules["b"] = {"STRING": body}
-    modules["o"] = dice.one_of({"SOL": {}}, _cell(dice))
-    first, points = dice.whole(0, n // 3), dice.whole(2, n // 2)
+    modules["o"] = dice.choose({"SOL": {}}, _cell(dice))
+    first, points = dice.integer(0, n // 3), dice.integer(2, n // 2)
     swing = dice.by_ratio(1e-4, 2e-3)
     speed = 2.0 * np.pi * f * swing
     far = swing * (first + points) / n  # about how far the string swings where the obstacle ends
-    profile = {"depth": f"{far * dice.by_ratio(0.02, 0.5)!r}m", "power": dice.one_of(1.0, 2.0)}
-    if dice.whole(0, 1):
+    profile = {"depth": f"{far * dice.by_ratio(0.02, 0.5)!r}m", "power": dice.choose(1.0, 2.0)}
+    if dice.integer(0, 1):
         profile["least"] = f"{far * dice.between(0.0, 0.1)!r}m"
     contact = _contact(dice, M / n, speed)
     ends = ["o", f"b.{first}..{first + points - 1}"]
     modules["c"] = {"BUT": {"between": ends, "gap": profile, **contact}}
-    _strike(dice, score, f"s.b.{dice.whole(n // 2, n - 1)}", M * speed)
-    _hear(out, f"b.{dice.whole(n // 2, n - 1)}")
+    _strike(dice, score, f"s.b.{dice.integer(n // 2, n - 1)}", M * speed)
+    _hear(out, f"b.{dice.integer(n // 2, n - 1)}")
 
 
 def _chain(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Cells in a row that hit one another."""
-    n = dice.whole(3, 6)
+    n = dice.integer(3, 6)
     for i in range(n):
         modules[f"m{i}"] = _cell(dice, V0=dice.between(0.3, 2.0) if i == 0 else 0.0)
     for i in range(1, n):
@@ -241,20 +241,20 @@ def _bow(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     m, a = modules["b"]["STRING"]["M"] / n, dice.by_ratio(10.0, 100.0)
     F = m * dice.by_ratio(300.0, 6000.0) / np.sqrt(2.0 * a * np.e)
     law = {"damping": "bow", "F": float(F), "a": a, "u": dice.between(0.05, 0.4)}
-    modules["l"] = {"LNL": {"between": ["w", f"b.{dice.whole(1, n - 2)}"], **law}}
-    _hear(out, f"b.{dice.whole(0, n - 1)}")
+    modules["l"] = {"LNL": {"between": ["w", f"b.{dice.integer(1, n - 2)}"], **law}}
+    _hear(out, f"b.{dice.integer(0, n - 1)}")
 
 
 def _hard(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A body whose links harden, or one mass on a cubic spring."""
-    if dice.whole(0, 1):
+    if dice.integer(0, 1):
         modules["b"], n, m = _body(dice)
         ((_, body),) = modules["b"].items()
         speed = dice.between(0.1, 1.0)
         # The hardening adds a comparable stiffness at the elongations that a strike causes.
         body["hardening"] = m * (2.0 * np.pi * body["f"]) ** 2 * dice.by_ratio(1e6, 1e8)
         _strike(dice, score, f"s.b.{n // 2}", m * speed)
-        _hear(out, f"b.{dice.whole(0, n - 1)}")
+        _hear(out, f"b.{dice.integer(0, n - 1)}")
         return
     m, x = dice.by_ratio(2e-3, 6e-2), dice.between(0.2e-3, 2e-3)
     k = m * (2.0 * np.pi * dice.by_ratio(100.0, 1000.0)) ** 2
@@ -280,7 +280,7 @@ def _law(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     }
     modules["w"] = {"SOL": {}}
     rest = x * dice.between(0.0, 0.6)
-    modules["l"] = {"LNL": {"between": ["w", "m"], "rest": rest, **dice.one_of(rope, notch, dry)}}
+    modules["l"] = {"LNL": {"between": ["w", "m"], "rest": rest, **dice.choose(rope, notch, dry)}}
     _hear(out, "m")
 
 
@@ -289,7 +289,7 @@ def _rubbed(dice: Dice, modules: Modules) -> tuple[float, float, list[str]]:
 
     A block on a belt, a displaced cell on the ground, a point of a string, or two cells.
     """
-    what = dice.whole(0, 3)
+    what = dice.integer(0, 3)
     if what == 0:
         modules["m"] = _cell(dice)
         M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
@@ -305,7 +305,7 @@ def _rubbed(dice: Dice, modules: Modules) -> tuple[float, float, list[str]]:
     if what == 2:
         modules["m"], n = _string(dice)
         body = modules["m"]["STRING"]
-        m, speed, bow = body["M"] / n, dice.by_ratio(0.02, 0.5), f"m.{dice.whole(1, n - 2)}"
+        m, speed, bow = body["M"] / n, dice.by_ratio(0.02, 0.5), f"m.{dice.integer(1, n - 2)}"
         modules["w"] = {"MAS": {"M": 1000.0, "V0": speed}}
         return m, 2.0 * body["M"] * body["f"] * speed, ["w", bow]
     x = dice.between(0.3e-3, 3e-3)
@@ -319,7 +319,7 @@ def _dry(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     m, force, ends = _rubbed(dice, modules)
     F = float(force * dice.by_ratio(0.01, 2.0))
     friction = {"F": F}
-    if dice.whole(0, 1):
+    if dice.integer(0, 1):
         friction |= {"static": F * dice.between(1.0, 2.0), "speed": dice.by_ratio(0.003, 0.1)}
     is_ground = modules["w"] == {"SOL": {}}
     modules["l"] = {"DRY": ({"to": ends[1]} if is_ground else {"between": ends}) | friction}
@@ -334,7 +334,7 @@ def _bristle(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
     # The bristles' stiffness makes the mass oscillate at 200 Hz to 3 kHz.
     sigma0 = float(m * (2.0 * np.pi * dice.by_ratio(200.0, 3000.0)) ** 2)
     friction = {"sigma0": sigma0, "Fc": F}
-    if dice.whole(0, 2):
+    if dice.integer(0, 2):
         static = F * dice.between(1.0, 2.0)
         damping = float(np.sqrt(sigma0 * m)) * dice.by_ratio(0.02, 1.0)
         least = damping * (static - F) / F
@@ -350,9 +350,9 @@ def _strike_rubbed(dice: Dice, score: Modules, m: float, force: float, to: str) 
 
     Between two frames a strike on a joined mass is split evenly (docs/numerics.md).
     """
-    if dice.whole(0, 1):
+    if dice.integer(0, 1):
         impulse = min(m * dice.between(0.05, 0.5), float(force) * 1e-3)
-        _strike(dice, score, f"s.{to}", impulse, dice.whole(1, 5) / 100)
+        _strike(dice, score, f"s.{to}", impulse, dice.integer(1, 5) / 100)
 
 
 def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
@@ -360,18 +360,18 @@ def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
     score["keys"] = {"k1": {"M": M, "K": K, "Z": dice.between(0.1, 2.0)}}
     modules["b"], n, m = _body(dice)
-    target = f"b.{dice.whole(0, n - 1)}"
+    target = f"b.{dice.integer(0, n - 1)}"
     peak = dice.between(2e-3, 6e-3)
-    if dice.whole(0, 1):
+    if dice.integer(0, 1):
         spring = {"K": m * dice.by_ratio(1e4, 1e7), "Z": m * dice.between(0.0, 20.0)}
         modules["c"] = {"REF": {"between": ["k1", target], **spring}}
     else:
         contact = _contact(dice, m, 0.1)
         modules["c"] = {"BUT": {"between": ["k1", target], "gap": 0.5 * peak, **contact}}
     # At hundredths of a second, which fall on frames at every rate.
-    first, two = dice.whole(4, 8), dice.whole(10, 16)
+    first, two = dice.integer(4, 8), dice.integer(10, 16)
     path = f"0m@0 smooth {peak}m@{first / 100}s 0m@{two / 100}s"
-    score["gestures"] = {"g": {"notation": path, "touch": dice.one_of("open", "tracked")}}
+    score["gestures"] = {"g": {"notation": path, "touch": dice.choose("open", "tracked")}}
     score["players"] = {"p": {"key": "k1"}}
     score["parts"] = {"p": [{"at": "0.05s", "play": "g"}]}
     _hear(out, target, "k1")
@@ -384,7 +384,7 @@ def _row(dice: Dice, modules: Modules, n: int) -> tuple[float, float, float]:
     """
     M, f, x = dice.by_ratio(3e-4, 5e-3), dice.by_ratio(100.0, 600.0), dice.between(2e-4, 2e-3)
     K = M * (2.0 * np.pi * f) ** 2
-    is_cells = dice.whole(0, 1)
+    is_cells = dice.integer(0, 1)
     modules["e"] = {"SOL": {}}
     for i in range(n):
         start = {"X0": x if i == 0 else 0.0}
@@ -395,7 +395,7 @@ def _row(dice: Dice, modules: Modules, n: int) -> tuple[float, float, float]:
             modules[f"m{i}"] = {"MAS": {"M": M * dice.between(0.3, 1.5), **start}}
         if i or not is_cells:
             ends = [f"m{i - 1}" if i else "e", f"m{i}"]
-            Z = dice.one_of(0.0, dice.by_ratio(1e-4, 1e-2) * M * 2.0 * np.pi * f)
+            Z = dice.choose(0.0, dice.by_ratio(1e-4, 1e-2) * M * 2.0 * np.pi * f)
             link = {"K": float(K * dice.between(0.3, 2.0)), "Z": float(Z)}
             modules[f"r{i}"] = {"REF": {"between": ends, **link}}
     ((_, first),) = modules["m0"].items()
@@ -404,12 +404,12 @@ def _row(dice: Dice, modules: Modules, n: int) -> tuple[float, float, float]:
 
 def _few(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """One to five masses with a single contact or law, or a mass on a spring that hits a string."""
-    what = dice.one_of("stop", "law", "friction", "meet", "string")
+    what = dice.choose("stop", "law", "friction", "meet", "string")
     if what == "string":
         modules["b"], n = _string(dice)
         M, speed = dice.by_ratio(5e-4, 5e-3), dice.by_ratio(0.3, 2.0)
         K = float(M * (2.0 * np.pi * dice.by_ratio(200.0, 1500.0)) ** 2)
-        held = dice.one_of("spring", "cell")
+        held = dice.choose("spring", "cell")
         if held == "cell":
             modules["h"] = {"CEL": {"M": M, "K": K, "V0": speed}}
         else:
@@ -420,11 +420,11 @@ def _few(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
         gap = dice.between(0.0, 0.5) * speed * float(np.sqrt(M / K))
         m = modules["b"]["STRING"]["M"] / n
         contact = _contact(dice, M * m / (M + m), speed)
-        ends = ["h", f"b.{dice.whole(0, n - 1)}"]
+        ends = ["h", f"b.{dice.integer(0, n - 1)}"]
         modules["c"] = {"BUT": {"between": ends, "gap": gap, **contact}}
-        _hear(out, f"b.{dice.whole(0, n - 1)}")
+        _hear(out, f"b.{dice.integer(0, n - 1)}")
         return
-    n = dice.whole(2 if what == "meet" else 1, 5)
+    n = dice.integer(2 if what == "meet" else 1, 5)
     m, K, x = _row(dice, modules, n)
     speed = x * float(np.sqrt(K / m))
     if what == "meet":
@@ -438,16 +438,16 @@ def _few(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
         modules["c"] = {"BUT": {"between": ends, "gap": gap, **_contact(dice, 0.5 * m, speed)}}
     elif what == "stop":
         modules["s"] = {"SOL": {"X0": -x * dice.between(0.0, 0.3)}}
-        ends = ["s", f"m{dice.whole(0, n - 1)}"]
+        ends = ["s", f"m{dice.integer(0, n - 1)}"]
         modules["c"] = {"BUT": {"between": ends, **_contact(dice, m, speed)}}
     elif what == "friction":
         F = K * x * dice.by_ratio(0.01, 0.3)
-        modules["d"] = {"DRY": {"to": f"m{dice.whole(0, n - 1)}", "F": F}}
+        modules["d"] = {"DRY": {"to": f"m{dice.integer(0, n - 1)}", "F": F}}
     else:
-        p, ratio = dice.one_of(1.5, 2.0, 3.0), dice.by_ratio(0.3, 100.0)
+        p, ratio = dice.choose(1.5, 2.0, 3.0), dice.by_ratio(0.3, 100.0)
         power = {"law": "power", "c": float(ratio * K * x ** (1.0 - p)), "p": p}
         cubic = {"law": "cubic", "damping": "cubic", "k": 0.1 * K, "q": ratio * K / x**2}
-        law = dice.one_of(power, cubic | {"z": dice.one_of(0.0, 1e-2 * m * speed / x)})
+        law = dice.choose(power, cubic | {"z": dice.choose(0.0, 1e-2 * m * speed / x)})
         modules["l"] = {"LNL": {"between": ["e", "m0"], **law}}
     _hear(out, "m0", *([f"m{n - 1}"] if n > 1 else []))
 
@@ -457,7 +457,7 @@ def _stretch(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
     modules["b"], n = _string(dice)
     body = modules["b"]["STRING"]
     m, omega = body["M"] / n, 2.0 * np.pi * body["f"]
-    position, high = dice.whole(0, n - 1), dice.by_ratio(5e-4, 4e-3)
+    position, high = dice.integer(0, n - 1), dice.by_ratio(5e-4, 4e-3)
     slopes = [
         (i + 1) / (position + 1) if i <= position else (n - i) / (n - position) for i in range(n)
     ]
@@ -466,10 +466,10 @@ def _stretch(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
     k = m * omega**2 / (4.0 * np.sin(0.5 * np.pi / (n + 1)) ** 2)
     squares = high**2 * (1.0 / (position + 1) + 1.0 / (n - position))
     body["stretching"] = float(k / squares * dice.by_ratio(0.03, 2.0))
-    point, speed = dice.whole(0, n - 1), omega * high
+    point, speed = dice.integer(0, n - 1), omega * high
     gap = high * dice.between(0.05, 0.5)
-    if dice.whole(0, 1):
-        modules["o"] = dice.one_of({"SOL": {}}, _cell(dice))
+    if dice.integer(0, 1):
+        modules["o"] = dice.choose({"SOL": {}}, _cell(dice))
         contact = _contact(dice, m, speed)
         modules["c"] = {"BUT": {"between": ["o", f"b.{point}"], "gap": gap, **contact}}
     else:
@@ -477,7 +477,7 @@ def _stretch(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None
         modules["h"] = {"MAS": {"M": M, "V0": speed}}
         contact = _contact(dice, M * m / (M + m), speed)
         modules["c"] = {"BUT": {"between": ["h", f"b.{point}"], "gap": gap, **contact}}
-    _hear(out, f"b.{dice.whole(0, n - 1)}")
+    _hear(out, f"b.{dice.integer(0, n - 1)}")
 
 
 def _rattle(dice: Dice, score: Modules, modules: Modules, out: Modules, count: int = 10) -> None:
@@ -491,51 +491,51 @@ def _rattle(dice: Dice, score: Modules, modules: Modules, out: Modules, count: i
         cell = {"M": M, "f": dice.by_ratio(25.0, 400.0), "t60": dice.by_ratio(0.05, 1.0)}
         modules[f"m{i}"] = {"CEL": cell}
         contact = _contact(dice, M * m / (M + m), speed)
-        ends = [f"b.{dice.whole(0, n - 1)}", f"m{i}"]
+        ends = [f"b.{dice.integer(0, n - 1)}", f"m{i}"]
         modules[f"c{i}"] = {
             "BUT": {"between": ends, "gap": swing * dice.between(0.0, 0.5), **contact}
         }
     _strike(dice, score, f"s.b.{n // 2}", float(m * n * speed * 0.4))
-    _hear(out, f"b.{dice.whole(0, n - 1)}", "m0")
+    _hear(out, f"b.{dice.integer(0, n - 1)}", "m0")
 
 
 def _keys(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """Two to four keys, each with a contact at a point of one string; a spring may join two."""
     modules["b"], n = _string(dice)
     m = modules["b"]["STRING"]["M"] / n
-    count = dice.whole(2, 4)
+    count = dice.integer(2, 4)
     points = dice.rng.choice(n, count, False)
     score |= {"keys": {}, "gestures": {}, "players": {}, "parts": {}}
     for i in range(count):
         M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
         score["keys"][f"k{i}"] = {"M": M, "K": K, "Z": dice.between(0.1, 3.0)}
         peak = dice.between(2e-3, 6e-3)
-        contact = {"K": dice.by_ratio(200.0, 2000.0), "exponent": dice.one_of(1.0, 1.5)}
-        if dice.whole(0, 1):
+        contact = {"K": dice.by_ratio(200.0, 2000.0), "exponent": dice.choose(1.0, 1.5)}
+        if dice.integer(0, 1):
             contact = _contact(dice, m, 0.1)
         gap = peak * dice.between(0.3, 0.8)
         ends = [f"k{i}", f"b.{points[i]}"]
         modules[f"c{i}"] = {"BUT": {"between": ends, "gap": gap, **contact}}
         # At hundredths of a second, which fall on frames at every rate.
-        first = dice.whole(4, 8)
-        second = first + dice.whole(4, 8)
+        first = dice.integer(4, 8)
+        second = first + dice.integer(4, 8)
         path = f"0m@0 smooth {peak}m@{first / 100}s 0m@{second / 100}s"
-        score["gestures"][f"g{i}"] = {"notation": path, "touch": dice.one_of("open", "tracked")}
+        score["gestures"][f"g{i}"] = {"notation": path, "touch": dice.choose("open", "tracked")}
         score["players"][f"p{i}"] = {"key": f"k{i}"}
-        score["parts"][f"p{i}"] = [{"at": f"{dice.whole(1, 8) / 100}s", "play": f"g{i}"}]
-    if dice.whole(0, 2) == 0:
+        score["parts"][f"p{i}"] = [{"at": f"{dice.integer(1, 8) / 100}s", "play": f"g{i}"}]
+    if dice.integer(0, 2) == 0:
         spring = {"K": dice.by_ratio(20.0, 500.0), "Z": dice.between(0.0, 1.0)}
         score["duet"] = [{"couple": ["k0", "k1"], "REF": spring}]
         # A tracked gesture on a key that a spring has moved would begin with a jump.
         for name in ("g0", "g1"):
             score["gestures"][name]["touch"] = "open"
-    _hear(out, f"b.{dice.whole(0, n - 1)}", "k0")
+    _hear(out, f"b.{dice.integer(0, n - 1)}", "k0")
 
 
 def _rates(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     """A key of three masses with a rate of its own, joined to a string or striking it."""
     audio = 44100
-    every = dice.one_of(5, 10, 20, 42)
+    every = dice.choose(5, 10, 20, 42)
     score["rates"] = {"audio": f"{audio}Hz", "gesture": f"{audio // every}Hz"}
     masses = [dice.by_ratio(0.1, 0.4), dice.by_ratio(0.02, 0.08), dice.by_ratio(0.005, 0.03)]
     springs = [dice.by_ratio(20.0, 150.0), dice.by_ratio(1e3, 6e3), dice.by_ratio(1e3, 4e3)]
@@ -550,15 +550,15 @@ def _rates(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
     modules["b"], n = _string(dice)
     m = modules["b"]["STRING"]["M"] / n
     peak = dice.between(2e-3, 6e-3)
-    ends = ["k1.tip", f"b.{dice.whole(0, n - 1)}"]
-    if dice.whole(0, 1):
+    ends = ["k1.tip", f"b.{dice.integer(0, n - 1)}"]
+    if dice.integer(0, 1):
         spring = {"K": dice.by_ratio(200.0, 5e3), "Z": dice.between(0.0, 0.1)}
         modules["c"] = {"REF": {"between": ends, **spring}}
     else:
         contact = _contact(dice, m, 0.1)
         modules["c"] = {"BUT": {"between": ends, "gap": 0.5 * peak, **contact}}
     # At hundredths of a second, which fall on frames at every rate.
-    first, second = dice.whole(4, 8), dice.whole(10, 16)
+    first, second = dice.integer(4, 8), dice.integer(10, 16)
     score["gestures"] = {"g": f"0m@0 smooth {peak}m@{first / 100}s 0m@{second / 100}s"}
     score["players"] = {"p": {"key": "k1"}}
     score["parts"] = {"p": [{"at": "0.05s", "play": "g"}]}

@@ -53,11 +53,11 @@ def solve(scene: Equations, n_frames: int) -> Reference:
         states = _linear(scene, A, n_frames, 1)
         rough = _linear(scene, A, n_frames, 2)
         low = states @ without_high_modes(A, HEARING).T
-        return Reference(*(heard(scene, *_halves(own)) for own in (states, rough, low)))
-    return Reference(*(heard(scene, *integrate(scene, n_frames, tol)) for tol in (TIGHT, LOOSE)))
+        return Reference(*(outputs(scene, *_halves(own)) for own in (states, rough, low)))
+    return Reference(*(outputs(scene, *integrate(scene, n_frames, tol)) for tol in (TIGHT, LOOSE)))
 
 
-def heard(scene: Equations, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+def outputs(scene: Equations, x: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Outputs (n_frames, n_out) of positions and velocities (n_frames, n)."""
     ends, kinds, numbers = (np.array(a) for a in (scene.ends, scene.kinds, scene.numbers))
     columns = []
@@ -247,7 +247,21 @@ def _level(c, w):
 
 @nb.njit(cache=True)
 def _slopes(
-    t, y, dy, at, inverse, ground, push, ends, kinds, numbers, stretched, leads, pieces, ways, needs
+    t,
+    y,
+    dy,
+    gesture_masses,
+    inverse,
+    ground,
+    push,
+    ends,
+    kinds,
+    numbers,
+    stretched,
+    leads,
+    pieces,
+    ways,
+    needs,
 ):
     """dy/dt; running gestures set their masses in y to the path.
 
@@ -257,7 +271,7 @@ def _slopes(
     n = len(inverse)
     curvature = 2 * n
     for g in range(len(leads)):
-        p = pieces[g, at]
+        p = pieces[g, gesture_masses]
         if np.isnan(p[6]):
             continue
         s = t - p[6]
@@ -306,7 +320,7 @@ def _slopes(
         dy[n + a] += f
         dy[n + b] -= f
     for g in range(len(leads)):
-        p = pieces[g, at]
+        p = pieces[g, gesture_masses]
         if np.isnan(p[6]):
             continue
         s = t - p[6]

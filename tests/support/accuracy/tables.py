@@ -11,7 +11,7 @@ from accuracy.audit import BUDGETS, Audit, Plan
 class Tally:
     """Counts of plans of some scenes at one budget: all, judged, met, and so on.
 
-    `worst`: real error over the stated one [dB]; `median` and `most` of the overspending.
+    `worst`: real error over the stated one [dB]; `median` and `maximum` of the overspending.
     `inversions` and `false_cannot` are None where nobody counted them.
     """
 
@@ -22,7 +22,7 @@ class Tally:
     silent: int
     worst: float | None
     median: float | None
-    most: float | None
+    maximum: float | None
     inversions: int | None = None
     false_cannot: int | None = None
 
@@ -52,7 +52,7 @@ def _tally(pairs: Sequence[tuple[Audit, Plan]]) -> Tally:
         silent=count(lambda plan: plan.is_silent_miss),
         worst=max((plan.excess for _, plan in judged if plan.stated < inf), default=None),
         median=ratios[len(ratios) // 2] if ratios else None,
-        most=ratios[-1] if ratios else None,
+        maximum=ratios[-1] if ratios else None,
         inversions=sum(audit.is_inverted(plan) for audit, plan in judged),
         false_cannot=sum(audit.is_false_cannot(plan) for audit, plan in judged),
     )
@@ -68,7 +68,7 @@ def together(all_of_them: Sequence[Tally]) -> Tally:
         silent=sum(own.silent for own in all_of_them),
         worst=max((own.worst for own in all_of_them if own.worst is not None), default=None),
         median=None,
-        most=max((own.most for own in all_of_them if own.most is not None), default=None),
+        maximum=max((own.maximum for own in all_of_them if own.maximum is not None), default=None),
         inversions=_counted([own.inversions for own in all_of_them]),
         false_cannot=_counted([own.false_cannot for own in all_of_them]),
     )
@@ -94,23 +94,23 @@ def summary(groups: Mapping[str, Sequence[Tally]]) -> str:
     return "\n".join(lines)
 
 
-def _row(budget: float | None, own: Tally) -> str:
+def _row(budget: float | None, tally: Tally) -> str:
     def share(count: int) -> str:
-        return f"{count} ({count / own.judged:.0%})" if own.judged else "–"
+        return f"{count} ({count / tally.judged:.0%})" if tally.judged else "–"
 
     cells = [
-        str(own.plans),
-        str(own.judged),
-        share(own.met),
-        share(own.warned),
-        str(own.silent),
+        str(tally.plans),
+        str(tally.judged),
+        share(tally.met),
+        share(tally.warned),
+        str(tally.silent),
         *(
             "–" if n is None or budget is None else str(n)
-            for n in (own.false_cannot, own.inversions)
+            for n in (tally.false_cannot, tally.inversions)
         ),
-        "–" if own.worst is None else f"{own.worst:+.1f} dB",
-        "–" if own.median is None else f"{own.median:.2f}",
-        "–" if own.most is None else f"{own.most:.2f}",
+        "–" if tally.worst is None else f"{tally.worst:+.1f} dB",
+        "–" if tally.median is None else f"{tally.median:.2f}",
+        "–" if tally.maximum is None else f"{tally.maximum:.2f}",
     ]
     return " | ".join(cells)
 
@@ -130,7 +130,7 @@ def scene(audit: Audit) -> str:
     cells = [_cell(plan) for plan in audit.plans]
     spent = [audit.overspending(plan) for plan in audit.plans]
     worst = max((ratio for ratio in spent if ratio is not None), default=None)
-    complete = max((p.whole for p in audit.plans[-1:] if not p.refused), default=None)
+    complete = max((p.render_error for p in audit.plans[-1:] if not p.refused), default=None)
     best = min(audit.plain, key=lambda one: one.real, default=None)
     cells += [
         "–" if complete is None else f"{complete:.0f}",

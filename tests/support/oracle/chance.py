@@ -19,7 +19,7 @@ class Dice:
     def by_ratio(self, low: float, high: float) -> float:
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
-    def whole(self, low: int, high: int) -> int:
+    def integer(self, low: int, high: int) -> int:
         """low … high, both inclusive."""
         return int(self.rng.integers(low, high + 1))
 
@@ -46,8 +46,8 @@ def body(scene: Scene, dice: Dice, count: int, *, even: bool = True) -> list[Mat
             mats.append(scene.mas(f"m{i}", M=single))
     points = [scene.sol("g", X0=0.0), *mats]
     links = [(i, i + 1) for i in range(count)]
-    for _ in range(dice.whole(0, 2)):
-        a, b = dice.whole(0, count), dice.whole(0, count)
+    for _ in range(dice.integer(0, 2)):
+        a, b = dice.integer(0, count), dice.integer(0, count)
         links += [(a, b)] if a != b else []
     for i, (a, b) in enumerate(links):
         k = K * dice.between(0.5, 2.0)
@@ -62,8 +62,8 @@ def cell(scene: Scene, dice: Dice, name: str) -> Mat:
 
 def strikes(scene: Scene, dice: Dice, mats: list[Mat]) -> None:
     """Strikes between frames, so hard that masses leave at up to 1 m/s."""
-    for _ in range(dice.whole(1, 3)):
-        mat = mats[dice.whole(0, len(mats) - 1)]
+    for _ in range(dice.integer(1, 3)):
+        mat = mats[dice.integer(0, len(mats) - 1)]
         push = scene.mats[int(mat)].M * dice.between(-1.0, 1.0)
         scene.strike(mat, dice.between(0.0, 0.2 * SPAN), impulse=push)
 
@@ -101,14 +101,14 @@ def scene(seed: int, *, even: bool = True) -> Scene:
     """
     dice, built = Dice(seed), Scene()
     all_mats: list[Mat] = []
-    for i in range(dice.whole(1, 3)):
+    for i in range(dice.integer(1, 3)):
         built.part(f"p{i}")
         met = dice.chance(0.6)
         if dice.chance(0.6):
-            mats = body(built, dice, dice.whole(4 if met and even else 1, 8), even=even)
+            mats = body(built, dice, dice.integer(4 if met and even else 1, 8), even=even)
         else:
             mats = [cell(built, dice, "c")]
-        struck = mats[dice.whole(0, len(mats) - 1)]
+        struck = mats[dice.integer(0, len(mats) - 1)]
         if met:
             built.part(f"s{i}")
             by = key if dice.chance(0.4) else hammer

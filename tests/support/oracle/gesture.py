@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-AT_REST = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
+RESTING = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
 
 
 def path(
@@ -30,7 +30,7 @@ def path(
             while j + 1 < len(t) and curve[j + 1] == "smooth":
                 j += 1
             part = make_interp_spline(
-                np.array(t[i - 1 : j + 1]) - t[i - 1], x[i - 1 : j + 1], k=5, bc_type=AT_REST
+                np.array(t[i - 1 : j + 1]) - t[i - 1], x[i - 1 : j + 1], k=5, bc_type=RESTING
             )
         else:
             part = make_interp_spline(np.array(t[i - 1 : i + 1]) - t[i - 1], x[i - 1 : i + 1], k=1)
@@ -50,13 +50,13 @@ def pushing(
     """The force [N] at a time that moves a free CEL along a smooth run; None before and after
     it.
     """
-    part = make_interp_spline(t, x, k=5, bc_type=AT_REST)
+    part = make_interp_spline(t, x, k=5, bc_type=RESTING)
     speed, acceleration = part.derivative(1), part.derivative(2)
 
-    def force(at: float) -> float:
-        if not t[0] <= at <= t[-1]:
+    def force(time: float) -> float:
+        if not t[0] <= time <= t[-1]:
             return 0.0
-        return float(M * acceleration(at) + Z * speed(at) + K * part(at))
+        return float(M * acceleration(time) + Z * speed(time) + K * part(time))
 
     return force
 

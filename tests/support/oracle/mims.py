@@ -77,9 +77,9 @@ class Played:
         return single
 
     def weights(
-        self, kind: str, length: int, width: int, at: Sequence[float]
+        self, kind: str, length: int, width: int, shares: Sequence[float]
     ) -> list[tuple[int, float]]:
-        def one(share: float, count: int) -> list[tuple[int, float]]:
+        def neighbours(share: float, count: int) -> list[tuple[int, float]]:
             p = share * count if self.laws == "2019" else min(max(share, 0.0), 1.0) * (count - 1)
             low = math.floor(p)
             if self.laws == "2019" and low + 1 >= count:
@@ -87,8 +87,8 @@ class Played:
             return [(low, 1 - (p - low)), (min(low + 1, count - 1), p - low)]
 
         if kind in STRINGS:
-            return one(at[0], length)
-        rows, columns = one(at[0], length), one(at[1], width)
+            return neighbours(shares[0], length)
+        rows, columns = neighbours(shares[0], length), neighbours(shares[1], width)
         return [(i * width + j, a * b) for i, a in rows for j, b in columns]
 
 
@@ -147,49 +147,49 @@ def _height(text: str) -> str:
     return text.strip("[]").split()[-1]
 
 
-def _matter(own: Played, name: str, word: str, *rest: str) -> None:
+def _matter(played: Played, name: str, word: str, *rest: str) -> None:
     name, words = name[1:], [one.strip("[]") for one in rest]
-    if own.is_v1 and word in ("ground", "mass", "massG", "osc", "posInput"):
+    if played.is_v1 and word in ("ground", "mass", "massG", "osc", "posInput"):
         size = {"ground": 1, "mass": 3, "massG": 4, "osc": 5, "posInput": 1}[word]
         words = words[:size]
     if word in ("ground", "posInput"):
-        x0 = own.value(_height(words[0]))
-        own.masses[name] = m = [x0, 0.0, 0.0]
+        x0 = played.value(_height(words[0]))
+        played.masses[name] = m = [x0, 0.0, 0.0]
 
         def hold(n: int) -> None:
             m[2] = 0.0
             if word == "posInput":
-                signal = own.inputs.get(name, ())
+                signal = played.inputs.get(name, ())
                 before, m[0] = m[0], signal[n] if n < len(signal) else 0.0
                 m[1] = m[0] - before
 
-        own.reads.append(hold)
+        played.reads.append(hold)
     elif word in ("mass", "massG", "osc"):
         *matter, x0, x1 = words
-        x0, x1 = own.value(_height(x0)), own.value(_height(x1))
-        own.masses[name] = m = [x0, x0 - x1 if own.is_v1 else x1 / RATE, 0.0]
+        x0, x1 = played.value(_height(x0)), played.value(_height(x1))
+        played.masses[name] = m = [x0, x0 - x1 if played.is_v1 else x1 / RATE, 0.0]
         n = 3 if word == "osc" else 1
         weight = "0"
         if len(matter) > n:
-            weight = matter[n] if own.is_v1 else f"{matter[n]} / 44100"
-        numbers = own.values([*matter[:n], *("0" for _ in range(3 - n)), weight])
-        own.moves.append(lambda: own.inertia(m, *numbers()))
+            weight = matter[n] if played.is_v1 else f"{matter[n]} / 44100"
+        numbers = played.values([*matter[:n], *("0" for _ in range(3 - n)), weight])
+        played.moves.append(lambda: played.inertia(m, *numbers()))
     elif word in STRINGS or word in ("mesh", "closedMesh", "cornerMesh"):
-        _macro(own, name, word, words)
+        _macro(played, name, word, words)
 
 
-def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
+def _macro(played: Played, name: str, word: str, words: list[str]) -> None:
     n = 1 if word in STRINGS else 2
     size = [int(w) for w in words[:n]]
     length, width = (size[0], 1) if n == 1 else size
-    tail = 1 if own.is_v1 else 2
+    tail = 1 if played.is_v1 else 2
     texts = [*words[n : len(words) - tail]]
-    k2 = own.value(texts.pop(2)) if word == "stiffString" else 0.0
-    numbers = own.values([*texts, "0"][:4])
-    x0 = own.value(_height(words[-tail]))
-    step = 0.0 if own.is_v1 else own.value(_height(words[-1])) / RATE
+    k2 = played.value(texts.pop(2)) if word == "stiffString" else 0.0
+    numbers = played.values([*texts, "0"][:4])
+    x0 = played.value(_height(words[-tail]))
+    step = 0.0 if played.is_v1 else played.value(_height(words[-1])) / RATE
     data = np.tile([x0, step, 0.0], (length * width, 1))
-    own.macros[name] = word, length, width, list(data)
+    played.macros[name] = word, length, width, list(data)
     x, v, f = data.T
     pairs = []
     stiff: list[tuple[int, int]] = []
@@ -202,14 +202,14 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
         for i in range(length - 1):
             pairs += [(position(i, j), position(i + 1, j)) for j in range(width)]
     if word == "stiffString":
-        low = 0 if own.laws == "2019" else -1
+        low = 0 if played.laws == "2019" else -1
         clip = lambda i: min(max(i, 0), length - 1)  # noqa: E731
         stiff = [(clip(i), clip(i + 2)) for i in range(low, length - 1)]
 
-    def is_fixed(at: int) -> bool:
-        i, j = divmod(at, width)
+    def is_fixed(index: int) -> bool:
+        i, j = divmod(index, width)
         if word in ("string", "stiffString"):
-            return at in (0, length - 1)
+            return index in (0, length - 1)
         ends = [i in (0, length - 1), j in (0, width - 1)]
         return {"closedMesh": any(ends), "cornerMesh": all(ends)}.get(word, False)
 
@@ -233,49 +233,49 @@ def _macro(own: Played, name: str, word: str, words: list[str]) -> None:
         if stiff:
             pull(near, far, k2 * (x[near] - x[far]))
 
-    own.moves.append(move)
+    played.moves.append(move)
 
 
-def _links_and_ports(own: Played, name: str, word: str, *rest: str) -> None:
+def _links_and_ports(played: Played, name: str, word: str, *rest: str) -> None:
     if word in ("posOutput", "frcOutput", "frcInput"):
-        m, _ = _ends(own, rest, 1)
+        m, _ = _ends(played, rest, 1)
         if word == "frcInput":
-            signal = own.inputs.get(name[1:], ())
+            signal = played.inputs.get(name[1:], ())
 
             def push(n: int) -> None:
                 m[0][2] += signal[n] if n < len(signal) else 0.0
 
-            own.pushes.append(push)
+            played.pushes.append(push)
         else:
             position = 0 if word == "posOutput" else 2
-            own.outs[int(name[4:])] = lambda: m[0][position]
+            played.outs[int(name[4:])] = lambda: m[0][position]
     elif word in LAWS:
-        (m1, m2), words = _ends(own, rest, 2)
-        values = own.values([one.strip("[]") for one in words])
-        if own.is_v1 and word == "spring" and len(words) == 2:
+        (m1, m2), words = _ends(played, rest, 2)
+        values = played.values([one.strip("[]") for one in words])
+        if played.is_v1 and word == "spring" and len(words) == 2:
             word = "springDamper"
         law = LAWS[word]
-        if own.laws == "2019":
+        if played.laws == "2019":
             law = LAWS_2019.get(word, law)
 
         def pull() -> None:
-            own.force(m1, m2, law(m1[0] - m2[0], m1[1] - m2[1], *values()))
+            played.force(m1, m2, law(m1[0] - m2[0], m1[1] - m2[1], *values()))
 
-        own.pulls += [pull] * (2 if own.is_v1 and word == "nlSpring3" else 1)
+        played.pulls += [pull] * (2 if played.is_v1 and word == "nlSpring3" else 1)
 
 
-def _ends(own: Played, rest: Sequence[str], count: int) -> tuple[list[Mass], list[str]]:
+def _ends(played: Played, rest: Sequence[str], count: int) -> tuple[list[Mass], list[str]]:
     ends, words = list(rest[:count]), list(rest[count:])
     points = [end.strip("[]").lstrip("@").split() for end in ends]
-    if own.is_v1:
-        on = [point for point in points if point[0] in own.macros]
+    if played.is_v1:
+        on = [point for point in points if point[0] in played.macros]
         for point, place in zip(on, words[len(words) - len(on) :], strict=True):
             point += place.split(":")
         words = words[: len(words) - len(on)]
     result = []
     for position, *along in points:
         result.append(
-            own.proxy(position, along) if position in own.macros else own.masses[position]
+            played.proxy(position, along) if position in played.macros else played.masses[position]
         )
     return result, words
 

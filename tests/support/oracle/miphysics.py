@@ -58,11 +58,11 @@ def played(
     )
     axis = np.array([int(arguments.get("orientation", 0)) for _, arguments in links], int)
 
-    def of(*wanted: str) -> np.ndarray:
+    def kind_mask(*wanted: str) -> np.ndarray:
         return np.array([one in wanted for one, _ in links], bool)
 
-    is_flat, is_line = of("PlaneContact3D"), of("SpringDamper1D")
-    pulls, pushes = of("Rope3D", "Bubble3D"), of("Contact3D")
+    is_flat, is_line = kind_mask("PlaneContact3D"), kind_mask("SpringDamper1D")
+    pulls, pushes = kind_mask("Rope3D", "Bubble3D"), kind_mask("Contact3D")
     rows = np.arange(len(links))
     places = np.empty((n_frames, len(masses), 3))
     for n in range(n_frames):

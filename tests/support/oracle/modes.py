@@ -66,7 +66,7 @@ def exact(scene: Scene, rate: float, n_frames: int) -> np.ndarray:
     return out
 
 
-def heard(scene: Scene, x: np.ndarray) -> np.ndarray:
+def outputs(scene: Scene, x: np.ndarray) -> np.ndarray:
     """(n_frames, n_out): positions and forces on the ground, with MATs at x (n_frames, n_mat)."""
     assert all(kind != 1 for taps in scene.outs for kind, _, _ in taps), (
         "forces of links are not said"

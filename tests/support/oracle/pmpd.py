@@ -121,14 +121,14 @@ def bangs(text: str, n_bangs: int) -> np.ndarray:
     links: list[Thing] = []
     arrays: dict[str, list[float]] = {}
 
-    def of(things: list[Thing], who: Any) -> list[Thing]:
+    def things_of(things: list[Thing], who: Any) -> list[Thing]:
         if isinstance(who, float):
             return [things[int(who)]]
         return [one for one in things if one["of"] == who]
 
     def join(a: Any, b: Any, more: Thing) -> None:
-        for i in of(masses, a):
-            for j in of(masses, b):
+        for i in things_of(masses, a):
+            for j in things_of(masses, b):
                 is_second = isinstance(a, str) and a == b and masses.index(i) > masses.index(j)
                 if i is not j and not is_second:
                     L = i["x"] - j["x"]
@@ -159,7 +159,7 @@ def bangs(text: str, n_bangs: int) -> np.ndarray:
             single = {"of": name, "K": 1.0, "D": 1.0, "low": -1e6, "high": 1e6}
             join(a, b, {**single, "tabs": (k, k_long, d, d_long)})
         elif word in ("setPos", "pos", "posX", "setPosX"):
-            for item in of(masses, rest[0]):
+            for item in things_of(masses, rest[0]):
                 item |= {"x": rest[1], "v": 0.0, "f": 0.0}
         elif word in ("addPos", "force", "setForce", "setSpeed", "setDEnv"):
             key, is_sum = {
@@ -169,17 +169,17 @@ def bangs(text: str, n_bangs: int) -> np.ndarray:
                 "setSpeed": ("v", False),
                 "setDEnv": ("D", False),
             }[word]
-            for item in of(masses, rest[0]):
+            for item in things_of(masses, rest[0]):
                 item[key] = rest[1] + is_sum * item[key]
         elif word == "setM":
-            for item in of(masses, rest[0]):
+            for item in things_of(masses, rest[0]):
                 item["w"] = 1.0 / rest[1] if rest[1] > 0.0 else item["w"]
         elif word in ("setFixed", "setMobile"):
-            for item in of(masses, rest[0]):
+            for item in things_of(masses, rest[0]):
                 item["on"] = word == "setMobile"
         elif word in ("setK", "setD", "setPow", "setL", "addL"):
             key = {"setPow": "P", "addL": "L"}.get(word, word[3:])
-            for item in of(links, rest[0]):
+            for item in things_of(links, rest[0]):
                 item[key] = rest[1] + (item["L"] if word == "addL" else 0.0)
         elif word == "reset":
             masses, links = [], []

@@ -84,7 +84,7 @@ class Scene:
         default_factory=list
     )
     ca: bool = False
-    at_part: str = ""
+    part_index: str = ""
 
     def _call(
         self,
@@ -98,7 +98,7 @@ class Scene:
         self.calls.append((on, method, args, kw, list(built), kind))
 
     def _point(self, method: str, name: str, point: Point, **kw: Any) -> Mat:
-        point.ca, point.part = self.ca, self.at_part
+        point.ca, point.part = self.ca, self.part_index
         self.mats.append(point)
         i = Mat(len(self.mats) - 1)
         self._call("net", method, name, built=[i], **kw)
@@ -114,7 +114,7 @@ class Scene:
         return j
 
     def part(self, name: str, *, ca_rate: float | None = None) -> None:
-        self.ca, self.at_part = ca_rate is not None, name
+        self.ca, self.part_index = ca_rate is not None, name
         self._call("net", "part", name, ca_rate=ca_rate)
 
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> Mat:
@@ -161,9 +161,9 @@ class Scene:
     ) -> list[Mat]:
         """A generator of the core, expanded: edges (i, j, factor of k); i = -1 is the ground."""
         first = len(self.mats)
-        self.mats += [Point(M=m, ca=self.ca, part=self.at_part) for _ in range(count)]
+        self.mats += [Point(M=m, ca=self.ca, part=self.part_index) for _ in range(count)]
         if any(i < 0 for i, _, _ in edges):
-            self.mats.append(Point(M=np.inf, ca=self.ca, part=self.at_part))
+            self.mats.append(Point(M=np.inf, ca=self.ca, part=self.part_index))
         built = [Mat(first + i) for i in range(count)]
         for i, j, s in edges:
             a = first + (i if i >= 0 else count)
@@ -255,7 +255,7 @@ class Scene:
     def strike(
         self,
         mat: Mat,
-        at: float,
+        time: float,
         *,
         impulse: float | None = None,
         mass: float | None = None,
@@ -263,9 +263,9 @@ class Scene:
     ) -> None:
         arguments = {"impulse": impulse, "mass": mass, "speed": speed}
         self.strikes.append(
-            (int(mat), at, *(np.nan if v is None else v for v in arguments.values()))
+            (int(mat), time, *(np.nan if v is None else v for v in arguments.values()))
         )
-        self._call("time", "strike", mat, at, **arguments)
+        self._call("time", "strike", mat, time, **arguments)
 
     def drive(
         self,
@@ -294,7 +294,7 @@ class Scene:
         timeline: Any = None
         index: dict[tuple[str, int], int] = {}
 
-        def told(value: Any) -> Any:
+        def resolved(value: Any) -> Any:
             if isinstance(value, Mat):
                 return index["mat", int(value)]
             if isinstance(value, Lia):
@@ -302,7 +302,7 @@ class Scene:
             if isinstance(value, Law):
                 return value.on(core)
             if isinstance(value, list | tuple):
-                return type(value)(told(v) for v in value)
+                return type(value)(resolved(v) for v in value)
             return value
 
         for on in ("net", "time"):
@@ -313,7 +313,7 @@ class Scene:
                     continue
                 target = network if on == "net" else timeline
                 first = getattr(target, method)(
-                    *(told(v) for v in args), **{k: told(v) for k, v in kw.items()}
+                    *(resolved(v) for v in args), **{k: resolved(v) for k, v in kw.items()}
                 )
                 if kind == "centre":
                     index["mat", built[0]] = network.centre(first)

@@ -50,7 +50,7 @@ def random_network(seed: int, *, z: float = 1.0, ca: bool = False) -> Scene:
     return scene
 
 
-def whole(seconds: float = 1.0) -> Scene:
+def complete_scene(seconds: float = 1.0) -> Scene:
     """Two coupled keys, a bell, a string under a felt, a hard plate, an old cell, eight cells."""
     scene = Scene()
     scene.part("k1")
