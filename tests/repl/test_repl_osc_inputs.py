@@ -153,8 +153,8 @@ def test_versions_go_on_by_what_was_told(session_osc: OscSession):
 @pytest.mark.parametrize("value", ["loud", float("nan"), float("inf"), True, None])
 def test_what_is_no_finite_number_is_refused(
     session_osc: OscSession,
-    listener: Listener,
-    value: Any,  # noqa: F811
+    listener: Listener,  # noqa: F811
+    value: Any,
 ):
     assert session_osc._osc.place is not None
     text = () if value is None else (value,)

@@ -148,7 +148,7 @@ impl AudioOut {
         let events = self.output.events().into_iter();
         events
             .map(|event| AudioEvent {
-                at: event.at,
+                at: event.time,
                 frame: event.frame,
                 sentence: event.sentence,
             })

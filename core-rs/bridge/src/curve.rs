@@ -25,5 +25,5 @@ pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyRe
     };
     let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
     let path = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
-    Ok(at.into_iter().map(|t| path.at(t).0).collect())
+    Ok(at.into_iter().map(|t| path.evaluate(t).0).collect())
 }

@@ -21,7 +21,7 @@ impl Derivatives {
     fn new(network: &Network, rate: f64) -> PyResult<Self> {
         let rate = hertz(rate)?.hertz();
         Ok(Self {
-            own: derivative::Derivatives::of(&network.0, rate),
+            own: derivative::Derivatives::new(&network.0, rate),
             n_out: network.0.outputs().len(),
         })
     }

@@ -28,8 +28,8 @@ pub(crate) type AxisTuple = (usize, f64, f64, f64, (f64, f64), f64);
 pub(crate) type BoxedDevice = Box<dyn live::Device>;
 
 /// The calibration of an axis; EngineError if its values are impossible.
-pub(crate) fn axis(found: AxisTuple) -> PyResult<(usize, Axis)> {
-    let (number, sign, offset, gain, (low, high), force_max) = found;
+pub(crate) fn axis(calibration: AxisTuple) -> PyResult<(usize, Axis)> {
+    let (number, sign, offset, gain, (low, high), force_max) = calibration;
     let sound = sign.abs() == 1.0
         && [offset, gain, low, high, force_max]
             .iter()
@@ -167,7 +167,7 @@ impl Device {
         let device = py
             .detach(|| live::open(&url).map(|device| calibrate::with_calibration(device, &known)))
             .map_err(plain_error)?;
-        Ok(Self::of(device))
+        Ok(Self::from_device(device))
     }
 
     #[getter]
@@ -224,7 +224,7 @@ impl Device {
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
         self.check_axis(axis)?;
-        let pulse = Pulse::of(&self.spec);
+        let pulse = Pulse::from_spec(&self.spec);
         self.with(py, |own, stop| {
             calibrate::direction(own, axis, pulse, period, stop)
         })?
@@ -258,7 +258,7 @@ impl Device {
     fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
         let ticks = ticks(seconds, period)?;
         let (checkup, stats) = self.with(py, |device, stop| -> (Result<_, Gone>, Stats) {
-            let limits = Limits::of(device.spec());
+            let limits = Limits::from_spec(device.spec());
             let mut guarded = Guarded::new(device, limits, period);
             let checkup = doctor::checkup(Some(&mut guarded), period, ticks, stop);
             (checkup, guarded.device().stats())
@@ -274,7 +274,7 @@ impl Device {
 }
 
 impl Device {
-    pub(crate) fn of(device: BoxedDevice) -> Self {
+    pub(crate) fn from_device(device: BoxedDevice) -> Self {
         Self {
             spec: device.spec().clone(),
             device: Mutex::new(Some(device)),

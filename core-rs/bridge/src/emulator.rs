@@ -58,7 +58,7 @@ pub(crate) fn emulate(
     seconds: Option<f64>,
     once: bool,
 ) -> PyResult<()> {
-    let model = model.map(|row| KeyModel::of_row(&row.as_array().to_vec()));
+    let model = model.map(|row| KeyModel::from_row(&row.as_array().to_vec()));
     let model = model
         .transpose()
         .map_err(|error| module_error("emulate", error))?;

@@ -159,9 +159,9 @@ impl Excited {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        of: fn(&Row) -> T,
+        value: fn(&Row) -> T,
     ) -> Bound<'py, PyArray1<T>> {
-        PyArray1::from_iter(py, self.0.rows.iter().map(of))
+        PyArray1::from_iter(py, self.0.rows.iter().map(value))
     }
 }
 
@@ -187,7 +187,7 @@ pub(crate) fn emulated_device(
     seconds: Option<f64>,
     calibration: Vec<AxisTuple>,
 ) -> PyResult<Device> {
-    let model = KeyModel::of_row(model.as_slice()?);
+    let model = KeyModel::from_row(model.as_slice()?);
     let model = model.map_err(|error| module_error("emulated_device", error))?;
     let protocol = word("protocol", protocol, PROTOCOLS)?;
     let half = 0.5 * travel;
@@ -239,5 +239,5 @@ pub(crate) fn emulated_device(
         .collect::<PyResult<Vec<_>>>()?;
     let open =
         || live::open_board(&options).map(|device| calibrate::with_calibration(device, &known));
-    Ok(Device::of(py.detach(open).map_err(plain_error)?))
+    Ok(Device::from_device(py.detach(open).map_err(plain_error)?))
 }

@@ -24,7 +24,7 @@ pub(crate) fn key_path<'py>(
     let (row, force) = (parameters.as_slice()?, force.as_slice()?);
     let columns = columns.unwrap_or_else(|| (0..row.len()).collect());
     let (path, jacobian) = computing(py, || {
-        let key = KeyModel::of_row(row)?;
+        let key = KeyModel::from_row(row)?;
         if columns.is_empty() {
             return Ok((key.path(force, rate, steps)?, Vec::new()));
         }
@@ -49,7 +49,7 @@ pub(crate) fn key_force_derivatives<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (row, force) = (parameters.as_slice()?, force.as_slice()?);
     let derivatives = computing(py, || {
-        KeyModel::of_row(row)?.force_derivatives(force, rate, steps, &ticks)
+        KeyModel::from_row(row)?.force_derivatives(force, rate, steps, &ticks)
     })?
     .map_err(|error| module_error("key_force_derivatives", error))?;
     let derivatives = Array2::from_shape_vec((force.len(), ticks.len()), derivatives)

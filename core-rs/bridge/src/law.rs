@@ -103,7 +103,7 @@ impl Law {
 }
 
 pub(crate) fn named_row(row: &law::Row) -> LawRow {
-    let [a, b, c] = row.of;
+    let [a, b, c] = row.operands;
     LawRow {
         operation: row.operation,
         a,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::mix::curve::{Curve, Pan, Point, Side, Way};
+use ergon_engine::mix::curve::{Curve, Pan, Point, Segment, Side};
 use ergon_engine::mix::delay::Echo;
 use ergon_engine::mix::filter::Tone;
 use ergon_engine::mix::frozen;
@@ -164,7 +164,11 @@ fn points_of(points: Points) -> Vec<Point> {
     let point = |(frame, value, is_smooth): (i64, f64, bool)| Point {
         frame,
         value,
-        way: if is_smooth { Way::Smooth } else { Way::Line },
+        segment: if is_smooth {
+            Segment::Smooth
+        } else {
+            Segment::Line
+        },
     };
     points.into_iter().map(point).collect()
 }

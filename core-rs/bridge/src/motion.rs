@@ -55,7 +55,7 @@ impl MotionLook {
                 count: run.points.len(),
                 kind: run.kind,
                 why: run.why,
-                modes: body.map(|body| (body.first, body.modes.len(), body.of)),
+                modes: body.map(|body| (body.first, body.modes.len(), body.n_modes)),
             }
         };
         record::runs(&self.0).into_iter().map(run).collect()

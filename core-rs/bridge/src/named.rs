@@ -11,7 +11,7 @@ struct Class {
     name: &'static str,
     doc: &'static str,
     fields: &'static [&'static str],
-    made: PyOnceLock<Py<PyAny>>,
+    class: PyOnceLock<Py<PyAny>>,
 }
 
 impl Class {
@@ -20,12 +20,12 @@ impl Class {
             name,
             doc,
             fields,
-            made: PyOnceLock::new(),
+            class: PyOnceLock::new(),
         }
     }
 
     fn get<'py>(&self, py: Python<'py>) -> PyResult<&Bound<'py, PyAny>> {
-        let new_class = self.made.get_or_try_init(py, || {
+        let new_class = self.class.get_or_try_init(py, || {
             let module = [("module", "ergon._core")].into_py_dict(py)?;
             let make = py.import("collections")?.getattr("namedtuple")?;
             let class = make.call((self.name, self.fields.to_vec()), Some(&module))?;

@@ -23,7 +23,7 @@ use crate::fold::Fold;
 use crate::guardian;
 use crate::mixer::Mixer;
 use crate::named::{PerformanceEvent, SilenceEdge, SoundEvent, SoundInput};
-use crate::simulation::{Simulation, damping, strike_impulse, told_value};
+use crate::simulation::{Simulation, damping, finite_input, strike_impulse};
 use crate::status::{HandLimit, Status, named_event};
 
 /// Time between two checks for Ctrl-C during a wait.
@@ -169,7 +169,7 @@ impl Performance {
 
     /// The state now.
     fn status(&self) -> PyResult<Status> {
-        self.with(Status::of)
+        self.with(Status::new)
     }
 
     /// Events since the last call.
@@ -184,7 +184,7 @@ impl Performance {
     /// Events of the sound output and input so far.
     fn sound_events(&self) -> PyResult<Vec<SoundEvent>> {
         let named = |event: &audio::Event| SoundEvent {
-            time: event.at,
+            time: event.time,
             sentence: event.sentence.clone(),
         };
         self.with(|own| own.sound_events().iter().map(named).collect())
@@ -204,7 +204,7 @@ impl Performance {
 
     /// The force limit of each real hand in the piece that the performance began with.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
-        self.with(|own| own.hand_limits().iter().map(HandLimit::of).collect())
+        self.with(|own| own.hand_limits().iter().map(HandLimit::new).collect())
     }
 
     /// The force limit of a real hand in another piece with this response [N/m], (n_ticks,); None if the hand is not
@@ -217,7 +217,7 @@ impl Performance {
     ) -> PyResult<Option<HandLimit>> {
         let response = response.as_slice()?;
         let key = self.with(|own| own.hand_key(hand))?;
-        Ok(key.map(|key| py.detach(|| HandLimit::of(&key.limit(response)))))
+        Ok(key.map(|key| py.detach(|| HandLimit::new(&key.limit(response)))))
     }
 
     /// The sound output, as a sentence.
@@ -299,7 +299,7 @@ impl Performance {
 
     /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
-        let value = told_value(value)?;
+        let value = finite_input(value)?;
         self.with(|own| own.set_input(number, value))
     }
 
@@ -420,14 +420,14 @@ impl Performance {
 
 fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
     let step = |(frame, k, z)| GuidanceStep {
-        at: frame,
+        frame,
         share: GuidanceShare { k, z },
     };
     all.into_iter().map(step).collect()
 }
 
 fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
-    let bound = |(at, scale)| Bound { at, scale };
+    let bound = |(at, scale)| Bound { frame: at, scale };
     all.into_iter().map(bound).collect()
 }
 

@@ -130,12 +130,12 @@ impl Plan {
 
     /// The parts of the plan.
     fn rows(&self) -> Vec<PlanRow> {
-        self.0.rows().iter().map(PlanRow::of).collect()
+        self.0.rows().iter().map(PlanRow::from_row).collect()
     }
 
     /// The parts that are computed although nobody hears them, because somebody looks at them.
     fn seen(&self) -> Vec<PlanRow> {
-        self.0.seen().iter().map(PlanRow::of).collect()
+        self.0.seen().iter().map(PlanRow::from_row).collect()
     }
 
     /// The decisions, island by island.
@@ -144,7 +144,7 @@ impl Plan {
             modules: choice.modules,
             oversampling: choice.oversampling,
             contact_substeps: choice.contact_substeps,
-            bodies: choice.kept.clone(),
+            bodies: choice.body_methods.clone(),
             counted_cost: choice.counted_cost,
         };
         self.0.choices().iter().map(named).collect()
@@ -170,13 +170,13 @@ impl Plan {
     }
 }
 
-fn choice((modules, times, steps, kept, counted_cost): Pin) -> plan::Choice {
+fn choice((modules, times, steps, body_methods, counted_cost): Pin) -> plan::Choice {
     plan::Choice {
         modules,
         oversampling: times,
         contact_substeps: steps,
         counted_cost,
-        kept,
+        body_methods,
     }
 }
 
@@ -245,7 +245,7 @@ pub(crate) struct PlanRow {
 }
 
 impl PlanRow {
-    fn of(row: &plan::Row) -> Self {
+    fn from_row(row: &plan::Row) -> Self {
         let (what, modes, left_out_db) = match row.what {
             Computed::Stepped => ("stepped", None, None),
             Computed::Mesh(way, _) => (way, None, None),
@@ -254,8 +254,8 @@ impl PlanRow {
             Computed::Oscillators => ("oscillators", None, None),
             Computed::Modes {
                 kind,
-                of: n_total,
-                kept: n_computed,
+                total: n_total,
+                computed: n_computed,
                 left_out,
             } => {
                 let what = match kind {

@@ -117,7 +117,7 @@ impl Recording {
 
     #[getter]
     fn whole(&self) -> bool {
-        self.0.whole()
+        self.0.is_complete()
     }
 
     /// A sentence on what is wrong with the file, and what is left.
@@ -188,9 +188,9 @@ impl Recording {
     fn column<'py, T: Element>(
         &self,
         py: Python<'py>,
-        of: fn(&Sample) -> T,
+        value: fn(&Sample) -> T,
     ) -> Bound<'py, PyArray2<T>> {
-        self.shaped(py, self.0.samples.iter().map(of).collect())
+        self.shaped(py, self.0.samples.iter().map(value).collect())
     }
 
     fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {

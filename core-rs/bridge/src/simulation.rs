@@ -154,7 +154,7 @@ impl Simulation {
 
     /// Let an input of `Timeline.told_in` go to a value from the next frame on; False if there is no such input.
     fn tell(&mut self, number: u64, value: f64) -> PyResult<bool> {
-        Ok(self.0.tell(number, told_value(value)?))
+        Ok(self.0.tell(number, finite_input(value)?))
     }
 
     /// Give what a sound card hears in the next frames, (n_frames, n_channels), at most 4096 frames.
@@ -172,7 +172,7 @@ impl Simulation {
 
     /// Mean force of the piece on a real hand over the last whole tick [N].
     fn felt(&self, hand: usize) -> f64 {
-        self.0.felt(hand)
+        self.0.hand_force(hand)
     }
 
     /// An independent copy in the same state.
@@ -423,7 +423,7 @@ pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
 }
 
 /// A value of an input; EngineError if it is not finite.
-pub(crate) fn told_value(value: f64) -> PyResult<f64> {
+pub(crate) fn finite_input(value: f64) -> PyResult<f64> {
     if value.is_finite() {
         Ok(value)
     } else {

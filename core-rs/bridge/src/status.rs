@@ -71,12 +71,12 @@ pub(crate) struct Status {
 }
 
 impl Status {
-    pub(crate) fn of(own: &mut perform::Performance) -> Self {
-        let status = own.status();
-        let sound = own.output().shared();
-        let info = own.output().info();
+    pub(crate) fn new(performance: &mut perform::Performance) -> Self {
+        let status = performance.status();
+        let sound = performance.output().shared();
+        let info = performance.output().info();
         let (_, latency) = sound.timing();
-        let input = own
+        let input = performance
             .input()
             .input
             .as_ref()
@@ -97,13 +97,13 @@ impl Status {
             xruns: sound.xruns(),
             played: sound.played(),
             alive: sound.alive(),
-            done: own.is_done(),
+            done: performance.is_done(),
             panicked: sound.panicked(),
             sounding: sound.sounding().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(info.rate.max(1)),
             paced: info.paced,
-            peaks: status.peaks[..own.n_channels()].to_vec(),
-            hands: status.hands.iter().map(HandStatus::of).collect(),
+            peaks: status.peaks[..performance.n_channels()].to_vec(),
+            hands: status.hands.iter().map(HandStatus::new).collect(),
         }
     }
 }
@@ -126,7 +126,7 @@ pub(crate) struct HandStatus {
 }
 
 impl HandStatus {
-    fn of(hand: &perform::HandStatus) -> Self {
+    fn new(hand: &perform::HandStatus) -> Self {
         Self {
             position: hand.position,
             force: hand.force,
@@ -153,7 +153,7 @@ pub(crate) struct HandLimit {
 }
 
 impl HandLimit {
-    pub(crate) fn of(limit: &perform::HandLimit) -> Self {
+    pub(crate) fn new(limit: &perform::HandLimit) -> Self {
         Self {
             hand: limit.hand,
             scale: limit.scale,

@@ -42,7 +42,7 @@ impl Take {
 
     /// Position, velocity, acceleration at t [s].
     fn at(&self, t: f64) -> PathPoint {
-        let (x, v, a) = self.0.profile().at(t);
+        let (x, v, a) = self.0.profile().evaluate(t);
         PathPoint { x, v, a }
     }
 
@@ -54,7 +54,7 @@ impl Take {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (profile, t) = (self.0.profile(), t.as_slice()?);
         let mut cursor = 0;
-        let mut position = |&t: &f64| profile.at_from(&mut cursor, t).0;
+        let mut position = |&t: &f64| profile.evaluate_from(&mut cursor, t).0;
         let x: Vec<f64> = py.detach(|| t.iter().map(&mut position).collect());
         Ok(x.into_pyarray(py))
     }

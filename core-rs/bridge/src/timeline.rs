@@ -307,7 +307,7 @@ impl Timeline {
         glide: f64,
     ) -> PyResult<usize> {
         let settings = SoundInSettings {
-            source: InputSource::Told { number, glide },
+            source: InputSource::Value { number, glide },
             gain,
             highpass: None,
             clamp,

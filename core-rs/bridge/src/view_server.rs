@@ -60,7 +60,7 @@ impl ViewServer {
         let at = place.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
-            at: at.ok_or_else(no_place)?,
+            address: at.ok_or_else(no_place)?,
             key,
             file: path,
             sound,
@@ -84,7 +84,7 @@ impl ViewServer {
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, pages) = window.ends()?;
-        let times_heard = performance.with(|own| own.heard_times())?;
+        let times_heard = performance.with(|own| own.output_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,

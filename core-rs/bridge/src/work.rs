@@ -23,7 +23,7 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(20);
 /// A limit on the work of a thread: a number of steps ([`interrupt::spend`]), or a cancellation.
 #[derive(Debug)]
 struct Limit {
-    most: Option<u64>,
+    steps_max: Option<u64>,
     /// The steps of computations that have ended, and of Python.
     spent: AtomicU64,
     /// Set by [`Work::cancel`].
@@ -37,7 +37,7 @@ impl Limit {
             return Some("cancelled");
         }
         let spent = self.spent.load(Ordering::Relaxed).saturating_add(more);
-        self.most
+        self.steps_max
             .is_some_and(|most| spent > most)
             .then_some("costly")
     }
@@ -97,7 +97,7 @@ impl Work {
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let work = slf.get();
         let limit = Arc::new(Limit {
-            most: work.most,
+            steps_max: work.most,
             spent: AtomicU64::new(0),
             is_cancelled: work.is_cancelled.clone(),
         });

@@ -28,7 +28,7 @@ pub(crate) struct Oscillator {
     pub(crate) now: f64,
     pub(crate) before: f64,
     /// Outputs with their weights, by rising index; no weight is 0.
-    pub(crate) heard: Vec<(u32, f64)>,
+    pub(crate) outputs: Vec<(u32, f64)>,
     /// Its blows, by rising frame.
     pub(crate) blows: Vec<Blow>,
 }
@@ -93,7 +93,7 @@ impl Bank {
         is_open: bool,
     ) -> Self {
         let mut order: Vec<usize> = (0..oscillators.len()).collect();
-        let outputs = |i: usize| oscillators[i].heard.iter().map(|&(output, _)| output);
+        let outputs = |i: usize| oscillators[i].outputs.iter().map(|&(output, _)| output);
         order.sort_by(|&i, &j| outputs(i).cmp(outputs(j)).then(i.cmp(&j)));
         let mut script = Script {
             rate,

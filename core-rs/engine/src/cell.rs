@@ -37,7 +37,7 @@ pub struct Ratios {
 
 impl Ratios {
     /// The ratios for which the poles are r e^{±iθ}, with r = e^-s.
-    pub(crate) fn of_poles(s: f64, theta: f64) -> Self {
+    pub(crate) fn from_poles(s: f64, theta: f64) -> Self {
         let (loss, half) = (-expm1(-s), sin(0.5 * theta));
         Self {
             kappa: loss * loss + 4.0 * exp(-s) * (half * half),
@@ -74,7 +74,7 @@ impl Ratios {
 /// ```
 pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
     let step = rate.step();
-    Ratios::of_poles(decay(t60) * step, TAU * f * step)
+    Ratios::from_poles(decay(t60) * step, TAU * f * step)
 }
 
 /// A continuous CEL.
@@ -164,7 +164,7 @@ impl Cell {
     pub fn ratios(&self, rate: Rate) -> Ratios {
         let step = rate.step();
         match self.poles {
-            Poles::Oscillating { omega } => Ratios::of_poles(self.sigma * step, omega * step),
+            Poles::Oscillating { omega } => Ratios::from_poles(self.sigma * step, omega * step),
             // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
             Poles::Creeping { slow, fast } => Ratios {
                 kappa: expm1(-slow * step) * expm1(-fast * step),
@@ -174,7 +174,7 @@ impl Cell {
     }
 
     /// The cell of mass `m` [kg] that has these ratios at `rate`; `None` if no continuous motion has such samples.
-    pub(crate) fn of_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
+    pub(crate) fn from_ratios(m: f64, Ratios { kappa, zeta }: Ratios, rate: Rate) -> Option<Self> {
         let (hertz, r) = (rate.hertz(), sqrt(1.0 - zeta));
         let loss = zeta / (1.0 + r);
         let half = (kappa - loss * loss) / (4.0 * r);
@@ -351,7 +351,7 @@ impl Cell {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
-        self.split_at(alpha, rate).of(impulse)
+        self.split_at(alpha, rate).forces(impulse)
     }
 
     /// [`Self::interpolation`] at a fraction of a step, and [`Self::split`] of an impulse of 1 N·s there; `step_response` is
@@ -368,7 +368,7 @@ impl Cell {
             split.now / step_response * decay,
             split.past / step_response,
         );
-        (weights, split.of(1.0))
+        (weights, split.forces(1.0))
     }
 
     /// The part of [`Self::split`] that depends on the instant only, for many impulses at this instant.
@@ -396,7 +396,7 @@ pub(crate) struct Split {
 
 impl Split {
     /// The forces [N] for an impulse [N·s].
-    pub(crate) fn of(&self, impulse: f64) -> [f64; 2] {
+    pub(crate) fn forces(&self, impulse: f64) -> [f64; 2] {
         let unit = impulse / self.square;
         [unit * self.now, unit * self.decay * self.past]
     }

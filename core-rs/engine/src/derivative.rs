@@ -35,7 +35,7 @@ pub struct Derivatives(Vec<Differentiator>);
 impl Derivatives {
     /// Derivatives for the outputs of a network with frames at `rate` [Hz]. All frames before the first are taken to
     /// equal it.
-    pub fn of(network: &Network, rate: f64) -> Self {
+    pub fn new(network: &Network, rate: f64) -> Self {
         let outputs = network.outputs().iter().enumerate();
         let differentiated = outputs.filter(|(_, output)| output.order > 0);
         let differentiators = differentiated.map(|(index, output)| Differentiator {
@@ -169,7 +169,7 @@ mod tests {
             weight: 1.0,
         };
         network.listen_to("m", vec![term], order).unwrap();
-        Derivatives::of(&network, RATE)
+        Derivatives::new(&network, RATE)
     }
 
     /// Largest difference from the derivative of a sine `delay` frames before, relative to the derivative's amplitude

@@ -83,7 +83,7 @@ impl Turned {
     };
 
     /// The velocity after a step in which `v` gains `gain` by other forces, and friction changes it by at most `bound`.
-    pub(crate) fn of(v: f64, gain: f64, bound: f64) -> Self {
+    pub(crate) fn after_step(v: f64, gain: f64, bound: f64) -> Self {
         let sign = if v != 0.0 {
             v.signum()
         } else if gain.abs() > bound || bound == 0.0 {

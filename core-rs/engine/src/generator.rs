@@ -78,14 +78,14 @@ pub struct Topology {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GeneratorError {
     /// A number of things that is out of range.
-    #[error("{what} must be from {least} to {most}; here it is {got}.")]
+    #[error("{what} must be from {least} to {largest}; here it is {got}.")]
     Count {
         /// The field.
         what: &'static str,
         /// Bounds.
         least: usize,
         /// Bounds.
-        most: usize,
+        largest: usize,
         /// What was given.
         got: usize,
     },
@@ -159,7 +159,7 @@ fn count(
     Err(GeneratorError::Count {
         what,
         least,
-        most: greatest,
+        largest: greatest,
         got,
     })
 }

@@ -45,7 +45,7 @@ pub(crate) struct Limit {
     /// Largest λ up to which the method's energy is trusted.
     pub(crate) trusted: f64,
     /// Largest λ at rest that the certificate accepts.
-    pub(crate) most: f64,
+    pub(crate) accepted: f64,
     /// Whether springs to the ground are CELs, whose κ and ζ come from their poles at this rate.
     pub(crate) has_poles: bool,
 }
@@ -55,7 +55,7 @@ impl Limit {
     pub(crate) const CA: Self = Self {
         c: 2.0,
         trusted: TRUSTED,
-        most: 4.0,
+        accepted: 4.0,
         has_poles: true,
     };
 }
@@ -65,12 +65,16 @@ impl Limit {
 pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
     /// Most steps in one frame.
-    pub(crate) most: u32,
+    pub(crate) steps_max: u32,
     /// The MAT whose links had stiffened most when the last series of finer frames began.
     pub(crate) mat: usize,
 }
 
-crate::archive::state!(FinerFrames { frames, most, mat });
+crate::archive::state!(FinerFrames {
+    frames,
+    steps_max,
+    mat
+});
 
 impl FinerFrames {
     /// The count in whole frames, where one frame has `steps` guarded steps.
@@ -181,12 +185,12 @@ impl Guard {
         }
         let enough = 0.5 * limit.trusted;
         let rest = top(scheme, network, limit.c, enough)?.lambda;
-        if rest >= limit.most {
+        if rest >= limit.accepted {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
         // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `most`.
         let has_poles = limit.has_poles;
-        let limit = f64::max(limit.trusted, rest + 0.25 * (limit.most - rest));
+        let limit = f64::max(limit.trusted, rest + 0.25 * (limit.accepted - rest));
         set_reaches(&mut watches, limit - rest, w);
         if watches.is_empty() {
             return Ok(None);

@@ -196,7 +196,7 @@ impl Integrator {
     }
 
     /// Take a copy of the numbers that leads change, so that none is shared with a clone and a step allocates nothing.
-    pub(crate) fn own(&mut self) {
+    pub(crate) fn unshare_parameters(&mut self) {
         self.motion.stepper_mut().unshare();
     }
 

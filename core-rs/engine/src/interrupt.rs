@@ -215,7 +215,7 @@ fn ask() {
 mod tests {
     use super::*;
 
-    fn at(n: usize) -> (Ask, std::rc::Rc<Cell<usize>>) {
+    fn ask_until(n: usize) -> (Ask, std::rc::Rc<Cell<usize>>) {
         let polls = std::rc::Rc::new(Cell::new(0));
         let counter = polls.clone();
         let ask = move || {
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn ends_at_the_poll_that_says_so() {
-        let (ask, polls) = at(3);
+        let (ask, polls) = ask_until(3);
         let done = Cell::new(0);
         let end = until(ask, || {
             loop {
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn asks_nobody_outside() {
-        let (ask, polls) = at(1);
+        let (ask, polls) = ask_until(1);
         assert_eq!(until(ask, || 7), Ok(7));
         poll();
         assert_eq!(polls.get(), 0);
@@ -249,10 +249,10 @@ mod tests {
 
     #[test]
     fn an_inner_computation_has_its_own_question() {
-        let (outer, polls) = at(2);
+        let (outer, polls) = ask_until(2);
         let ended = until(outer, || {
             poll();
-            let (inner, _) = at(1);
+            let (inner, _) = ask_until(1);
             assert_eq!(until(inner, poll), Err(Stopped));
             poll();
         });
@@ -268,7 +268,7 @@ mod tests {
                 &|| assert_eq!(each(&list).sum::<i32>(), 7 * n as i32),
                 &|| (0..n).for_each(|at| assert_eq!(steps(at..at).count(), 0)),
             ] {
-                let (ask, polls) = at(usize::MAX);
+                let (ask, polls) = ask_until(usize::MAX);
                 assert_eq!(until(ask, work), Ok(()));
                 assert!([0, n.div_ceil(STRIDE)].contains(&polls.get()));
             }
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn threads_end_with_the_computation_that_they_share() {
         for last_poll in [1, 2, 40] {
-            let (ask, polls) = at(last_poll);
+            let (ask, polls) = ask_until(last_poll);
             let others = AtomicBool::new(false);
             let leader = thread::current().id();
             let endless = || {
@@ -325,7 +325,7 @@ mod tests {
 
     #[test]
     fn a_panic_goes_on() {
-        let (ask, _) = at(9);
+        let (ask, _) = ask_until(9);
         let panicked = catch_unwind(AssertUnwindSafe(|| until(ask, || panic!("other"))));
         assert!(panicked.is_err());
     }

@@ -37,7 +37,7 @@ mod voices;
 pub(crate) mod written_hand;
 
 pub use build::Options;
-pub(crate) use build::at_rest;
+pub(crate) use build::outputs_at_rest;
 pub use emulated_key::{EmulatedKey, Motor};
 pub(crate) use energy_account::Gain;
 pub use fault::{Fault, OnFault};
@@ -302,7 +302,7 @@ impl Island {
 
     /// From here on, note the strongest push of each contact and the ergons of written hands.
     pub(crate) fn watch(&mut self) {
-        self.state.watch.touches = contact_peaks::ContactPeaks::of(&self.network);
+        self.state.watch.touches = contact_peaks::ContactPeaks::new(&self.network);
         let voices = &mut self.state.hands.voices;
         voices.iter_mut().for_each(|voice| voice.sparks.watch());
         self.wake_from_rest();
@@ -387,7 +387,7 @@ impl Island {
         guard_frames.chain(bodies).map(|(part, finer_frames)| {
             let FinerFrames {
                 frames,
-                most: finest,
+                steps_max: finest,
                 ..
             } = finer_frames.per_frame(self.oversampling);
             (part, frames, finest)

@@ -114,7 +114,7 @@ impl KeyModel {
     ///
     /// # Errors
     /// [`KeyError`] if the numbers do not describe a key.
-    pub fn of_row(row: &[f64]) -> Result<Self, KeyError> {
+    pub fn from_row(row: &[f64]) -> Result<Self, KeyError> {
         if row.len() < KEY_PARAMETERS
             || !(row.len() - KEY_PARAMETERS).is_multiple_of(MODE_PARAMETERS)
         {

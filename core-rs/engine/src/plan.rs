@@ -55,7 +55,7 @@ pub(crate) struct IslandPlan {
     pub(crate) every: u32,
     /// Whether it is stopped when nobody hears it any more.
     pub(crate) sleeps: bool,
-    pub(crate) to_whole: Whole,
+    pub(crate) to_whole: NetworkIndices,
 }
 
 impl IslandPlan {
@@ -78,7 +78,7 @@ impl IslandPlan {
 
 /// Local index → index in the whole network; `None` if the island is the whole network.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Whole {
+pub(crate) struct NetworkIndices {
     pub(crate) mats: Option<Vec<u32>>,
     pub(crate) outputs: Option<Vec<u32>>,
     pub(crate) keys: Option<Vec<u32>>,
@@ -86,7 +86,7 @@ pub(crate) struct Whole {
 }
 
 /// The index in the whole network of a local index.
-pub(crate) fn whole(map: &Option<Vec<u32>>, local: usize) -> usize {
+pub(crate) fn to_network_index(map: &Option<Vec<u32>>, local: usize) -> usize {
     map.as_ref().map_or(local, |map| map[local] as usize)
 }
 
@@ -100,9 +100,9 @@ pub(crate) struct BankPlan {
     /// The MAT of each oscillator, and where it rests; empty for modes.
     pub(crate) mats: Vec<(u32, f64)>,
     /// The body whose modes they are; `None` for MATs.
-    pub(crate) of: Option<Arc<Network>>,
+    pub(crate) body: Option<Arc<Network>>,
     /// Which modes of the body they are.
-    pub(crate) kept: Vec<u32>,
+    pub(crate) computed_modes: Vec<u32>,
     /// MATs of the body towards which modes of the same frequency were turned; `None` if modes were not turned.
     pub(crate) turned: Option<Vec<usize>>,
     /// For complex modes: the body, and which part of which mode each oscillator is.
@@ -272,7 +272,7 @@ impl Plan {
             oversampling: 1,
             every: 1,
             sleeps: false,
-            to_whole: Whole::default(),
+            to_whole: NetworkIndices::default(),
         }
     }
 

@@ -21,7 +21,7 @@ use crate::interrupt;
 use crate::island::{FramedErgon, Island};
 use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
-use crate::plan::{self, IslandPlan, Plan, Unit, whole};
+use crate::plan::{self, IslandPlan, Plan, Unit, to_network_index};
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
@@ -118,7 +118,7 @@ impl Simulation {
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
-        let derivatives = Derivatives::of(&plan.network, plan.timeline_rate.hertz());
+        let derivatives = Derivatives::new(&plan.network, plan.timeline_rate.hertz());
         let looked_at = if derivatives.is_empty() {
             0
         } else {
@@ -277,7 +277,7 @@ impl Simulation {
             let steps = f64::from(ahead) * island.steps_a_frame();
             let steps = island.steps().iter().map(|step| steps * step);
             for (local, step) in steps.enumerate().filter(|_| ahead > 0) {
-                x[whole(&island_plan.to_whole.mats, local)] -= step;
+                x[to_network_index(&island_plan.to_whole.mats, local)] -= step;
             }
         }
         x
@@ -290,7 +290,7 @@ impl Simulation {
         for (island, island_plan) in self.islands() {
             let times = island.steps_a_frame();
             for local in (0..island.steps().len()).filter(|_| times != 1.0) {
-                steps[whole(&island_plan.to_whole.mats, local)] *= times;
+                steps[to_network_index(&island_plan.to_whole.mats, local)] *= times;
             }
         }
         steps
@@ -302,7 +302,7 @@ impl Simulation {
             match (running, unit) {
                 (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                     for (local, &value) in values_of(island).iter().enumerate() {
-                        all[whole(&island_plan.to_whole.mats, local)] = value;
+                        all[to_network_index(&island_plan.to_whole.mats, local)] = value;
                     }
                 }
                 (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
@@ -329,7 +329,7 @@ impl Simulation {
         all.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {
-                let slot = &mut all[whole(&island_plan.to_whole.keys, local)];
+                let slot = &mut all[to_network_index(&island_plan.to_whole.keys, local)];
                 *slot = if is_layer { *slot + asked } else { asked };
             });
         }
@@ -360,8 +360,10 @@ impl Simulation {
     }
 
     /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
-    pub fn felt(&self, hand: usize) -> f64 {
-        self.islands().map(|(island, _)| island.felt(hand)).sum()
+    pub fn hand_force(&self, hand: usize) -> f64 {
+        self.islands()
+            .map(|(island, _)| island.hand_force(hand))
+            .sum()
     }
 
     /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the
@@ -417,8 +419,8 @@ impl Simulation {
                 let mut report = *report;
                 report.pushed_by = report
                     .pushed_by
-                    .map(|mat| whole(&island_plan.to_whole.mats, mat));
-                all[whole(&island_plan.to_whole.gestures, local)] = report;
+                    .map(|mat| to_network_index(&island_plan.to_whole.mats, mat));
+                all[to_network_index(&island_plan.to_whole.gestures, local)] = report;
             }
         }
         all
@@ -436,7 +438,8 @@ impl Simulation {
             let ergons = island.take_ergons().into_iter();
             all.extend(ergons.map(|record| FramedErgon {
                 record: Record {
-                    mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
+                    mat: to_network_index(&island_plan.to_whole.mats, record.record.mat as usize)
+                        as u32,
                     ..record.record
                 },
                 frame: island.frame_at(record.frame),

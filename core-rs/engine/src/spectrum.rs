@@ -4,6 +4,7 @@
 //!
 //! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
 
+mod all;
 mod general;
 mod jacobi;
 mod lanczos;
@@ -15,8 +16,8 @@ pub(crate) mod springs;
 #[cfg(test)]
 mod tests;
 pub(crate) mod vector;
-mod whole;
 
+pub(crate) use all::all_eigenvalues;
 pub(crate) use general::{General, general, inverse};
 #[cfg(test)]
 pub(crate) use lanczos::Largest;
@@ -24,8 +25,7 @@ pub(crate) use lanczos::{largest, largest_up_to};
 pub(crate) use lowest::lowest;
 #[cfg(test)]
 pub(crate) use shift_invert::are_modes;
-pub(crate) use shift_invert::{Found, lowest_modes, modes_around, n_below};
-pub(crate) use whole::whole;
+pub(crate) use shift_invert::{LowestModes, lowest_modes, modes_around, n_below};
 
 /// `apply(x, y)` sets y = A x, both (n,); the old values of y are to be overwritten.
 pub(crate) type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);

@@ -130,7 +130,7 @@ pub(crate) fn forces(
                 LinkKind::Ref => run.k * e + run.z * v,
                 LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
-                LinkKind::Followed(followed) => followed.at(|mat| x[mat]).force(e, v),
+                LinkKind::Followed(followed) => followed.law_for(|mat| x[mat]).force(e, v),
                 LinkKind::Bristle(bristle) => bristle.with(run.k, run.z).force(0.0, v),
                 // Dry friction; the others were added above.
                 LinkKind::Dry(_) | LinkKind::Space(_) | LinkKind::Pairwise(_) => continue,

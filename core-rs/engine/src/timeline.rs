@@ -95,7 +95,7 @@ pub enum StrikeError {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Strike {
     /// Instant [s], which may lie between frames.
-    pub(crate) at: f64,
+    pub(crate) instant: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
     /// How long it lasts, in 1/44,100 s; 1: it acts at one instant.
@@ -108,7 +108,7 @@ pub(crate) struct Strike {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ergon {
     /// Instant [s].
-    pub(crate) at: f64,
+    pub(crate) instant: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
     pub(crate) mass: f64,
@@ -277,7 +277,7 @@ impl Timeline {
     /// Instants [s] and impulses [N·s] of the strikes on a MAT, in order; the impulse of an ergon is its mass times its
     /// speed.
     pub fn strikes_on(&self, mat: usize) -> Vec<(f64, f64)> {
-        self.on_mat(mat, |strike| vec![(strike.at, strike.impulse)])
+        self.on_mat(mat, |strike| vec![(strike.instant, strike.impulse)])
     }
 
     fn on_mat(
@@ -293,7 +293,7 @@ impl Timeline {
             .ergons
             .iter()
             .filter(|strike| strike.mat as usize == mat);
-        let ergons = ergons.map(|ergon| (ergon.at, ergon.mass * ergon.speed));
+        let ergons = ergons.map(|ergon| (ergon.instant, ergon.mass * ergon.speed));
         let mut impulses: Vec<_> = strikes.flat_map(impulses_of).chain(ergons).collect();
         impulses.sort_by(|a, b| a.0.total_cmp(&b.0));
         impulses
@@ -343,7 +343,7 @@ impl Timeline {
         }
         if impulse != 0.0 {
             self.strikes.push(Strike {
-                at: time,
+                instant: time,
                 mat: mat as u32,
                 source,
                 frames,
@@ -445,7 +445,7 @@ impl Timeline {
             return Err(StrikeError::Value("mass", " above 0", mass));
         }
         self.ergons.push(Ergon {
-            at: time,
+            instant: time,
             mat: mat as u32,
             source,
             mass,
@@ -503,7 +503,7 @@ impl Timeline {
             mat,
             kind,
             source,
-            own: is_exclusive,
+            acts_on_free_key: is_exclusive,
         });
         Ok(())
     }

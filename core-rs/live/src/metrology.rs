@@ -132,7 +132,7 @@ pub fn excite<D: Device>(
         slew: f64::INFINITY,
         ramp: 0.0,
         fade: 0.0,
-        ..Limits::of(device.spec())
+        ..Limits::from_spec(device.spec())
     };
     let in_lockstep = device.in_lockstep();
     if !in_lockstep {

@@ -70,7 +70,7 @@ pub struct Memory {
     heat: [f64; MAX_AXES],
     work: [f64; MAX_AXES],
     latches: [Latch; MAX_AXES],
-    at: Duration,
+    instant: Duration,
 }
 
 impl Memory {
@@ -84,7 +84,7 @@ impl Memory {
             heat: [0.0; MAX_AXES],
             work: [0.0; MAX_AXES],
             latches: [Latch::default(); MAX_AXES],
-            at: instant,
+            instant,
         }
     }
 }
@@ -301,7 +301,7 @@ impl<D: Device> Guarded<D> {
 
     /// Continue with the heat, work and trips of `memory`; motors have cooled since then.
     pub fn recall(&mut self, memory: &Memory) {
-        let elapsed = clock::wall().saturating_sub(memory.at);
+        let elapsed = clock::wall().saturating_sub(memory.instant);
         self.pipeline.recall(memory, elapsed.as_secs_f64());
         self.latches = memory.latches;
         for (axis, latch) in self.latches.iter().enumerate() {

@@ -23,7 +23,7 @@ pub enum Stop {
 }
 
 impl Stop {
-    pub(crate) fn of(bits: u8) -> Self {
+    pub(crate) fn from_bits(bits: u8) -> Self {
         match bits {
             OVER => Self::All,
             LET_GO => Self::Forces,

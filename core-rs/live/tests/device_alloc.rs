@@ -47,7 +47,7 @@ fn an_exchange_does_not_allocate() {
         let device = emulator.open(kind, how);
         let limits = Limits {
             ramp: 0.0,
-            ..Limits::of(device.spec())
+            ..Limits::from_spec(device.spec())
         };
         let mut device = Guarded::new(device, limits, 1.0 / RATE).watched();
         let (mut sample, mut fresh) = (Sample::default(), 0);

@@ -30,7 +30,7 @@ fn open_limits(device: &dyn Device) -> Limits {
         fade: 0.0,
         velocity: f64::INFINITY,
         energy: f64::INFINITY,
-        ..Limits::of(device.spec())
+        ..Limits::from_spec(device.spec())
     }
 }
 
@@ -129,7 +129,7 @@ fn in_lockstep_only_the_order_counts() {
 }
 
 #[test]
-fn whole_numbers_are_the_same_on_every_wire() {
+fn integers_are_equal_on_every_wire() {
     let complete: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
     let paths: Vec<_> = complete.iter().map(|&wire| session(wire, 0).0).collect();
     let in_process = {
@@ -290,7 +290,7 @@ fn a_serial_device_that_dies_is_gone() {
 /// Positions in a row at which a pushed key counts as at rest.
 const POSITIONS_AT_REST: usize = 20;
 /// Greatest number of exchanges until an awaited event: a busy machine is slow, not wrong.
-const MOST_EXCHANGES: usize = 600_000;
+const EXCHANGES_MAX: usize = 600_000;
 
 #[test]
 fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
@@ -313,7 +313,7 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
         let stats = device_stats(device);
         stats.received > 1000 && stats.drift_ppm.is_some() && peak > 3e-3
     };
-    assert!((0..MOST_EXCHANGES).any(|_| exchange(&mut device)));
+    assert!((0..EXCHANGES_MAX).any(|_| exchange(&mut device)));
     let stats = device_stats(&device);
     assert_eq!(stats.garbage, 0);
     // Both clocks are those of this machine.
@@ -346,7 +346,7 @@ fn a_service_is_told_when_its_host_falls_silent() {
         sample
     };
     let mut until = |force: Option<f64>, holds: &dyn Fn(Sample) -> bool| {
-        assert!((0..MOST_EXCHANGES).any(|_| holds(push(force))), "{force:?}");
+        assert!((0..EXCHANGES_MAX).any(|_| holds(push(force))), "{force:?}");
     };
     // 1 N on 100 N/m is 10 mm.
     until(Some(1.0), &|sample| {
@@ -422,7 +422,7 @@ fn host_process() {
         Ok("fault") => unsafe { std::ptr::without_provenance_mut::<u8>(8).write_volatile(1) },
         _ => {}
     }
-    for _ in 0..MOST_EXCHANGES {
+    for _ in 0..EXCHANGES_MAX {
         push(&mut device);
     }
 }

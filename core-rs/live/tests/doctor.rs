@@ -27,7 +27,7 @@ fn udp(lockstep: bool) -> Emulator {
 }
 
 fn guarded(device: Box<dyn Device>) -> Guarded {
-    let limits = Limits::of(device.spec());
+    let limits = Limits::from_spec(device.spec());
     Guarded::new(device, limits, PERIOD)
 }
 

@@ -80,14 +80,15 @@ fn the_sketch_is_a_device() {
     );
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
-    let mut tries = (0..TRIES).map(|_| direction(&mut device, 0, Pulse::of(&spec), 1e-3, &go));
+    let mut tries =
+        (0..TRIES).map(|_| direction(&mut device, 0, Pulse::from_spec(&spec), 1e-3, &go));
     // A pulse that was held up moves the key too little, or to one side only.
     let result =
         tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));
     assert_eq!(result, Some(Ok(1.0)));
     let limits = Limits {
         ramp: 0.0,
-        ..Limits::of(&spec)
+        ..Limits::from_spec(&spec)
     };
     let mut device = Guarded::new(device, limits, 1e-3);
     let mut sample = Sample::default();

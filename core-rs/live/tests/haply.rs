@@ -24,7 +24,7 @@ fn open(url: &str) -> Guarded {
         velocity: f64::INFINITY,
         energy: f64::INFINITY,
         stale: f64::INFINITY,
-        ..Limits::of(device.spec())
+        ..Limits::from_spec(device.spec())
     };
     Guarded::new(device, limits, 1e-3)
 }

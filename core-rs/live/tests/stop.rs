@@ -52,15 +52,15 @@ fn sent(guarded: &mut Guarded<Still>) -> f64 {
     guarded.send(&[1.0]).unwrap().newtons()[0]
 }
 
-static HEARD: AtomicU32 = AtomicU32::new(0);
+static SIGNALS: AtomicU32 = AtomicU32::new(0);
 
-extern "C" fn heard(_: i32) {
-    HEARD.fetch_add(1, Ordering::SeqCst);
+extern "C" fn on_signal(_: i32) {
+    SIGNALS.fetch_add(1, Ordering::SeqCst);
 }
 
 fn handle(signal: i32) {
     // SAFETY: the handler only counts.
-    unsafe { libc::signal(signal, heard as *const () as usize) };
+    unsafe { libc::signal(signal, on_signal as *const () as usize) };
 }
 
 fn raise(signal: i32) {
@@ -74,7 +74,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     let ramp = 0.1;
     let limits = Limits {
         ramp,
-        ..Limits::of(&device.0)
+        ..Limits::from_spec(&device.0)
     };
     let mut guarded = Guarded::new(device, limits, 1e-3);
     let ticks =
@@ -102,7 +102,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     watch(libc::SIGTERM, Stop::Forces);
     for times in 1..=2 {
         raise(libc::SIGTERM);
-        assert_eq!(HEARD.load(Ordering::SeqCst), times);
+        assert_eq!(SIGNALS.load(Ordering::SeqCst), times);
         assert_eq!(ticks(&mut guarded, 1), 0.0);
         stop::release();
         assert_eq!(ticks(&mut guarded, 300), 1.0);
@@ -114,7 +114,7 @@ fn a_stop_holds_every_hand_until_it_is_taken_back() {
     watch(libc::SIGTERM, Stop::Nothing);
     raise(libc::SIGTERM);
     assert!(!stop::has_let_go());
-    assert_eq!(HEARD.load(Ordering::SeqCst), 4);
+    assert_eq!(SIGNALS.load(Ordering::SeqCst), 4);
     // After `Stop::All` nothing returns, whoever releases.
     watch(libc::SIGTERM, Stop::All);
     raise(libc::SIGTERM);

@@ -36,7 +36,7 @@ pub struct ChunkRef {
     /// Its instant [s].
     pub seconds: f64,
     /// First byte of its payload.
-    pub at: usize,
+    pub position: usize,
     /// Length of its payload [bytes].
     pub len: usize,
 }
@@ -107,7 +107,7 @@ impl MotionFile {
             chunks.push(ChunkRef {
                 kind: chunk.kind,
                 seconds: chunk.seconds,
-                at: offset + n - 4 - chunk.payload.len(),
+                position: offset + n - 4 - chunk.payload.len(),
                 len: chunk.payload.len(),
             });
             offset += n;
@@ -138,13 +138,13 @@ impl MotionFile {
         let end = self
             .chunks
             .last()
-            .map_or(MAGIC.len(), |last| last.at + last.len + 4);
+            .map_or(MAGIC.len(), |last| last.position + last.len + 4);
         end < self.bytes.len() && motion::read(&self.bytes[end..]) == Err(ChunkError::Cut)
     }
 
     /// The payload of a chunk.
     pub fn payload(&self, chunk: &ChunkRef) -> &[u8] {
-        &self.bytes[chunk.at..chunk.at + chunk.len]
+        &self.bytes[chunk.position..chunk.position + chunk.len]
     }
 
     /// Duration [s]: up to the last frame or event.
@@ -247,7 +247,7 @@ impl MotionFile {
     fn shapes(&mut self) -> Option<()> {
         let places = self.chunks.to_vec();
         for chunk in places.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
-            let mut from = Reading(&self.bytes[chunk.at..chunk.at + chunk.len]);
+            let mut from = Reading(&self.bytes[chunk.position..chunk.position + chunk.len]);
             let (part, _) = (from.u16()? as usize, from.u16()?);
             let (first, m, n) = (
                 from.u32()? as usize,
@@ -291,7 +291,7 @@ impl MotionFile {
                 _ => true,
             };
             if !is_right || !chunk.seconds.is_finite() {
-                return Err(ReadError::Payload(chunk.kind, chunk.at));
+                return Err(ReadError::Payload(chunk.kind, chunk.position));
             }
         }
         Ok(())
@@ -390,7 +390,7 @@ impl MotionFile {
                     .is_none_or(|last| last.0 <= instant)
                 {
                     let Some(chunk) = blocks.next() else { break };
-                    let damaged = ReadError::Payload(chunk.kind, chunk.at);
+                    let damaged = ReadError::Payload(chunk.kind, chunk.position);
                     let frames = self.frames(chunk).ok_or(damaged)?;
                     // Of the past frames, only the last two are needed.
                     let past = known.partition_point(|frame| frame.0 <= instant);

@@ -65,7 +65,7 @@ impl Default for Limits {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Address and port; port 0 is any free one.
-    pub at: SocketAddr,
+    pub address: SocketAddr,
     /// Secret that is part of every address: other users of this machine can reach the port too.
     pub key: Key,
     /// The `.motion` file that pages play.
@@ -82,7 +82,7 @@ impl Options {
     /// Serves a file to pages on this machine only.
     pub fn local(file: PathBuf, key: Key) -> Self {
         Self {
-            at: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
+            address: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0),
             key,
             file: Some(file),
             sound: None,
@@ -118,7 +118,7 @@ pub struct Tally {
 /// Data shared by all connections.
 struct Shared {
     options: Options,
-    at: SocketAddr,
+    address: SocketAddr,
     hub: Hub,
     tally: Tally,
     strangers: Arc<Strangers>,
@@ -139,12 +139,12 @@ impl Server {
     ///
     /// [`ServeError`] if the port cannot be opened.
     pub fn start(options: Options) -> Result<Self, ServeError> {
-        let bind = |error| ServeError::Bind(options.at, error);
-        let listener = TcpListener::bind(options.at).map_err(bind)?;
+        let bind = |error| ServeError::Bind(options.address, error);
+        let listener = TcpListener::bind(options.address).map_err(bind)?;
         let address = listener.local_addr().map_err(bind)?;
         let shared = Arc::new(Shared {
             options,
-            at: address,
+            address,
             hub: Hub::default(),
             tally: Tally::default(),
             strangers: Arc::default(),
@@ -163,8 +163,8 @@ impl Server {
     }
 
     /// The address at which it listens.
-    pub fn at(&self) -> SocketAddr {
-        self.shared.at
+    pub fn address(&self) -> SocketAddr {
+        self.shared.address
     }
 
     /// The URL to open in a browser, with the key.
@@ -215,11 +215,11 @@ impl Shared {
     /// The address by which this machine reaches the server: that at which it listens, or loopback if it listens at
     /// all.
     fn local_address(&self) -> SocketAddr {
-        let ip = match self.at.ip() {
+        let ip = match self.address.ip() {
             ip if !ip.is_unspecified() => ip,
             _ => IpAddr::V4(Ipv4Addr::LOCALHOST),
         };
-        SocketAddr::new(ip, self.at.port())
+        SocketAddr::new(ip, self.address.port())
     }
 
     fn is_over(&self) -> bool {

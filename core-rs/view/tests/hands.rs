@@ -83,7 +83,7 @@ impl Noted {
 fn served(keys: &[Arc<Noted>]) -> Server {
     let keys = keys.iter().map(|key| key.clone() as Arc<dyn PageKey>);
     Server::start(Options {
-        at: "127.0.0.1:0".parse().unwrap(),
+        address: "127.0.0.1:0".parse().unwrap(),
         key: Key::new(KEY).unwrap(),
         file: None,
         sound: None,
@@ -95,9 +95,9 @@ fn served(keys: &[Arc<Noted>]) -> Server {
 
 /// The answer to a request; its first line says the status.
 fn answer(server: &Server, path: &str, more: &str) -> (String, TcpStream) {
-    let mut stream = TcpStream::connect(server.at()).expect("a connection");
+    let mut stream = TcpStream::connect(server.address()).expect("a connection");
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    let port = server.at().port();
+    let port = server.address().port();
     let head = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n{more}\r\n");
     stream.write_all(head.as_bytes()).unwrap();
     let mut bytes = Vec::new();
@@ -119,7 +119,7 @@ fn upgrade(origin: &str) -> String {
 }
 
 fn join(server: &Server) -> WebSocket<TcpStream> {
-    let origin = format!("http://127.0.0.1:{}", server.at().port());
+    let origin = format!("http://127.0.0.1:{}", server.address().port());
     let (head, stream) = answer(server, &format!("/{KEY}/hands"), &upgrade(&origin));
     assert!(head.starts_with("HTTP/1.1 101"), "{head}");
     WebSocket::from_raw_socket(stream, Role::Client, None)
@@ -249,7 +249,7 @@ fn page_with_floods_or_nonsense_is_disconnected() {
 #[test]
 fn page_with_wrong_origin_or_token_is_refused() {
     let server = served(&[Arc::new(Noted::default())]);
-    let origin = format!("http://127.0.0.1:{}", server.at().port());
+    let origin = format!("http://127.0.0.1:{}", server.address().port());
     let status = |path: &str, origin: &str| answer(&server, path, &upgrade(origin)).0;
     let right = format!("/{KEY}/hands");
     assert!(status(&right, &origin).starts_with("HTTP/1.1 101"));
@@ -257,7 +257,7 @@ fn page_with_wrong_origin_or_token_is_refused() {
     let wrong = format!("/{}/hands", "0".repeat(32));
     assert!(status(&wrong, &origin).starts_with("HTTP/1.1 404"));
     let without = served(&[]);
-    let origin = format!("http://127.0.0.1:{}", without.at().port());
+    let origin = format!("http://127.0.0.1:{}", without.address().port());
     assert!(
         answer(&without, &right, &upgrade(&origin))
             .0

@@ -30,10 +30,10 @@ unsafe impl GlobalAlloc for Counting {
         unsafe { System.alloc(layout) }
     }
 
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
         HELD.fetch_sub(layout.size(), Ordering::Relaxed);
         // SAFETY: as the caller promises.
-        unsafe { System.dealloc(at, layout) }
+        unsafe { System.dealloc(pointer, layout) }
     }
 }
 
@@ -79,7 +79,7 @@ fn local(lent: &Lent) -> Options {
 }
 
 fn connect(server: &Server) -> TcpStream {
-    let stream = TcpStream::connect(("127.0.0.1", server.at().port())).expect("a connection");
+    let stream = TcpStream::connect(("127.0.0.1", server.address().port())).expect("a connection");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
     stream
 }
@@ -99,7 +99,7 @@ fn get(server: &Server, path: &str, more: &str) -> String {
 }
 
 fn get_bare(server: &Server, path: &str, more: &str) -> String {
-    let position = server.at();
+    let position = server.address();
     let port = position.port();
     say(
         server,
@@ -121,7 +121,7 @@ const UPGRADE: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\n
 /// Opens the WebSocket of a page.
 fn watch(server: &Server, path: &str) -> Option<WebSocket<TcpStream>> {
     let mut stream = connect(server);
-    let port = server.at().port();
+    let port = server.address().port();
     let head = format!(
         "GET /{KEY}{path} HTTP/1.1\r\nHost: localhost:{port}\r\nOrigin: http://localhost:{port}\r\n{UPGRADE}\r\n"
     );
@@ -173,7 +173,7 @@ fn a_page_and_its_file_are_served_with_what_keeps_others_out() {
     assert!(part.contains("Content-Range: bytes 3-5/26"));
     let rest = get(&server, "/motion", "Range: bytes=23-\r\n");
     assert_eq!(body(&rest), "xyz");
-    let origin = format!("Origin: http://127.0.0.1:{}\r\n", server.at().port());
+    let origin = format!("Origin: http://127.0.0.1:{}\r\n", server.address().port());
     assert_eq!(status(&get(&server, "/", &origin)), "200");
 }
 
@@ -200,7 +200,7 @@ fn what_no_page_asks_is_refused() {
     let _alone = alone();
     let lent = Lent::new("refused.motion", b"abc", 3);
     let server = Server::start(local(&lent)).expect("a server");
-    let port = server.at().port();
+    let port = server.address().port();
     let complete = |text: &str| status(&say(&server, text.as_bytes())).to_owned();
     for (host, wanted) in [
         (format!("127.0.0.1:{port}"), "200"),
@@ -260,14 +260,14 @@ fn everywhere_the_key_is_needed_and_in_the_address() {
     for ip in [Ipv4Addr::LOCALHOST, Ipv4Addr::UNSPECIFIED] {
         let position = SocketAddr::new(ip.into(), 0);
         let server = Server::start(Options {
-            at: position,
+            address: position,
             ..local(&lent)
         })
         .expect("a server");
         assert!(server.url().ends_with(&format!("/{KEY}/")));
         assert_eq!(status(&get(&server, "/", "")), "200");
         assert_eq!(body(&get(&server, "/motion", "")), "abc");
-        let port = server.at().port();
+        let port = server.address().port();
         let origin = format!("Origin: http://127.0.0.1:{port}\r\n{UPGRADE}");
         for (path, more) in [
             ("/", ""),
@@ -331,7 +331,7 @@ fn where_no_place_is_left_a_page_is_told_so() {
     options.limits.strangers = 2;
     let server = Server::start(options).expect("a server");
     // Pages that ask for much and take nothing have all places, until they are dropped.
-    let port = server.at().port();
+    let port = server.address().port();
     let ask = format!("GET /{KEY}/motion HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
     let slow: Vec<_> = (0..3)
         .map(|_| {
@@ -416,7 +416,7 @@ fn a_page_that_takes_nothing_is_dropped() {
 
 /// One kind of hostile request, chosen by `i`.
 fn hostile(server: &Server, i: u64) {
-    let port = server.at().port();
+    let port = server.address().port();
     let host = format!("Host: 127.0.0.1:{port}\r\n");
     let origin = format!("Origin: http://127.0.0.1:{port}\r\n");
     let upgrade = format!("GET /{KEY}/live HTTP/1.1\r\n{host}{origin}{UPGRADE}\r\n");
@@ -546,12 +546,12 @@ fn a_server_that_is_dropped_says_so_to_its_pages() {
     let lent = Lent::new("over.motion", b"", 0);
     let server = Server::start(local(&lent)).expect("a server");
     let mut page = watch(&server, "/live").expect("a page");
-    let position = server.at();
+    let position = server.address();
     drop(server);
     assert!(matches!(page.read(), Ok(Message::Close(_))));
     // The port is free again.
     let options = Options {
-        at: position,
+        address: position,
         ..local(&lent)
     };
     drop(Server::start(options).expect("the same port"));

@@ -20,11 +20,11 @@ enum Decays {
 /// How the links of a body are given: by a pitch and a decay, or by K and Z of each link.
 enum Links {
     Tuned(f64, Option<Decays>),
-    Given([f64; 2]),
+    Direct([f64; 2]),
 }
 
 impl Links {
-    fn of(
+    fn new(
         name: &str,
         f: Option<f64>,
         t60: Option<Decays>,
@@ -33,7 +33,7 @@ impl Links {
     ) -> PyResult<Self> {
         match (f, t60, k, z) {
             (Some(f), t60, None, None) => Ok(Self::Tuned(f, t60)),
-            (None, None, Some(k), z) => Ok(Self::Given([k, z.unwrap_or(0.0)])),
+            (None, None, Some(k), z) => Ok(Self::Direct([k, z.unwrap_or(0.0)])),
             _ => Err(module_error(
                 name,
                 "a body takes either f and t60 or K and Z of its links",
@@ -78,7 +78,7 @@ impl Network {
             Some(b) => generator::stiff_string(masses, ends, b),
         })?;
         let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
-        let links = Links::of(name, f, t60, K, Z)?;
+        let links = Links::new(name, f, t60, K, Z)?;
         self.mesh(py, name, topology, M, &links, [hardening, stretching])
     }
 
@@ -111,7 +111,7 @@ impl Network {
             None => generator::plate(shape, radius, rim),
             Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
         })?;
-        let links = Links::of(name, f, t60, K, Z)?;
+        let links = Links::new(name, f, t60, K, Z)?;
         self.mesh(py, name, topology, M, &links, [hardening, 0.0])
     }
 
@@ -221,7 +221,7 @@ impl Network {
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         computing(py, || match links {
-            Links::Given(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
+            Links::Direct(kz) => self.0.linked_mesh(name, &topology, mass, *kz, laws),
             Links::Tuned(f, decays) => {
                 let decay = match decays {
                     None => Decay::Lowest(None),

@@ -125,7 +125,7 @@ impl Network {
         along: [(Option<usize>, f64, f64); 2],
     ) -> PyResult<usize> {
         let along = along.map(|(mat, position, span)| match mat {
-            None => Along::At(position),
+            None => Along::Fixed(position),
             Some(mat) => Along::Following {
                 mat,
                 offset: position,

@@ -63,9 +63,9 @@ impl Script {
             lanes
         };
         let group = self.rates.len();
-        let n_heard = oscillators[members[0]].heard.len();
+        let n_heard = oscillators[members[0]].outputs.len();
         // With one output, the lanes hold positions times their weights: the sum then needs no weights.
-        let scale = |oscillator: &Oscillator| match oscillator.heard[..] {
+        let scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
             [(_, weight)] => weight,
             _ => 1.0,
         };
@@ -76,7 +76,7 @@ impl Script {
         let weights = if n_heard == 1 { 0 } else { n_heard };
         self.weights.push(
             (0..weights)
-                .map(|output| value(&|oscillator| oscillator.heard[output].1))
+                .map(|output| value(&|oscillator| oscillator.outputs[output].1))
                 .collect(),
         );
         self.scales.push(value(&scale));

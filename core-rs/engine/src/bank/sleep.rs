@@ -51,7 +51,7 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
 /// Largest sum of amplitudes that counts as rest, for all groups together: [`REST_LEVEL`] below the hardest blow.
 pub(super) fn rest_threshold(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
     // With one output, the lanes hold positions times their weights.
-    let scale = |oscillator: &Oscillator| match oscillator.heard[..] {
+    let scale = |oscillator: &Oscillator| match oscillator.outputs[..] {
         [(_, weight)] => weight.abs(),
         _ => 1.0,
     };

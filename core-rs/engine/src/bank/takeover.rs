@@ -54,6 +54,7 @@ impl Bank {
 
 /// Whether two banks hold the same oscillators in the same order; the strikes may differ.
 pub(crate) fn are_same(oscillators: &[Oscillator], other: &[Oscillator]) -> bool {
-    let same = |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.heard) == (b.a, b.b, &b.heard);
+    let same =
+        |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.outputs) == (b.a, b.b, &b.outputs);
     oscillators.len() == other.len() && oscillators.iter().zip(other).all(same)
 }

@@ -54,7 +54,7 @@ impl Response {
 
 impl Response {
     /// Displacement per impulse [m/N·s], `t` [s] >= 0 after it.
-    pub(crate) fn at(&self, t: f64) -> f64 {
+    pub(crate) fn displacement(&self, t: f64) -> f64 {
         match *self {
             Self::Cell(cell) => cell.response(t),
             Self::Pair {
@@ -147,6 +147,6 @@ pub(crate) fn recurrence(decay: f64, omega: f64, rate: Rate) -> (f64, f64) {
     if s > STRONG {
         return (2.0 * exp(-s) * cos(theta), exp(-2.0 * s));
     }
-    let Ratios { kappa, zeta } = Ratios::of_poles(s, theta);
+    let Ratios { kappa, zeta } = Ratios::from_poles(s, theta);
     (2.0 - kappa - zeta, 1.0 - zeta)
 }

@@ -59,7 +59,7 @@ pub fn bent_plate(
         (_, Rim::Fixed) => held(plate(shape, radius, rim)?),
         (_, Rim::Free) => {
             let flat = plate(shape, radius, rim)?;
-            Ok(curved(Sites::of(&flat), poisson))
+            Ok(curved(Sites::from_mesh(&flat), poisson))
         }
     }
 }
@@ -67,8 +67,8 @@ pub fn bent_plate(
 /// A rim that is held but free to turn, on straight edges: the square of the membrane's matrix.
 fn held(membrane: Topology) -> Result<Topology, GeneratorError> {
     let lowest = membrane.lowest()?;
-    let matrix = Sparse::of(&membrane);
-    let places = Sites::of(&membrane);
+    let matrix = Sparse::stiffness(&membrane);
+    let places = Sites::from_mesh(&membrane);
     let runs = matrix
         .times(&matrix)
         .links(membrane.n_mat, |a, b| places.are_neighbours(a, b));
@@ -93,7 +93,7 @@ pub(super) struct Sites {
 
 impl Sites {
     /// The sites of a mesh whose links are all one spacing long; its outermost masses lie on the edge.
-    fn of(mesh: &Topology) -> Self {
+    fn from_mesh(mesh: &Topology) -> Self {
         let run = &mesh.runs[0];
         let spacing = distance(mesh.positions[run.a], mesh.positions[run.b]);
         let places: Vec<[f64; 2]> = mesh

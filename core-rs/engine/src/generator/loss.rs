@@ -112,7 +112,7 @@ impl Curve {
         Self::Bent(poles)
     }
 
-    fn at(&self, lambda: f64) -> f64 {
+    fn value(&self, lambda: f64) -> f64 {
         match self {
             Self::Straight { alpha, beta } => alpha + beta * lambda,
             Self::Bent(poles) => {
@@ -130,7 +130,7 @@ impl Curve {
         let mut pole = Pole::new((f, 1e3), discrete);
         // Damping shifts a pitch only by its square, so this converges at once if a body sounds at all.
         for _ in 0..64 {
-            let t60 = Pole::t60(self.at(pole.lambda), discrete);
+            let t60 = Pole::t60(self.value(pole.lambda), discrete);
             pole = Pole::new((f, t60), discrete);
         }
         pole
@@ -252,7 +252,7 @@ impl<'a> Fit<'a> {
         for i in 0..PLACES {
             let share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);
             let u = low + (top - low) * share;
-            places.push([u / top, curve.at(lambda(u)), 1.0]);
+            places.push([u / top, curve.value(lambda(u)), 1.0]);
         }
         let mut named = Vec::new();
         for (f, pole) in points {
@@ -327,7 +327,7 @@ impl<'a> Fit<'a> {
 
     fn fitted(&self, from: usize, powers: usize) -> Vec<f64> {
         let column = |power: usize| -> Vec<f64> {
-            let value = |[u, loss, weight]: &[f64; 3]| weight * whole_power(*u, power) / loss;
+            let value = |[u, loss, weight]: &[f64; 3]| weight * integer_power(*u, power) / loss;
             self.places.iter().map(value).collect()
         };
         let columns: Vec<Vec<f64>> = (from..=powers).map(column).collect();
@@ -349,7 +349,7 @@ impl<'a> Fit<'a> {
     }
 
     fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {
-        let matrix = Sparse::of(self.base);
+        let matrix = Sparse::stiffness(self.base);
         let mut sum = Sparse::zero(self.base.n_mat);
         let mut power = matrix.clone();
         let mut scale = mass / self.top;
@@ -374,6 +374,6 @@ fn value(fitted: &[f64], u: f64) -> f64 {
     fitted.iter().rev().fold(0.0, |sum, c| sum * u + c)
 }
 
-fn whole_power(u: f64, power: usize) -> f64 {
+fn integer_power(u: f64, power: usize) -> f64 {
     (0..power).fold(1.0, |product, _| product * u)
 }

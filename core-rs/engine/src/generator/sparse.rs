@@ -20,7 +20,7 @@ impl Sparse {
     }
 
     /// The stiffness matrix of a body's springs.
-    pub(super) fn of(topology: &Topology) -> Self {
+    pub(super) fn stiffness(topology: &Topology) -> Self {
         let n = topology.n_mat;
         let mut matrix = Self::zero(n);
         for run in &topology.runs {

@@ -22,7 +22,7 @@ use super::profile::{PathError, Profile};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     profile: Arc<Profile>,
-    at: f64,
+    instant: f64,
     scale: f64,
     stretch: f64,
     reverse: bool,
@@ -51,14 +51,14 @@ impl Placed {
         if start.is_finite() && scale.is_finite() && stretch.is_finite() && stretch > 0.0 {
             Ok(Self {
                 profile,
-                at: start,
+                instant: start,
                 scale,
                 stretch,
                 reverse,
             })
         } else {
             Err(PathError::Placement {
-                at: start,
+                instant: start,
                 scale,
                 stretch,
             })
@@ -67,22 +67,22 @@ impl Placed {
 
     /// First instant [s] of the piece.
     pub fn start(&self) -> f64 {
-        self.at + self.profile.start() * self.stretch
+        self.instant + self.profile.start() * self.stretch
     }
 
     /// Last instant [s] of the piece.
     pub fn stop(&self) -> f64 {
-        self.at + self.profile.stop() * self.stretch
+        self.instant + self.profile.stop() * self.stretch
     }
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s] of the piece.
-    pub fn at(&self, t: f64) -> (f64, f64, f64) {
-        self.scaled(self.profile.at(self.profile_time(t)))
+    pub fn evaluate(&self, t: f64) -> (f64, f64, f64) {
+        self.scaled(self.profile.evaluate(self.profile_time(t)))
     }
 
     /// [`Placed::at`] with a cursor, as [`Profile::at_from`].
-    pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
-        self.scaled(self.profile.at_from(cursor, self.profile_time(t)))
+    pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
+        self.scaled(self.profile.evaluate_from(cursor, self.profile_time(t)))
     }
 
     /// Lowest and highest position [m] from `from` to `to` [s] of the piece.
@@ -95,7 +95,7 @@ impl Placed {
 
     /// The time of the profile at `t` [s] of the piece.
     fn profile_time(&self, t: f64) -> f64 {
-        let t = (t - self.at) / self.stretch;
+        let t = (t - self.instant) / self.stretch;
         if self.reverse {
             self.profile.start() + (self.profile.stop() - t)
         } else {
@@ -136,8 +136,8 @@ mod tests {
     fn stretches_scales_and_derives() {
         let placed = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
         assert_eq!((placed.start(), placed.stop()), (12.0, 16.0));
-        let (x, v, a) = placed.at(13.0);
-        let (x0, v0, a0) = knock().at(1.5);
+        let (x, v, a) = placed.evaluate(13.0);
+        let (x0, v0, a0) = knock().evaluate(1.5);
         assert!((x + 0.5 * x0).abs() < 1e-15);
         assert!((v + 0.25 * v0).abs() < 1e-14);
         assert!((a + 0.125 * a0).abs() < 1e-13);
@@ -150,8 +150,8 @@ mod tests {
         let mut cursor = 0;
         for i in 0..=200 {
             let t = 11.0 + f64::from(i) / 100.0;
-            let (x, v, a) = placed.at_from(&mut cursor, t);
-            let (x0, v0, a0) = knock().at(14.0 - t);
+            let (x, v, a) = placed.evaluate_from(&mut cursor, t);
+            let (x0, v0, a0) = knock().evaluate(14.0 - t);
             assert_eq!((x, v, a), (x0, -v0, a0));
         }
     }

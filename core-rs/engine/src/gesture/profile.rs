@@ -71,11 +71,11 @@ pub enum PathError {
     /// A stretch that is not a positive number, or a scale or instant that is not finite.
     #[error(
         "a path is placed at a finite instant, with a finite scale and a stretch above zero; \
-         here at {at} s, scale {scale}, stretch {stretch}"
+         here at {instant} s, scale {scale}, stretch {stretch}"
     )]
     Placement {
         /// Instant [s].
-        at: f64,
+        instant: f64,
         /// Factor on positions.
         scale: f64,
         /// Factor on times.
@@ -156,7 +156,7 @@ impl Profile {
         let t: Vec<f64> = points.iter().map(|p| p.t).collect();
         let x: Vec<f64> = points.iter().map(|p| p.x).collect();
         let (v, a) = match curve {
-            Curve::Smooth => spline::slopes(&t, &x, Ends::AT_REST),
+            Curve::Smooth => spline::slopes(&t, &x, Ends::CLAMPED_AT_REST),
             Curve::Line => (vec![(x[1] - x[0]) / (t[1] - t[0]); 2], vec![0.0; 2]),
             Curve::Hold => (vec![0.0; 2], vec![0.0; 2]),
         };
@@ -183,7 +183,7 @@ impl Profile {
     /// The path between two of its instants, which become its first and last knot.
     pub fn trimmed(&self, from: f64, to: f64) -> Self {
         let end = |t: f64| {
-            let (x, v, a) = self.at(t);
+            let (x, v, a) = self.evaluate(t);
             Knot { t, x, v, a }
         };
         let inside = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
@@ -230,12 +230,12 @@ impl Profile {
     }
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
-    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+    pub fn evaluate(&self, t: f64) -> (f64, f64, f64) {
         self.on_piece(self.search(t), t)
     }
 
     /// [`Profile::at`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
-    pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
+    pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         let mut piece = (*cursor).min(self.t.len() - 1);
         for _ in 0..WALK {
             if self.t[piece] > t && piece > 0 {
@@ -256,7 +256,7 @@ impl Profile {
         let (from, to) = (from.min(to), from.max(to));
         let (first, last) = (self.search(from), self.search(to));
         // Start with the knots: most pieces cannot exceed them, and then need no roots.
-        let ends = [self.at(from).0, self.at(to).0];
+        let ends = [self.evaluate(from).0, self.evaluate(to).0];
         let mut known = extremes(ends.iter().chain(&self.x[first + 1..=last]));
         for i in first..(last + 1).min(self.t.len() - 1) {
             let (low, high) = self.hull(i);
@@ -283,7 +283,7 @@ impl Profile {
         if t < self.t[0] {
             (self.x[0], 0.0, 0.0)
         } else if i + 1 < self.t.len() {
-            self.piece(i).at(t)
+            self.piece(i).evaluate(t)
         } else if t == self.t[i] {
             (self.x[i], self.v[i], self.a[i])
         } else {

@@ -66,7 +66,7 @@ impl Quintic {
     }
 
     /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
-    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+    pub fn evaluate(&self, t: f64) -> (f64, f64, f64) {
         let s = (t - self.start) / self.length;
         let [c0, c1, c2, c3, c4, c5] = self.c;
         let x = ((((c5 * s + c4) * s + c3) * s + c2) * s + c1) * s + c0;
@@ -149,7 +149,7 @@ mod tests {
         let piece = Quintic::joining(wave(0.7), wave(5.2));
         for i in 0..=50 {
             let t = 0.7 + 4.5 * f64::from(i) / 50.0;
-            let (x, v, a) = piece.at(t);
+            let (x, v, a) = piece.evaluate(t);
             let Knot {
                 x: x0,
                 v: v0,
@@ -191,6 +191,6 @@ mod tests {
             },
             to,
         );
-        assert_eq!(piece.at(1.0), (3.0, 0.0, 0.0));
+        assert_eq!(piece.evaluate(1.0), (3.0, 0.0, 0.0));
     }
 }

@@ -124,7 +124,7 @@ impl Gesture {
     /// The position [m] that the gesture asks for if it begins at `t` [s].
     pub(crate) fn entry_at(&self, t: f64) -> f64 {
         match self.stretches.first() {
-            Some(Stretch::Path { path, .. }) => path.at(t.max(self.start)).0,
+            Some(Stretch::Path { path, .. }) => path.evaluate(t.max(self.start)).0,
             _ => self.entry.x,
         }
     }

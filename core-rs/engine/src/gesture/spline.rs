@@ -23,7 +23,7 @@ pub enum Ends {
 
 impl Ends {
     /// No velocity and no acceleration, as at the ends of a written run.
-    pub const AT_REST: Self = Self::Clamped {
+    pub const CLAMPED_AT_REST: Self = Self::Clamped {
         first: (0.0, 0.0),
         last: (0.0, 0.0),
     };

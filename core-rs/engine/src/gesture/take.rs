@@ -257,7 +257,7 @@ fn evenly(
     let mut cursor = 0;
     let x = even
         .iter()
-        .map(|&t| path.at_from(&mut cursor, t).0)
+        .map(|&t| path.evaluate_from(&mut cursor, t).0)
         .collect();
     (even, x)
 }

@@ -95,7 +95,7 @@ impl Gesture {
     ) -> Result<Self, GestureError> {
         let start = path.start();
         let stop = until.map_or(path.stop(), |until| until.min(path.stop()));
-        let ends = [path.at(start).0, path.at(stop).0];
+        let ends = [path.evaluate(start).0, path.evaluate(stop).0];
         let stretches = vec![Stretch::Path { path, stop }];
         // A take has no written points that ergons have to meet: its single point is at frame 0, before the take.
         Self::new(key, stretches, start, ends, vec![(0.0, source)], manner)
@@ -112,7 +112,7 @@ impl Gesture {
         manner.check()?;
         let entry = match stretches.first() {
             Some(Stretch::Path { path, .. }) => {
-                let (x, v, a) = path.at(start);
+                let (x, v, a) = path.evaluate(start);
                 Knot { t: start, x, v, a }
             }
             _ => Knot {

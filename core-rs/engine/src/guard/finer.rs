@@ -143,7 +143,7 @@ impl Guard {
             self.previous_steps = if self.steps == 1 { 1 } else { steps };
         }
         self.finer_frames.frames += 1;
-        self.finer_frames.most = self.finer_frames.most.max(steps);
+        self.finer_frames.steps_max = self.finer_frames.steps_max.max(steps);
         x.iter().all(|&x| sound(x))
     }
 }

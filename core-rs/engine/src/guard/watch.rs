@@ -31,7 +31,7 @@ enum Stiffening {
 }
 
 impl Stiffening {
-    fn of(kind: &Kind) -> Option<Self> {
+    fn from_kind(kind: &Kind) -> Option<Self> {
         if let Kind::Followed { by, .. } = kind {
             let laws: Vec<Law> = by.corners().collect();
             let slopes = laws.iter().map(|law| law.slope(0.0));
@@ -78,7 +78,7 @@ impl Stiffening {
 /// Runs that stiffen and have an end that moves; runs with a gate are left out.
 pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
     let watch = |run: &Run| {
-        let stiffening = Stiffening::of(&run.kind).filter(|_| run.gate.is_none())?;
+        let stiffening = Stiffening::from_kind(&run.kind).filter(|_| run.gate.is_none())?;
         let mut ends = (0..run.len).flat_map(|i| [run.a + i, run.b + i]);
         if !ends.any(&moves) {
             return None;

@@ -128,7 +128,7 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 
 impl Stepper for Bm4 {
     fn lead(&mut self, lead: &Lead, (n, part): (u64, f64)) {
-        let [k_factor, z_factor] = lead.at(n, part);
+        let [k_factor, z_factor] = lead.factors(n, part);
         // The mesh is not shared since `unshare`: nothing is copied.
         let mesh = Arc::make_mut(&mut self.mesh);
         for ((spring, first), [k, z]) in mesh

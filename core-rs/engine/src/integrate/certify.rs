@@ -96,7 +96,7 @@ pub(super) fn ca2p_guard_limit(mesh: &Mesh) -> Limit {
     Limit {
         c: ca2p(mesh).0,
         trusted: 0.9 * ANY_MODES,
-        most: SHARED_MODES,
+        accepted: SHARED_MODES,
         has_poles: false,
     }
 }

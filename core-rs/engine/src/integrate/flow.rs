@@ -32,7 +32,7 @@ impl Flow {
         let [a, b] = [macro_step.block(0, 0, n), macro_step.block(0, n, n)];
         let [c, d] = [macro_step.block(n, 0, n), macro_step.block(n, n, n)];
         let conjugated = b.times(&d).over(&b)?;
-        let deviation = a.plus(&Square::one(n), -1.0);
+        let deviation = a.plus(&Square::identity(n), -1.0);
         let bc = b.times(&c);
         // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and this form keeps its digits.
         let conjugated_deviation = conjugated.times(&deviation);
@@ -98,10 +98,10 @@ pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
             } else {
                 [0.0, diagonal, -k, -z]
             };
-            *map.at(row, column) = a;
-            *map.at(row, n + column) = b;
-            *map.at(n + row, column) = c;
-            *map.at(n + row, n + column) = d;
+            *map.entry(row, column) = a;
+            *map.entry(row, n + column) = b;
+            *map.entry(n + row, column) = c;
+            *map.entry(n + row, n + column) = d;
         }
     }
     if is_discrete { map } else { map.exponential() }
@@ -113,7 +113,7 @@ mod tests {
     use crate::cell::Cell;
     use crate::units::Rate;
 
-    fn one(value: f64) -> Square {
+    fn scalar(value: f64) -> Square {
         Square {
             n: 1,
             entries: vec![value],
@@ -128,9 +128,9 @@ mod tests {
         let k = m * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
         let z = 2.0 * sigma * m;
         let step = rate.step();
-        let physical = frame(&one(k * step * step / m), &one(z * step / m), false);
+        let physical = frame(&scalar(k * step * step / m), &scalar(z * step / m), false);
         let ratios = Cell::new(m, k, z).ratios(rate);
-        let discrete = frame(&one(ratios.kappa), &one(ratios.zeta), true);
+        let discrete = frame(&scalar(ratios.kappa), &scalar(ratios.zeta), true);
         for frame in [physical, discrete] {
             let flow = Flow::new(&frame, 10).unwrap();
             assert!((1.0 - flow.keep.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
@@ -152,7 +152,7 @@ mod tests {
             (2, 2, 3e-3, 2e-2),
         ];
         for (row, column, stiff, damp) in entries {
-            (*k.at(row, column), *z.at(row, column)) = (stiff, damp);
+            (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
         }
         for is_discrete in [false, true] {
             let frame = frame(&k, &z, is_discrete);

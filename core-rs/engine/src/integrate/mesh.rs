@@ -222,7 +222,7 @@ impl Mesh {
         let ties = self.ties();
         match scratch.mesh_partition() {
             Some(mesh_partition) => mesh_partition.ranges(team, changed, |mats, changed| {
-                work(mats.clone(), ties.of(mats), changed);
+                work(mats.clone(), ties.range(mats), changed);
             }),
             None => work(0..self.n_mat(), ties, changed),
         }

@@ -79,7 +79,7 @@ pub(super) struct Ties<'a> {
 
 impl<'a> Ties<'a> {
     /// The ties of a range of MATs.
-    pub(super) fn of(&self, mats: Range<usize>) -> Self {
+    pub(super) fn range(&self, mats: Range<usize>) -> Self {
         let part_of = |numbers: &'a [f64]| &numbers[mats.clone()];
         Self {
             w: part_of(self.w),

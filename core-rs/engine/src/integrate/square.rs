@@ -23,13 +23,13 @@ impl Square {
         }
     }
 
-    pub(crate) fn one(n: usize) -> Self {
+    pub(crate) fn identity(n: usize) -> Self {
         let mut identity = Self::zero(n);
-        (0..n).for_each(|i| *identity.at(i, i) = 1.0);
+        (0..n).for_each(|i| *identity.entry(i, i) = 1.0);
         identity
     }
 
-    pub(crate) fn at(&mut self, row: usize, column: usize) -> &mut f64 {
+    pub(crate) fn entry(&mut self, row: usize, column: usize) -> &mut f64 {
         &mut self.entries[column * self.n + row]
     }
 
@@ -76,7 +76,7 @@ impl Square {
     }
 
     pub(crate) fn power(&self, mut exponent: u32) -> Self {
-        let (mut power, mut square) = (Self::one(self.n), self.clone());
+        let (mut power, mut square) = (Self::identity(self.n), self.clone());
         while exponent > 0 {
             if exponent & 1 == 1 {
                 power = power.times(&square);
@@ -100,9 +100,9 @@ impl Square {
         let small = self
             .clone()
             .scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
-        let mut sum = Self::one(self.n);
+        let mut sum = Self::identity(self.n);
         for term in (1..=TERMS).rev() {
-            sum = Self::one(self.n).plus(&small.times(&sum), 1.0 / f64::from(term));
+            sum = Self::identity(self.n).plus(&small.times(&sum), 1.0 / f64::from(term));
         }
         for _ in 0..squarings {
             sum = sum.times(&sum);
@@ -130,9 +130,9 @@ mod tests {
     #[test]
     fn an_exponential_is_that_of_a_rotation_a_decay_and_a_shear() {
         let mut a = Square::zero(5);
-        (*a.at(0, 1), *a.at(1, 0)) = (7.0, -7.0);
-        *a.at(2, 2) = -3.0;
-        *a.at(3, 4) = 40.0;
+        (*a.entry(0, 1), *a.entry(1, 0)) = (7.0, -7.0);
+        *a.entry(2, 2) = -3.0;
+        *a.entry(3, 4) = 40.0;
         let e = a.exponential();
         let cases = [
             (0, 0, crate::maths::cos(7.0)),
@@ -151,11 +151,11 @@ mod tests {
     #[test]
     fn a_power_is_the_product_and_a_quotient_undoes_it() {
         let n = 7;
-        let mut a = Square::one(n);
+        let mut a = Square::identity(n);
         for i in 0..n * n {
             a.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
         }
-        let by_hand = (0..13).fold(Square::one(n), |power, _| power.times(&a));
+        let by_hand = (0..13).fold(Square::identity(n), |power, _| power.times(&a));
         let apart = a.power(13).plus(&by_hand, -1.0);
         let largest = by_hand.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         assert!(apart.entries.iter().all(|x| x.abs() < 1e-13 * largest));

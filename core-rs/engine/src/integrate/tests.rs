@@ -8,7 +8,6 @@ use crate::law::Law;
 
 mod bytes;
 mod contacts;
-mod cost;
 mod energy;
 mod gong;
 mod guard;

@@ -301,7 +301,7 @@ fn laws(scheme: &Scheme, options: Options) -> Laws {
 fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
     let ergons = timeline.ergons.iter();
     let mut ergons: Vec<_> = ergons
-        .map(|ergon| (timeline.frame(ergon.at), *ergon))
+        .map(|ergon| (timeline.frame(ergon.instant), *ergon))
         .collect();
     ergons.sort_by_key(|(frame, _)| *frame);
     ergons
@@ -375,7 +375,7 @@ fn join(
 }
 
 /// Writes the outputs of a network at rest at its initial positions into `outputs` (n_out).
-pub(crate) fn at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
+pub(crate) fn outputs_at_rest(network: &Network, scheme: &Scheme, outputs: &mut [f64]) {
     let x = network.mats().x0.clone();
     let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
     // An output may hear the force of a contact that presses at rest.

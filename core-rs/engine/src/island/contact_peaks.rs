@@ -22,25 +22,25 @@ pub(super) struct ContactPeaks {
     /// Link of each contact; empty: contacts are not watched.
     links: Vec<u32>,
     /// (n_links)
-    most: Vec<ContactPeak>,
+    peaks: Vec<ContactPeak>,
 }
 
 impl ContactPeaks {
-    pub(super) fn of(network: &Network) -> Self {
+    pub(super) fn new(network: &Network) -> Self {
         let runs = network.runs().iter();
         let contacts = runs.filter(|run| run.kind.is_contact());
         let links: Vec<u32> = contacts
             .flat_map(|run| (run.first..run.first + run.len).map(|link| link as u32))
             .collect();
         Self {
-            most: vec![NONE; links.len()],
+            peaks: vec![NONE; links.len()],
             links,
         }
     }
 
     /// Note the forces of a step (n_lia).
     pub(super) fn step(&mut self, frame: u64, forces: &[f64]) {
-        for (&link, peak) in self.links.iter().zip(&mut self.most) {
+        for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             let force = forces[link as usize];
             if force.abs() > peak.force.abs() {
                 *peak = ContactPeak { frame, force };
@@ -55,7 +55,7 @@ impl ContactPeaks {
 
     /// Tell each contact that pushed (link, peak), and forget its peak.
     pub(super) fn take(&mut self, mut tell: impl FnMut(usize, ContactPeak)) {
-        for (&link, peak) in self.links.iter().zip(&mut self.most) {
+        for (&link, peak) in self.links.iter().zip(&mut self.peaks) {
             if peak.force != 0.0 {
                 tell(link as usize, std::mem::replace(peak, NONE));
             }

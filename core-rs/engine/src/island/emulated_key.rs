@@ -65,7 +65,7 @@ impl EmulatedKey {
                 mat: struck,
                 kind: DriveKind::Force,
                 source: Source::Constant(motor.push),
-                own: true,
+                acts_on_free_key: true,
             });
         }
         let (free, motion) = free_key(network, &timeline, &key, &[])?;

@@ -15,12 +15,12 @@ pub(crate) struct Account {
     /// Energy that it took and has not given back.
     held: f64,
     /// The most of `held` plus the energy of what moved around it at the time.
-    most: f64,
+    reference: f64,
 }
 
 crate::archive::option!(Account, maybe);
 
-crate::archive::state!(Account { held, most });
+crate::archive::state!(Account { held, reference });
 
 /// Energy that something created [J].
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -46,7 +46,7 @@ impl Account {
     pub(crate) fn new(stored: f64) -> Self {
         Self {
             held: stored,
-            most: stored,
+            reference: stored,
         }
     }
 
@@ -59,17 +59,17 @@ impl Account {
     /// Work that is taken raises `held` and lowers `around`, so their sum never counts created energy.
     pub(crate) fn take_from_masses(&mut self, work: f64, around: f64) {
         self.held += work;
-        self.most = self.most.max(self.held + around);
+        self.reference = self.reference.max(self.held + around);
     }
 
     /// Add the energy that was stored when the account began.
     pub(super) fn add_start(&mut self, start: f64) {
-        (self.held, self.most) = (self.held + start, self.most + start);
+        (self.held, self.reference) = (self.held + start, self.reference + start);
     }
 
     /// Whether more energy was given than was ever taken, even if none is stored.
     pub(super) fn is_overdrawn(&self) -> bool {
-        self.held < -REPORT_SHARE * self.most
+        self.held < -REPORT_SHARE * self.reference
     }
 
     /// The energy created so far, if `stored` is stored now and masses nearby have the energy `around`.
@@ -80,7 +80,7 @@ impl Account {
         self.take_from_masses(0.0, around);
         let created = stored - self.held;
         // A link that pushes away from its rest position stores negative energy.
-        let reference = self.most.max(-stored);
+        let reference = self.reference.max(-stored);
         Gain {
             created,
             reference,
@@ -91,7 +91,7 @@ impl Account {
 
 impl Gain {
     /// The same where at least `put_in` [J] was there.
-    pub(crate) fn of_at_least(self, put_in: f64) -> Self {
+    pub(crate) fn with_reference_min(self, put_in: f64) -> Self {
         Self {
             reference: self.reference.max(put_in),
             ..self

@@ -248,7 +248,7 @@ impl Island {
             .unwrap_or(&self.script.scheme);
         let around = around(scheme, &state.matter.bodies, &state.matter.body);
         let links = state.watch.gains.iter().flat_map(|gains| {
-            let put_in = gains.put_in.most();
+            let put_in = gains.put_in.work_max();
             let links = gains.link_work.iter().zip(&gains.links);
             links.map(move |(link_work, link)| {
                 let gain = link_work.gain(link, &state.matter.body, (around, put_in), 0);
@@ -295,7 +295,7 @@ impl Island {
         };
         let mut put_in = 0.0;
         if let Some(gains) = &mut state.watch.gains {
-            put_in = gains.put_in.most();
+            put_in = gains.put_in.work_max();
             for (link_work, link) in gains.link_work.iter_mut().zip(&mut gains.links) {
                 let link_gain = link.check(link_work, body, (around, put_in), n);
                 if let Some(gain) = link_gain.filter(Gain::is_fault) {

@@ -24,7 +24,7 @@ use crate::archive::{Archive, Damaged, State, state_of};
 use crate::kernel;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
-use basis::At;
+use basis::Instant;
 use crowded::CrowdedMotion;
 use joint::Joint;
 use laws::{LawScript, LawState};
@@ -52,9 +52,9 @@ pub(crate) struct Fine {
     /// Impulses on each joint in this frame, converted to impulses at the instants of the frame   (n_joints · n)
     pushed: Vec<f64>,
     /// Path of each joint in this frame, by coefficients   (n_joints · n)
-    way: Vec<f64>,
+    paths: Vec<f64>,
     /// Sum of the impulses on each joint in this frame, each times the polynomials at its instant   (n_joints · n)
-    given: Vec<f64>,
+    impulse_sums: Vec<f64>,
     /// `way` and `given` before a step that may be repeated.
     saved: [Vec<f64>; 2],
     /// What the impulses of this frame add to each crowded body.
@@ -178,9 +178,9 @@ impl Fine {
     }
 
     /// Bend of the bristles of a link [m]; `None` if it is not computed here.
-    pub(super) fn bend_of(&self, link: usize) -> Option<f64> {
+    pub(super) fn bristle_bend(&self, link: usize) -> Option<f64> {
         let law_index = self.law_of(link)?;
-        Some(self.laws[law_index].bend_at_start())
+        Some(self.laws[law_index].bristle_at_start())
     }
 
     /// Set the bend of the bristles of a link [m], if it is computed here.
@@ -305,7 +305,7 @@ impl Fine {
         mut tell: impl FnMut(f64),
     ) {
         for (run, [_, [k, z]]) in self.script.links.iter().zip(&self.numbers) {
-            let energy = match (&run.kind, self.bend_of(run.first)) {
+            let energy = match (&run.kind, self.bristle_bend(run.first)) {
                 (Kind::Bristle { by, .. }, Some(bend)) => by.with(*k, *z).energy(bend),
                 _ => {
                     let strength = if run.k == 0.0 { 1.0 } else { k / run.k };
@@ -375,7 +375,7 @@ impl Fine {
     }
 
     /// Note the forces that act over the whole frame: those of links and drives, before strikes are added.
-    pub(super) fn lean(&mut self, scheme: &Scheme, body: &Body) {
+    pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
         self.sprung.settle(scheme, body);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady) {
             *steady = body.force[joint.mat];
@@ -383,8 +383,8 @@ impl Fine {
     }
 
     /// Add the forces that the frame before left to this one.
-    pub(super) fn carry(&mut self, body: &mut Body) {
-        self.sprung.carry(&self.later, body);
+    pub(super) fn apply_carried_forces(&mut self, body: &mut Body) {
+        self.sprung.record_later_forces(&self.later, body);
         for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
             if *later != 0.0 {
                 body.push(joint.mat, std::mem::take(later));
@@ -432,9 +432,9 @@ impl Fine {
         let is_located = any || !self.frictions.is_empty() || self.has_glided.contains(&true);
         self.start_laws(&script, &laws, gates, !is_located);
         if is_located {
-            self.given.fill(0.0);
+            self.impulse_sums.fill(0.0);
             let n = script.basis.n();
-            for (values, way) in self.values.chunks(n).zip(self.way.chunks_mut(n)) {
+            for (values, way) in self.values.chunks(n).zip(self.paths.chunks_mut(n)) {
                 script.basis.fit(values, way);
             }
             if self.frictions.is_empty() {
@@ -450,7 +450,7 @@ impl Fine {
             }
             // Impulses at the instants of the frame that have the same effect on any smooth function as those between
             // them.
-            for (impulses, pushed) in self.given.chunks(n).zip(self.pushed.chunks_mut(n)) {
+            for (impulses, pushed) in self.impulse_sums.chunks(n).zip(self.pushed.chunks_mut(n)) {
                 for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n)) {
                     for (impulse, weight) in pushed.iter_mut().zip(row) {
                         *impulse += value * weight;
@@ -518,7 +518,7 @@ impl Fine {
                     let rest = joint.rest;
                     let step = next(joint.mat, body) - body.x[joint.mat];
                     let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
-                    for (x_at, (from, to)) in values.iter_mut().zip(&joint.way) {
+                    for (x_at, (from, to)) in values.iter_mut().zip(&joint.frame_weights) {
                         *x_at = rest + (x * from + then * to);
                     }
                     if joint.cell.is_some() {
@@ -558,14 +558,14 @@ impl Fine {
     }
 
     /// Push a joint [N·s].
-    fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &At) {
+    fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
         let n = script.basis.n();
-        let impulses = &mut self.given[joint * n..(joint + 1) * n];
+        let impulses = &mut self.impulse_sums[joint * n..(joint + 1) * n];
         for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
             *impulses += impulse * value;
         }
         if !self.push_crowded(script, joint, impulse) {
-            script.bend(joint, impulse, instant, &mut self.way);
+            script.add_impulse(joint, impulse, instant, &mut self.paths);
             self.work.products += script.reached[joint];
         }
     }

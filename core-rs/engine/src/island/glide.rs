@@ -27,7 +27,7 @@ pub(super) struct Glide {
 
 impl Glide {
     /// The parameters of frame `n`.
-    fn at(&self, n: u64) -> Numbers {
+    fn numbers_for(&self, n: u64) -> Numbers {
         let next = self.points.partition_point(|&(frame, _)| frame <= n);
         let number = |point: usize| self.numbers[self.points[point].1];
         if next == 0 {
@@ -132,7 +132,7 @@ pub(super) fn glides(
                 .push([scheme.w[mat], kappa, zeta, scheme.ground[mat]]);
         }
     }
-    if let Some(refused) = Error::of(refused) {
+    if let Some(refused) = Error::combined(refused) {
         return Err(refused);
     }
     Ok(glides)
@@ -163,7 +163,7 @@ fn round_ties(
 pub(super) fn apply_glides(glides: &[Glide], base: &Scheme, now: &mut Scheme, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
         let mat = glide.mat;
-        let numbers = glide.at(n);
+        let numbers = glide.numbers_for(n);
         [now.w[mat], now.kappa[mat], now.zeta[mat], now.ground[mat]] = numbers;
     }
 }
@@ -180,7 +180,7 @@ pub(super) fn apply_following_masses(base: &Scheme, now: &mut Scheme, x: &[f64])
 /// Give the parameters of frames `n` and `n` + 1 to what is computed between them.
 pub(super) fn pass_to_fine(glides: &[Glide], base: &Scheme, fine: &mut Fine, n: u64) {
     for glide in glides.iter().filter(|glide| base.w[glide.mat] != 0.0) {
-        let numbers = [n, n + 1].map(|n| glide.at(n));
+        let numbers = [n, n + 1].map(|n| glide.numbers_for(n));
         fine.glide(
             glide.mat,
             numbers.map(|[w, kappa, zeta, _]| [w, kappa, zeta]),
@@ -252,14 +252,14 @@ pub(super) fn apply_leads(
     } in all
     {
         if !has_same_factors {
-            factors = lead.at(n, 0.0);
+            factors = lead.factors(n, 0.0);
         }
         let (base, now) = match *place {
             Place::Run(at) => (&base.runs[at], &mut now.runs[at]),
             Place::Exact(at) => (&base.exact[at], &mut now.exact[at]),
             Place::Fine => {
                 if let Some(fine) = fine {
-                    fine.lead(lead.link, [factors, lead.at(n + 1, 0.0)]);
+                    fine.lead(lead.link, [factors, lead.factors(n + 1, 0.0)]);
                 }
                 continue;
             }

@@ -62,7 +62,7 @@ impl BodyPlan {
                     .struck
                     .iter_mut()
                     .for_each(|renamed| renamed.blows.clear());
-                modal.of = network;
+                modal.network = network;
             }
             Self::Mesh(mesh) => {
                 mesh.strikes.clear();
@@ -79,7 +79,7 @@ impl BodyPlan {
     /// The network of its modules.
     pub(crate) fn network(&self) -> &Network {
         match self {
-            Self::Modal(modal) => &modal.of,
+            Self::Modal(modal) => &modal.network,
             Self::Mesh(mesh) => &mesh.network,
             Self::Slow(slow) => &slow.network,
         }
@@ -154,7 +154,7 @@ impl BodyPlan {
     /// For a mesh: its method, and steps a frame.
     pub(crate) fn mesh_method(&self) -> Option<(MeshMethod, u32)> {
         match self {
-            Self::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
+            Self::Mesh(mesh) => Some((mesh.method, mesh.substeps)),
             Self::Modal(_) | Self::Slow(_) => None,
         }
     }

@@ -286,9 +286,9 @@ impl Ledger {
                 let steps: [&[f64]; 2] = [before, &body.d];
                 let history = &body.histories[run.room()];
                 let work = pair_energy::work(&pairs, law, room, body, steps, history);
-                self.lost.add(work.given - work.kept);
+                self.lost.add(work.total - work.elastic);
                 if finer.is_none() {
-                    self.produced.add(risen - work.kept);
+                    self.produced.add(risen - work.elastic);
                 }
                 continue;
             }

@@ -19,12 +19,12 @@ use crate::units::Rate;
 pub(crate) struct Mesh {
     pub(crate) network: Arc<Network>,
     pub(crate) rate: Rate,
-    pub(crate) way: MeshMethod,
+    pub(crate) method: MeshMethod,
     pub(crate) substeps: u32,
     /// MATs that other modules touch: index in the mesh, and in the island.
     pub(crate) ports: Vec<(usize, usize)>,
     /// Outputs that hear it, each a weighted sum of positions.
-    pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
+    pub(crate) outputs: Vec<(u32, Vec<(usize, f64)>)>,
     /// Frame, MAT and impulse [N·s] of what strikes it, by rising frame.
     pub(crate) strikes: Vec<(u64, usize, f64)>,
     /// How K and Z of its links change in time.
@@ -69,13 +69,13 @@ impl State for RunningMesh {
 impl Mesh {
     /// Whether its method steps over motions that are faster than frames, without following them.
     pub(crate) fn steps_over_fast_motion(&self) -> bool {
-        self.way == MeshMethod::Ieq
+        self.method == MeshMethod::Ieq
     }
 
     /// Whether network, method, ports and led links are those of another mesh. Strikes, and how the links are led, may
     /// differ: each step reads both anew.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
+        let how = |mesh: &Self| (mesh.rate.hertz(), mesh.method, mesh.substeps);
         let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
         let led = |mesh: &Self| mesh.leads.iter().map(Lead::links).collect::<Vec<_>>();
         how(self) == how(other)
@@ -109,7 +109,7 @@ impl Mesh {
 impl RunningMesh {
     /// A mesh whose ports feel `force` at frame 0 [N], (n_mat of the island).
     pub(crate) fn new(plan: &Mesh, force: &[f64]) -> Result<Self, Error> {
-        let mut integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        let mut integrator = Integrator::new(&plan.network, plan.rate, plan.method, plan.substeps)?;
         integrator.lead(0, &plan.leads);
         plan.pull_back(&mut integrator, force);
         let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
@@ -224,14 +224,14 @@ impl RunningMesh {
         self.impulses
             .reserve(impulses_max.saturating_sub(self.impulses.len()));
         if !self.plan.leads.is_empty() {
-            self.integrator.own();
+            self.integrator.unshare_parameters();
         }
     }
 
     /// Add its outputs to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let x = self.integrator.positions();
-        for (output, row) in &self.plan.heard {
+        for (output, row) in &self.plan.outputs {
             out[*output as usize] += row
                 .iter()
                 .map(|&(mat, weight)| weight * x[mat])
@@ -338,7 +338,11 @@ impl RunningMesh {
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        self.plan.heard.iter().map(|&(output, _)| output).collect()
+        self.plan
+            .outputs
+            .iter()
+            .map(|&(output, _)| output)
+            .collect()
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.

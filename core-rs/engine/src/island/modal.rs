@@ -38,7 +38,7 @@ pub(crate) struct RunningModal {
     /// Position of each row (port or output) from some frame up to the furthest   (n_rows, ROOM)
     seen: Vec<f64>,
     /// Indices in `seen` of the present frame and of the furthest, which is at least one later.
-    at: usize,
+    present: usize,
     until: usize,
     /// Positions of the ports one frame ago   (n_ports)
     previous: Vec<f64>,
@@ -65,7 +65,7 @@ crate::archive::state!(RunningModal {
     motions,
     saved,
     seen,
-    at,
+    present,
     until,
     previous,
     kicks,
@@ -94,7 +94,7 @@ impl RunningModal {
                 before: lanes(&plan.modes, group, |mode| plan.modes[mode].before),
             })
             .collect();
-        let n_rows = plan.ports.len() + plan.heard.len();
+        let n_rows = plan.ports.len() + plan.outputs.len();
         let sum = |shape: &[f64], mode_value: fn(&Mode) -> f64| -> f64 {
             plan.modes
                 .iter()
@@ -105,7 +105,7 @@ impl RunningModal {
         let mut playing = Self {
             saved: motions.clone(),
             seen: vec![0.0; n_rows * ROOM],
-            at: 0,
+            present: 0,
             until: 0,
             previous: plan
                 .ports
@@ -129,7 +129,7 @@ impl RunningModal {
         };
         let rows = plan.ports.iter().map(|port| &port.shape);
         for (row, shape) in rows
-            .chain(plan.heard.iter().map(|(_, shape)| shape))
+            .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
             playing.seen[row * ROOM] = sum(shape, |mode| mode.now);
@@ -146,8 +146,8 @@ impl RunningModal {
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
     pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let (first, frame) = (plan.ports.len(), self.at + frames);
-        for (row, ((output, _), still)) in plan.heard.iter().zip(&plan.still).enumerate() {
+        let (first, frame) = (plan.ports.len(), self.present + frames);
+        for (row, ((output, _), still)) in plan.outputs.iter().zip(&plan.still).enumerate() {
             out[*output as usize] += self.seen[(first + row) * ROOM + frame] + still;
         }
     }
@@ -159,7 +159,7 @@ impl RunningModal {
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
     pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
-        let frame = self.at + frames;
+        let frame = self.present + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let port_row = &self.seen[row * ROOM..(row + 1) * ROOM];
             let (now, next) = (port_row[frame], port_row[frame + 1]);
@@ -179,7 +179,7 @@ impl RunningModal {
         if self.has_pending {
             0
         } else {
-            self.until - self.at - 1
+            self.until - self.present - 1
         }
     }
 
@@ -191,7 +191,7 @@ impl RunningModal {
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.at = (self.at as i64 + frames).rem_euclid(self.until as i64) as usize;
+        self.present = (self.present as i64 + frames).rem_euclid(self.until as i64) as usize;
     }
 
     /// Advance by `frames` of the frames that are computed ahead.
@@ -199,9 +199,9 @@ impl RunningModal {
         if frames == 0 {
             return;
         }
-        self.at += frames;
+        self.present += frames;
         for (row, previous) in self.previous.iter_mut().enumerate() {
-            *previous = self.seen[row * ROOM + self.at - 1];
+            *previous = self.seen[row * ROOM + self.present - 1];
         }
         self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET);
     }
@@ -234,7 +234,7 @@ impl RunningModal {
         for ((motion, kick), rows) in motions.zip(&self.script.rows) {
             ports::add(&mut motion.now, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                self.seen[row * ROOM + self.at + 1] += ports::see(shape, kick);
+                self.seen[row * ROOM + self.present + 1] += ports::see(shape, kick);
             }
         }
     }
@@ -306,7 +306,7 @@ impl RunningModal {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            self.previous[row] = self.seen[row * ROOM + self.at];
+            self.previous[row] = self.seen[row * ROOM + self.present];
             self.forces[row] = force[port.mat];
             is_pushed |= self.forces[row] != 0.0;
         }
@@ -314,8 +314,8 @@ impl RunningModal {
             self.push();
         }
         self.quiet = (self.quiet + 1).min(QUIET);
-        self.at += 1;
-        if self.at == self.until {
+        self.present += 1;
+        if self.present == self.until {
             self.compute_ahead(n + 1);
         }
     }
@@ -359,7 +359,7 @@ impl RunningModal {
         let n_modes = self.n_modes();
         for (group, rates) in rates.iter().enumerate() {
             let mut motion = self.saved[group].clone();
-            self.replay(group, &mut motion, 0, self.at + 1);
+            self.replay(group, &mut motion, 0, self.present + 1);
             let first = group * LANES;
             for lane in 0..LANES.min(n_modes - first) {
                 let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
@@ -386,7 +386,7 @@ impl RunningModal {
             (motion.now.0[lane], motion.before.0[lane]) = (next, now[mode]);
             (saved.now.0[lane], saved.before.0[lane]) = (now[mode], before[mode]);
         }
-        (self.at, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
+        (self.present, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
         self.pending.fill(Lanes::ZERO);
         self.forget_pushes();
         for (row, seen) in self.seen.chunks_mut(ROOM).enumerate() {
@@ -419,13 +419,13 @@ impl RunningModal {
         std::mem::swap(&mut self.pending, &mut old.pending);
         std::mem::swap(&mut self.pushes, &mut old.pushes);
         self.has_pushes = old.has_pushes;
-        (self.at, self.until) = (old.at, old.until);
+        (self.present, self.until) = (old.present, old.until);
         (self.has_pending, self.quiet) = (old.has_pending, old.quiet);
     }
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        let outputs = self.script.plan.heard.iter();
+        let outputs = self.script.plan.outputs.iter();
         outputs.map(|&(output, _)| output).collect()
     }
 
@@ -436,7 +436,7 @@ impl RunningModal {
 
     /// Bring the motions back to one frame ahead of the present, where a new window begins.
     fn discard_ahead(&mut self) {
-        let present = self.at;
+        let present = self.present;
         if self.until == present + 1 && !self.has_pushes {
             return;
         }
@@ -451,7 +451,7 @@ impl RunningModal {
         for seen in self.seen.chunks_mut(ROOM) {
             (seen[0], seen[1]) = (seen[present], seen[present + 1]);
         }
-        (self.at, self.until) = (0, 1);
+        (self.present, self.until) = (0, 1);
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
@@ -479,11 +479,11 @@ impl RunningModal {
             follow(rates, motion, rows, far, &mut self.sums, AHEAD);
         }
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {
-            seen[0] = seen[self.at];
+            seen[0] = seen[self.present];
             for (seen, sum) in seen[1..].iter_mut().zip(&sums[..far]) {
                 *seen = joined(sum);
             }
         }
-        (self.at, self.until) = (0, far);
+        (self.present, self.until) = (0, far);
     }
 }

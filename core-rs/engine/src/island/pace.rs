@@ -8,19 +8,19 @@ use super::Island;
 
 impl Island {
     /// Number of its own frames that are computed when the scene has computed `frame_of_scene` frames.
-    fn own_frames(&self, frame_of_scene: u64) -> u64 {
+    fn island_frames(&self, frame_of_scene: u64) -> u64 {
         frame_of_scene.div_ceil(u64::from(self.every))
     }
 
     /// Number of its own frames that fall in the scene's next `n_frames`, from `frame_of_scene` on.
     pub(crate) fn due_frames(&self, frame_of_scene: u64, n_frames: usize) -> usize {
-        let end = self.own_frames(frame_of_scene + n_frames as u64);
-        (end - self.own_frames(frame_of_scene)) as usize
+        let end = self.island_frames(frame_of_scene + n_frames as u64);
+        (end - self.island_frames(frame_of_scene)) as usize
     }
 
     /// Number of its steps that are computed when the scene has computed `frame_of_scene` frames.
     pub(crate) fn step_at(&self, frame_of_scene: u64) -> u64 {
-        self.own_frames(frame_of_scene) * u64::from(self.oversampling)
+        self.island_frames(frame_of_scene) * u64::from(self.oversampling)
     }
 
     /// The frame of the scene in which a step begins.
@@ -35,7 +35,7 @@ impl Island {
 
     /// Number of frames by which it is ahead of the scene, which has computed `frame_of_scene`; less than `every`.
     pub(crate) fn ahead(&self, frame_of_scene: u64) -> u32 {
-        let island_frame = self.own_frames(frame_of_scene) * u64::from(self.every);
+        let island_frame = self.island_frames(frame_of_scene) * u64::from(self.every);
         (island_frame - frame_of_scene) as u32
     }
 

@@ -8,9 +8,9 @@ use crate::state::{Body, ContactHistory};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Work {
     /// Taken from the points by the whole force.
-    pub(super) given: f64,
+    pub(super) total: f64,
     /// Taken from the points by its elastic part.
-    pub(super) kept: f64,
+    pub(super) elastic: f64,
 }
 
 /// Energy of all pairs of stiffness `k` [J]: now, and a step before.
@@ -49,8 +49,8 @@ pub(super) fn work(
         let step = link.stretch(ends, along, |mat| d[0][mat]);
         let stretch = 0.5 * link.stretch(ends, along, |mat| d[0][mat] + d[1][mat]);
         let (f, elastic) = (link.law.force(by, e, step), link.law.elastic(by[0], e));
-        work.given += stretch * f;
-        work.kept += stretch * elastic;
+        work.total += stretch * f;
+        work.elastic += stretch * elastic;
         if run.pairs.friction > 0.0 {
             let moved = d.map(|d| link.between(ends, |mat| d[mat]));
             let contact = PairContact {
@@ -64,7 +64,7 @@ pub(super) fn work(
             let across = contact.sliding(&run.pairs, by);
             let (force, _) = across.force(history.find(run.points(ends)));
             for (axis, force) in force.into_iter().enumerate() {
-                work.given += 0.5 * (moved[0][axis] + moved[1][axis]) * force;
+                work.total += 0.5 * (moved[0][axis] + moved[1][axis]) * force;
             }
         }
     });

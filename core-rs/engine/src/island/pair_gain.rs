@@ -141,7 +141,10 @@ impl PairGains {
             return None;
         }
         let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
-        let gain = self.account.gain(stored, around(), n).of_at_least(put_in);
+        let gain = self
+            .account
+            .gain(stored, around(), n)
+            .with_reference_min(put_in);
         if !gain.is_reportable() || gain.created <= self.rounding(body) {
             return None;
         }

@@ -101,8 +101,8 @@ impl Frame<'_, '_> {
         kernel::proxies::note(scheme, body);
         kernel::proxies::divide(scheme, body);
         if let Some(fine) = fine {
-            fine.lean(scheme, body);
-            fine.carry(body);
+            fine.record_steady_forces(scheme, body);
+            fine.apply_carried_forces(body);
         }
         Pulled(())
     }
@@ -207,7 +207,7 @@ impl Frame<'_, '_> {
             let fine = matter.fine.iter_mut();
             fine.for_each(|fine| fine.sprung_mut().restart());
         }
-        kernel::bend(scheme, &mut matter.body);
+        kernel::slide_bristles(scheme, &mut matter.body);
         kernel::rest(scheme, &mut matter.body);
         if let Some(fine) = &matter.fine {
             fine.rest_held(scheme, &mut matter.body);

@@ -11,10 +11,10 @@ pub(super) struct PutIn {
     before: Vec<(usize, [f64; 2])>,
     work: f64,
     /// The most of `work` [J].
-    most: f64,
+    work_max: f64,
 }
 
-crate::archive::state!(PutIn { work, most });
+crate::archive::state!(PutIn { work, work_max });
 
 impl PutIn {
     /// Reserve room for this many MATs, so that steps do not allocate.
@@ -24,12 +24,12 @@ impl PutIn {
 
     /// Whether a step in which nothing is imposed changes nothing.
     pub(super) fn is_idle(&self) -> bool {
-        self.before.is_empty() && self.most >= self.work
+        self.before.is_empty() && self.work_max >= self.work
     }
 
     /// The most energy that was put in at any time, less what was taken out until then [J].
-    pub(super) fn most(&self) -> f64 {
-        self.most
+    pub(super) fn work_max(&self) -> f64 {
+        self.work_max
     }
 
     /// Account for a step in which all forces are known and MATs have not moved yet.
@@ -37,7 +37,7 @@ impl PutIn {
         for (mat, [force, step]) in self.before.drain(..) {
             self.work += 0.5 * (step + body.d[mat]) * force;
         }
-        self.most = self.most.max(self.work);
+        self.work_max = self.work_max.max(self.work);
         self.before.extend(targets.iter().map(|target| {
             let mat = target.mat;
             let force = match scheme.w[mat] {

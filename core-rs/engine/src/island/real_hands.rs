@@ -44,7 +44,7 @@ impl HandBinding {
 /// Set the hands to the timeline's positions in the frame before `n`.
 pub(super) fn seek(hand_bindings: &[HandBinding], hand_states: &mut [HandState], n: u64) {
     for (binding, state) in hand_bindings.iter().zip(hand_states) {
-        state.to = binding.hand.at(n.saturating_sub(1));
+        state.to = binding.hand.position(n.saturating_sub(1));
     }
 }
 
@@ -71,16 +71,18 @@ pub(super) fn arrive(
         let tick_frames = u64::from(binding.hand.tick_frames);
         let within = n % tick_frames;
         if within == 0 {
-            let (to, step) = state.sent.unwrap_or_else(|| (binding.hand.at(n), None));
+            let (to, step) = state
+                .sent
+                .unwrap_or_else(|| (binding.hand.position(n), None));
             let from = if n == 0 { to } else { state.to };
             (state.from, state.to) = (from, to);
-            if tick_frames == 1 || binding.hand.way == HandWay::Hold {
+            if tick_frames == 1 || binding.hand.interpolation == HandWay::Hold {
                 *d = step.unwrap_or(to - from);
                 *x = to;
                 continue;
             }
         }
-        if binding.hand.way == HandWay::Line {
+        if binding.hand.interpolation == HandWay::Line {
             let distance = state.to - state.from;
             *d = distance / tick_frames as f64;
             *x = state.from + distance * ((within + 1) as f64 / tick_frames as f64);
@@ -121,7 +123,7 @@ impl super::Island {
     }
 
     /// Mean force on a hand of the scene over the last complete tick [N].
-    pub(crate) fn felt(&self, hand: usize) -> f64 {
+    pub(crate) fn hand_force(&self, hand: usize) -> f64 {
         let pairs = self
             .script
             .hand_bindings

@@ -39,7 +39,7 @@ pub(super) struct Rest {
     /// The state at the last look.
     left: Vec<u8>,
     /// Outputs in the frame after it   (n_out), and the work of contacts in that frame.
-    heard: Vec<f64>,
+    outputs: Vec<f64>,
     work: [u64; 2],
     /// Number of steps that were skipped.
     passed: u64,
@@ -64,7 +64,7 @@ impl Rest {
             next: 0,
             gap: FIRST_GAP,
             left: Vec::new(),
-            heard: vec![0.0; n_out],
+            outputs: vec![0.0; n_out],
             work: [0; 2],
             passed: 0,
         }
@@ -115,7 +115,7 @@ impl Island {
                 Stage::Resting(_) if n == 0 => self.wake(),
                 Stage::Resting(_) => {
                     for row in out.chunks_exact_mut(n_out.max(1)) {
-                        row.copy_from_slice(&self.rest.heard);
+                        row.copy_from_slice(&self.rest.outputs);
                     }
                     self.shift_frames((n * often) as i64, n as i64);
                     self.rest.passed += n * often;
@@ -263,10 +263,10 @@ impl Island {
         let after = self.fine_products();
         let work = [after[0] - work[0], after[1] - work[1]];
         if frames == 0 {
-            self.rest.heard.copy_from_slice(outputs);
+            self.rest.outputs.copy_from_slice(outputs);
             self.rest.work = work;
         }
-        let is_same = work == self.rest.work && same_bits(outputs, &self.rest.heard);
+        let is_same = work == self.rest.work && same_bits(outputs, &self.rest.outputs);
         if !is_same || !self.is_unchanged(frames + 1) {
             self.schedule_look();
             return;

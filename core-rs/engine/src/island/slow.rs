@@ -47,7 +47,7 @@ pub(crate) struct Slow {
     /// are due at the next kick, for a change of the step by 1 m a frame   (n_ports, R; [n, n])
     pub(crate) missing: Vec<Vec<[Vec<f64>; 2]>>,
     /// Outputs that hear it, each a weighted sum of positions.
-    pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
+    pub(crate) outputs: Vec<(u32, Vec<(usize, f64)>)>,
 }
 
 /// A running slow body.
@@ -103,7 +103,7 @@ impl Slow {
             ports: ports
                 .filter_map(|&(own, there)| Some((own, mat(there)?)))
                 .collect(),
-            heard: Vec::new(),
+            outputs: Vec::new(),
             missing: Vec::new(),
             ..self.clone()
         }
@@ -259,7 +259,7 @@ impl RunningSlow {
     /// Add its outputs now to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
         let frames = f64::from(self.since);
-        for (output, row) in &self.plan.heard {
+        for (output, row) in &self.plan.outputs {
             let weighted = |&(own, weight): &(usize, f64)| {
                 weight * (self.x[own] + frames * self.plan.is_inner[own] * self.v[own])
             };
@@ -387,7 +387,11 @@ impl RunningSlow {
 
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
-        self.plan.heard.iter().map(|&(output, _)| output).collect()
+        self.plan
+            .outputs
+            .iter()
+            .map(|&(output, _)| output)
+            .collect()
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.

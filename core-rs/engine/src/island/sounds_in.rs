@@ -29,13 +29,13 @@ pub(super) enum Played {
 
 impl Played {
     /// The value at a frame of the score [m or N].
-    fn at(&self, frame: u64, sound: &SoundIn) -> f64 {
+    fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self {
-            Self::Samples(samples) => samples.at(frame, sound),
+            Self::Samples(samples) => samples.value(frame, sound),
             Self::Ramp(Some(ramp)) if frame + 1 >= ramp.start => {
-                sound.settings.scaled(ramp.at(frame))
+                sound.settings.scaled(ramp.value(frame))
             }
-            Self::Ramp(_) => sound.at(frame),
+            Self::Ramp(_) => sound.value(frame),
         }
     }
 }
@@ -52,7 +52,7 @@ pub(crate) struct Ramp {
 
 impl Ramp {
     /// The value at a frame, which is at the earliest the one before `start`.
-    fn at(&self, frame: u64) -> f64 {
+    fn value(&self, frame: u64) -> f64 {
         let done = frame + 1 - self.start;
         if done >= self.length {
             return self.to;
@@ -74,14 +74,14 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    fn at(&self, frame: u64, sound: &SoundIn) -> f64 {
+    fn value(&self, frame: u64, sound: &SoundIn) -> f64 {
         match self.from {
             Some(from) if frame >= from => {
                 let index = usize::try_from(frame - from).unwrap_or(usize::MAX);
                 self.values[..self.n].get(index).copied().unwrap_or(0.0)
             }
             Some(from) if frame + 1 == from => self.before,
-            _ => sound.at(frame),
+            _ => sound.value(frame),
         }
     }
 }
@@ -110,7 +110,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
             n: 0,
             values: vec![0.0; FRAMES_MAX].into(),
         }),
-        InputSource::Told { .. } => Played::Ramp(None),
+        InputSource::Value { .. } => Played::Ramp(None),
     };
     let played = all.iter().map(played).collect();
     (all, played)
@@ -128,7 +128,7 @@ pub(super) fn apply(
 ) {
     for (drive, played) in drives.iter().zip(played) {
         let frame = n / drive.steps;
-        let value = played.at(frame, &drive.sound);
+        let value = played.value(frame, &drive.sound);
         if drive.kind == DriveKind::Force {
             body.push(drive.mat, drive.scale * value);
             continue;
@@ -139,7 +139,7 @@ pub(super) fn apply(
         } else {
             let before = frame
                 .checked_sub(1)
-                .map_or(0.0, |frame| played.at(frame, &drive.sound));
+                .map_or(0.0, |frame| played.value(frame, &drive.sound));
             before + (value - before) * (done as f64 / drive.steps as f64)
         };
         targets.push(Target {
@@ -174,10 +174,10 @@ impl super::Island {
     pub(crate) fn tell(&mut self, number: u64, start: u64, value: f64) -> bool {
         let mut is_here = false;
         for (sound, ramp) in self.value_inputs(number) {
-            let limit = sound.settings.most();
+            let limit = sound.settings.clamp_start();
             let before = |frame| match ramp {
-                Some(ramp) => ramp.at(frame),
-                None => sound.at(frame) / sound.settings.gain,
+                Some(ramp) => ramp.value(frame),
+                None => sound.value(frame) / sound.settings.gain,
             };
             *ramp = Some(Ramp {
                 from: start.checked_sub(1).map_or(0.0, before),
@@ -199,7 +199,7 @@ impl super::Island {
             .zip(&mut self.state.hands.played);
         pairs.filter_map(
             move |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Told { number: own, .. }, Played::Ramp(ramp)) if own == number => {
+                (InputSource::Value { number: own, .. }, Played::Ramp(ramp)) if own == number => {
                     Some((&drive.sound, ramp))
                 }
                 _ => None,
@@ -216,7 +216,7 @@ impl super::Island {
             .zip(&self.state.hands.played);
         pairs.filter_map(
             |(drive, played)| match (drive.sound.settings.source, played) {
-                (InputSource::Told { number, .. }, Played::Ramp(Some(ramp))) => {
+                (InputSource::Value { number, .. }, Played::Ramp(Some(ramp))) => {
                     Some((number, *ramp))
                 }
                 _ => None,

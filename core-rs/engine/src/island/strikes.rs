@@ -24,7 +24,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
             let mass = t * t / scheme.w[mat];
             hands.stream.push(
                 n,
-                Record::event(push.at, mat, push.source, mass, velocity, push.impulse),
+                Record::event(push.instant, mat, push.source, mass, velocity, push.impulse),
             );
         }
         body.push(mat, push.force);

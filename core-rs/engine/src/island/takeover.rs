@@ -35,7 +35,7 @@ impl State {
             .matter
             .fine
             .as_ref()
-            .and_then(|fine| fine.bend_of(link));
+            .and_then(|fine| fine.bristle_bend(link));
         let stepped = self.matter.body.memory.get(link).copied();
         fine.or(stepped).unwrap_or(0.0)
     }

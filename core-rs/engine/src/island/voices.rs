@@ -86,7 +86,7 @@ pub(super) fn build_voices(
                 layer: true,
                 ..script.clone()
             };
-            voices.push(Voice::new(&layer, layer.free.at_rest()));
+            voices.push(Voice::new(&layer, layer.free.motion_at_rest()));
             scripts.push(layer);
         }
     }
@@ -128,7 +128,7 @@ pub(super) fn free_key(
     let drives: Vec<Drive> = timeline
         .drives
         .iter()
-        .filter(|drive| drive.own)
+        .filter(|drive| drive.acts_on_free_key)
         .filter_map(|drive| {
             inside(drive.mat).map(|mat| Drive {
                 mat,

@@ -53,7 +53,7 @@ impl MeshPartition {
         for (mat, work) in work.iter().enumerate() {
             done += work;
             if done * parts >= all * (mesh_partition.len() + 1) || mat + 1 == n_mat {
-                mesh_partition.push(MeshRange::of(springs, first..mat + 1));
+                mesh_partition.push(MeshRange::new(springs, first..mat + 1));
                 first = mat + 1;
             }
         }
@@ -63,7 +63,7 @@ impl MeshPartition {
     /// Keep the ranges and use other springs.
     pub(crate) fn cut_again(&mut self, springs: &[Spring]) {
         for range in &mut self.0 {
-            *range = MeshRange::of(springs, range.mats.clone());
+            *range = MeshRange::new(springs, range.mats.clone());
         }
     }
 
@@ -127,7 +127,7 @@ impl MeshPartition {
 }
 
 impl MeshRange {
-    fn of(springs: &[Spring], mats: Range<usize>) -> Self {
+    fn new(springs: &[Spring], mats: Range<usize>) -> Self {
         let mut run_ranges = Vec::new();
         for run in springs {
             // Links whose end lies in this range.

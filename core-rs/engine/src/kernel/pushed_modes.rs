@@ -31,7 +31,7 @@ pub(crate) struct PushedGroup {
     /// Displacement and velocity at this instant.
     now: [Group; 2],
     /// Velocity that impulses at this instant have given.
-    given: Group,
+    added_velocity: Group,
 }
 
 impl PushedGroup {
@@ -40,12 +40,12 @@ impl PushedGroup {
         amplitudes: [[0.0; SUMS]; 2],
         unit: [[1.0; SUMS], [0.0; SUMS]],
         now: [[0.0; SUMS]; 2],
-        given: [0.0; SUMS],
+        added_velocity: [0.0; SUMS],
     };
 
     /// Return to earlier amplitudes; what is known of this instant is void.
     pub(crate) fn restore(&mut self, amplitudes: [Group; 2]) {
-        (self.amplitudes, self.given) = (amplitudes, [0.0; SUMS]);
+        (self.amplitudes, self.added_velocity) = (amplitudes, [0.0; SUMS]);
     }
 }
 
@@ -54,11 +54,11 @@ impl PushedGroup {
 fn add_given(group: &mut PushedGroup, [kappa, zeta]: &[Group; 2]) {
     for i in 0..SUMS {
         let (c, s) = (group.unit[0][i], group.unit[1][i]);
-        let by = group.given[i] / (c * (c - zeta[i] * s) + kappa[i] * s * s);
+        let by = group.added_velocity[i] / (c * (c - zeta[i] * s) + kappa[i] * s * s);
         group.amplitudes[0][i] -= s * by;
         group.amplitudes[1][i] += c * by;
     }
-    group.given = [0.0; SUMS];
+    group.added_velocity = [0.0; SUMS];
 }
 
 wide! {
@@ -114,7 +114,7 @@ wide! {
     /// Push such a point at this instant: a mode whose share were 1 would change its velocity by `velocity`.
     pub(crate) fn push(row: &[Group], velocity: f64, groups: &mut [PushedGroup]) {
         for (row, group) in row.iter().zip(groups) {
-            let speeds = group.now[1].iter_mut().zip(&mut group.given);
+            let speeds = group.now[1].iter_mut().zip(&mut group.added_velocity);
             for ((speed, given), share) in speeds.zip(row) {
                 let by = velocity * share;
                 *speed += by;

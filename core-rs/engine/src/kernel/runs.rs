@@ -51,7 +51,7 @@ pub(crate) fn links(
             pairwise::forces(run, &pairs, gates, body, memory);
             continue;
         }
-        let ends = Ends::of(run, &body.x, &body.d);
+        let ends = Ends::new(run, &body.x, &body.d);
         let f = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
             Kind::Ref => springs(run.k, run.z, run.rest, &ends, f),
@@ -114,7 +114,7 @@ pub(crate) fn links(
 }
 
 /// Update the bending of all bristles at the end of a frame, from the motion of their ends in it.
-pub(crate) fn bend(scheme: &Scheme, body: &mut Body) {
+pub(crate) fn slide_bristles(scheme: &Scheme, body: &mut Body) {
     if body.memory.is_empty() {
         return;
     }
@@ -139,7 +139,7 @@ pub(super) struct Ends<'a> {
 }
 
 impl<'a> Ends<'a> {
-    fn of(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
+    fn new(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
         let (a, b) = (run.a..run.a + run.len, run.b..run.b + run.len);
         Self {
             xa: &x[a.clone()],

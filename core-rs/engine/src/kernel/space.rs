@@ -60,7 +60,7 @@ pub(super) fn forces(
     let f = &mut f[run.first..run.first + n];
     let ends: [(usize, usize); AXES_MAX] =
         std::array::from_fn(|axis| run.pair(0, axis.min(link.n_axes - 1)));
-    let motion = Ends::of(link.n_axes, &ends, [x, d], n);
+    let motion = Ends::new(link.n_axes, &ends, [x, d], n);
     let open = run.gate.map_or(1.0, |gate| gates[gate]);
     if link.law == SpaceLaw::Spring {
         let by = [run.k, run.z, run.rest, open];
@@ -96,7 +96,7 @@ struct Ends<'a> {
 impl<'a> Ends<'a> {
     /// Of `n` links, the first of which joins `ends`. Along an axis that the network does not have, both ends get the
     /// same positions.
-    fn of(
+    fn new(
         n_axes: usize,
         ends: &[(usize, usize); AXES_MAX],
         [x, d]: [&'a [f64]; 2],

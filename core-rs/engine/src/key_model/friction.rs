@@ -13,7 +13,7 @@ pub(super) struct Friction {
 
 impl Friction {
     /// Dry friction of a key at a velocity [m/s].
-    pub(super) fn of(key: &KeyModel, v: f64) -> Self {
+    pub(super) fn new(key: &KeyModel, v: f64) -> Self {
         if key.static_speed == 0.0 {
             return Self {
                 level: key.dry,
@@ -42,7 +42,7 @@ pub(super) struct Contact {
 }
 
 impl Contact {
-    pub(super) fn of(key: &KeyModel, friction: &Friction, s: f64, v: f64, h: f64) -> Self {
+    pub(super) fn new(key: &KeyModel, friction: &Friction, s: f64, v: f64, h: f64) -> Self {
         let none = Self {
             s: 0.0,
             by_s: 0.0,

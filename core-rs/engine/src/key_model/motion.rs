@@ -93,7 +93,7 @@ impl<const N: usize> Motion<N> {
         }
         let columns: Option<Vec<_>> = columns
             .iter()
-            .map(|&index| Parameter::of(index, key.modes.len()))
+            .map(|&index| Parameter::from_index(index, key.modes.len()))
             .collect();
         let columns = columns.ok_or(KeyError::Count)?;
         let step = 1.0 / (rate * steps as f64);
@@ -237,8 +237,8 @@ impl<const N: usize> Motion<N> {
                 / mode.denominator;
             pull += mode.mass * mode.gain;
         }
-        let friction = Friction::of(&self.key, v);
-        let contact = Contact::of(&self.key, &friction, self.s, v, h);
+        let friction = Friction::new(&self.key, v);
+        let contact = Contact::new(&self.key, &friction, self.s, v, h);
         let key = &self.key;
         let held = key.stiffness * x + key.weight;
         let total = force - self.spring_fraction * held + pull - key.presliding * contact.s;
@@ -249,7 +249,7 @@ impl<const N: usize> Motion<N> {
             self.h_over_m / self.denominator
         };
         let bound = friction.level * per_level;
-        let turned = Turned::of(v, gain, bound);
+        let turned = Turned::after_step(v, gain, bound);
         if N > 0 {
             let step = Step {
                 slope,

@@ -23,7 +23,7 @@ pub(super) enum Parameter {
 }
 
 impl Parameter {
-    pub(super) fn of(index: usize, n_modes: usize) -> Option<Self> {
+    pub(super) fn from_index(index: usize, n_modes: usize) -> Option<Self> {
         const FIRST: [Parameter; KEY_PARAMETERS] = [
             Parameter::Mass,
             Parameter::Stiffness,

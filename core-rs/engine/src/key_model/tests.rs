@@ -30,7 +30,7 @@ fn forces(n: usize, seed: i128) -> Vec<f64> {
 }
 
 fn path(row: &[f64], forces: &[f64], steps: usize) -> Vec<f64> {
-    let key = KeyModel::of_row(row).unwrap();
+    let key = KeyModel::from_row(row).unwrap();
     key.path(forces, RATE, Some(steps)).unwrap()
 }
 
@@ -49,7 +49,7 @@ fn differs(a: &[f64], b: &[f64]) -> f64 {
 /// Largest relative difference of a column from central differences.
 fn tangent_error(row: &[f64], forces: &[f64]) -> f64 {
     let columns: Vec<usize> = (0..row.len()).filter(|&i| row[i] != 0.0).collect();
-    let key = KeyModel::of_row(row).unwrap();
+    let key = KeyModel::from_row(row).unwrap();
     let (_, jacobian) = key
         .path_and_jacobian(forces, RATE, Some(44), &columns)
         .unwrap();
@@ -95,7 +95,7 @@ fn derivatives_are_those_of_the_path() {
 #[test]
 fn a_path_beside_its_derivatives_is_the_path() {
     let forces = forces(2000, 2);
-    let key = KeyModel::of_row(&ROW).unwrap();
+    let key = KeyModel::from_row(&ROW).unwrap();
     let alone = key.path(&forces, RATE, None).unwrap();
     for columns in [vec![], vec![4], (0..13).collect()] {
         let (path, jacobian) = key
@@ -189,10 +189,10 @@ fn what_is_no_key_is_refused() {
     let with = |index: usize, value: f64| {
         let mut row = ROW;
         row[index] = value;
-        KeyModel::of_row(&row)
+        KeyModel::from_row(&row)
     };
-    assert_eq!(KeyModel::of_row(&ROW[..9]), Err(KeyError::Count));
-    assert_eq!(KeyModel::of_row(&ROW[..11]), Err(KeyError::Count));
+    assert_eq!(KeyModel::from_row(&ROW[..9]), Err(KeyError::Count));
+    assert_eq!(KeyModel::from_row(&ROW[..11]), Err(KeyError::Count));
     assert_eq!(with(0, 0.0), Err(KeyError::Mass));
     assert_eq!(with(11, 0.0), Err(KeyError::Mass));
     assert_eq!(with(1, f64::NAN), Err(KeyError::NotFinite));
@@ -221,7 +221,7 @@ proptest! {
 
 #[test]
 fn derivatives_with_respect_to_forces_equal_differences() {
-    let key = KeyModel::of_row(&[
+    let key = KeyModel::from_row(&[
         0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1.3e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
     ])
     .unwrap();

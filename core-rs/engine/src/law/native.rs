@@ -101,7 +101,7 @@ unsafe extern "C" fn exp(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
     let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
     // Most LNLs of a score are alone in their run.
     if let ([a], [out]) = (a, &mut *out) {
-        *out = Unary::Exp.of(*a);
+        *out = Unary::Exp.apply(*a);
     } else {
         all_exp(a, out);
     }
@@ -111,7 +111,7 @@ unsafe extern "C" fn tanh(room: *mut f64, a: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
     let (a, out) = unsafe { (row(room, a, n), row_mut(room, to, n)) };
     for (out, a) in out.iter_mut().zip(a) {
-        *out = Unary::Tanh.of(*a);
+        *out = Unary::Tanh.apply(*a);
     }
 }
 
@@ -119,7 +119,7 @@ unsafe extern "C" fn power(room: *mut f64, a: i64, b: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of three rows of the room.
     let (a, b, out) = unsafe { (row(room, a, n), row(room, b, n), row_mut(room, to, n)) };
     for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
-        *out = Binary::Power.of(*a, *b);
+        *out = Binary::Power.apply(*a, *b);
     }
 }
 

@@ -22,20 +22,20 @@ pub(super) const MAX_NESTING: usize = 64;
 
 /// What a function does with its arguments.
 enum Function {
-    One(Unary),
+    Unary(Unary),
     Two(Binary),
     Where,
 }
 
 const FUNCTIONS: [(&str, Function); 8] = [
     ("where", Function::Where),
-    ("abs", Function::One(Unary::Abs)),
+    ("abs", Function::Unary(Unary::Abs)),
     ("min", Function::Two(Binary::Min)),
     ("max", Function::Two(Binary::Max)),
-    ("sqrt", Function::One(Unary::Sqrt)),
-    ("sign", Function::One(Unary::Sign)),
-    ("exp", Function::One(Unary::Exp)),
-    ("tanh", Function::One(Unary::Tanh)),
+    ("sqrt", Function::Unary(Unary::Sqrt)),
+    ("sign", Function::Unary(Unary::Sign)),
+    ("exp", Function::Unary(Unary::Exp)),
+    ("tanh", Function::Unary(Unary::Tanh)),
 ];
 
 /// How tightly the infix operators bind; unary minus lies between * and **.
@@ -264,12 +264,12 @@ impl Parser<'_> {
         }
         self.expect(")", &open)?;
         let node = match (function, arguments.as_slice()) {
-            (Function::One(operation), [a]) => Node::Unary(*operation, *a),
+            (Function::Unary(operation), [a]) => Node::Unary(*operation, *a),
             (Function::Two(operation), [a, b]) => Node::Binary(*operation, *a, *b),
             (Function::Where, [c, a, b]) => Node::Where(*c, *a, *b),
             _ => {
                 let form = match function {
-                    Function::One(_) => "one argument",
+                    Function::Unary(_) => "one argument",
                     Function::Two(_) => "two arguments",
                     Function::Where => "three arguments (condition, value if true, value if not)",
                 };

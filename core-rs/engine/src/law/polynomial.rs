@@ -1,6 +1,6 @@
 //! Laws that are polynomials of d, such as the hardening spring: their energy is exact and cheap.
 
-use super::tree::{Binary, Node, Tree, Unary, whole};
+use super::tree::{Binary, Node, Tree, Unary, integer_exponent};
 
 /// Highest degree recognised; a typical law has degree 3.
 const MAX_DEGREE: usize = 16;
@@ -41,7 +41,7 @@ fn polynomial(tree: &Tree, node: usize) -> Option<Vec<f64>> {
                 },
                 Binary::Power => match b[..] {
                     [exponent] => {
-                        let n = usize::try_from(whole(exponent)?).ok()?;
+                        let n = usize::try_from(integer_exponent(exponent)?).ok()?;
                         (0..n).try_fold(vec![1.0], |power, _| product(&power, &a))
                     }
                     _ => None,

@@ -9,7 +9,7 @@ mod lanes;
 
 use std::ops::{Deref, DerefMut};
 
-use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
+use super::tree::{Binary, Node, Tree, Unary, choose, integer_exponent, integer_power};
 
 /// Links per pass: a register is 2 KB, the dozen registers of a law stay in the L1 cache, and the 5 ns that starting a
 /// loop takes hardly count.
@@ -21,7 +21,7 @@ pub(super) const LANES: usize = 256;
 pub(super) struct Register([f64; LANES]);
 
 impl Register {
-    pub(super) fn of(value: f64) -> Self {
+    pub(super) fn filled(value: f64) -> Self {
         Self([value; LANES])
     }
 }
@@ -97,8 +97,8 @@ impl Program {
             Node::Number(value) => Step::Constant(value),
             Node::Open(slot, value) => Step::Open(slot, value),
             Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded, a)),
-            Node::Binary(Binary::Power, a, b) if folded[b].and_then(whole).is_some() => {
-                let exponent = folded[b].and_then(whole).unwrap_or_default();
+            Node::Binary(Binary::Power, a, b) if folded[b].and_then(integer_exponent).is_some() => {
+                let exponent = folded[b].and_then(integer_exponent).unwrap_or_default();
                 Step::WholePower(exponent, self.emit(tree, folded, a))
             }
             Node::Binary(operation, a, b) => {
@@ -130,7 +130,7 @@ impl Program {
 
     /// The registers of a run, with constants in place.
     pub(super) fn registers(&self) -> Vec<Register> {
-        self.filled(Register::of)
+        self.filled(Register::filled)
     }
 
     /// The registers of a few places, with constants in place.
@@ -188,9 +188,9 @@ impl Program {
         for (i, step) in self.steps.iter().enumerate() {
             r[FIRST + i] = match *step {
                 Step::Constant(value) | Step::Open(_, value) => value,
-                Step::Unary(operation, a) => operation.of(r[a]),
-                Step::WholePower(n, a) => whole_power(r[a], n),
-                Step::Binary(operation, a, b) => operation.of(r[a], r[b]),
+                Step::Unary(operation, a) => operation.apply(r[a]),
+                Step::WholePower(n, a) => integer_power(r[a], n),
+                Step::Binary(operation, a, b) => operation.apply(r[a], r[b]),
                 Step::Where(c, a, b) => choose(r[c], r[a], r[b]),
             };
         }
@@ -219,9 +219,9 @@ fn fold(tree: &Tree) -> Vec<Option<f64>> {
         known.push(match *node {
             Node::Number(value) => Some(value),
             Node::Elongation | Node::Rate | Node::Open(..) => None,
-            Node::Unary(operation, a) => known[a].map(|a| operation.of(a)),
+            Node::Unary(operation, a) => known[a].map(|a| operation.apply(a)),
             Node::Binary(operation, a, b) => {
-                known[a].zip(known[b]).map(|(a, b)| operation.of(a, b))
+                known[a].zip(known[b]).map(|(a, b)| operation.apply(a, b))
             }
             Node::Where(c, a, b) => known[c]
                 .zip(known[a])

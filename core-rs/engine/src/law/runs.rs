@@ -19,7 +19,7 @@ pub struct Scratch {
 enum Part {
     Elastic,
     Damping,
-    Whole,
+    Full,
 }
 
 impl Law {
@@ -29,7 +29,7 @@ impl Law {
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => program.registers(),
             // A register for the elongations.
-            Elastic::None | Elastic::Points(_) => vec![Register::of(0.0)],
+            Elastic::None | Elastic::Points(_) => vec![Register::filled(0.0)],
         };
         Scratch {
             elastic,
@@ -84,7 +84,7 @@ impl Law {
             // Most LNLs of a score are alone in their run.
             *out = self.force(d[0], v.first().copied().unwrap_or_default());
         } else {
-            run(self, Part::Whole, d, v, out, scratch);
+            run(self, Part::Full, d, v, out, scratch);
         }
     }
 
@@ -193,9 +193,9 @@ wide! {
             match part {
                 // −0, not 0: −0 + x keeps the sign of a zero x.
                 Part::Damping => out.fill(if law.is_damped() { -0.0 } else { 0.0 }),
-                Part::Elastic | Part::Whole => law.elastic_chunk(d, out, &mut scratch.elastic),
+                Part::Elastic | Part::Full => law.elastic_chunk(d, out, &mut scratch.elastic),
             }
-            if let (Part::Damping | Part::Whole, true) = (part, law.is_damped()) {
+            if let (Part::Damping | Part::Full, true) = (part, law.is_damped()) {
                 law.damp_chunk(d, &v[span], out, &mut scratch.damping);
             }
             if law.reach != 1.0 {

@@ -15,7 +15,7 @@ pub struct Row {
     /// The operation.
     pub operation: &'static str,
     /// Its operands.
-    pub of: [i32; 3],
+    pub operands: [i32; 3],
 }
 
 /// The rows of a whole law, damping and reach included, and its numbers. The last row is the force.
@@ -71,7 +71,7 @@ impl Table {
     fn push(&mut self, operation: &'static str, operands: [i32; 3]) -> i32 {
         self.rows.push(Row {
             operation,
-            of: operands,
+            operands,
         });
         FIRST_ROW + self.rows.len() as i32 - 1
     }

@@ -35,8 +35,8 @@ fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
         Node::Number(value) | Node::Open(_, value) => value,
         Node::Elongation => d,
         Node::Rate => v,
-        Node::Unary(operation, a) => operation.of(source(a)),
-        Node::Binary(operation, a, b) => operation.of(source(a), source(b)),
+        Node::Unary(operation, a) => operation.apply(source(a)),
+        Node::Binary(operation, a, b) => operation.apply(source(a), source(b)),
         Node::Where(c, a, b) => choose(source(c), source(a), source(b)),
     }
 }
@@ -279,7 +279,7 @@ fn a_bow_is_active_and_a_brake_is_not() {
 }
 
 #[test]
-fn whole_powers_are_products() {
+fn integer_powers_are_products() {
     for (exponent, product) in [("2", 1.1 * 1.1), ("3", 1.1 * 1.1 * 1.1), ("-1", 1.0 / 1.1)] {
         assert_eq!(law(&format!("d**{exponent}"), &[]).force(1.1, 0.0), product);
     }

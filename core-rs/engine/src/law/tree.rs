@@ -33,7 +33,7 @@ pub(super) enum Binary {
 
 impl Unary {
     #[inline(always)]
-    pub(super) fn of(self, a: f64) -> f64 {
+    pub(super) fn apply(self, a: f64) -> f64 {
         match self {
             Self::Negate => -a,
             Self::Abs => a.abs(),
@@ -55,7 +55,7 @@ impl Unary {
 
 impl Binary {
     #[inline(always)]
-    pub(super) fn of(self, a: f64, b: f64) -> f64 {
+    pub(super) fn apply(self, a: f64, b: f64) -> f64 {
         let truth = |is: bool| if is { 1.0 } else { 0.0 };
         match self {
             Self::Add => a + b,
@@ -99,22 +99,22 @@ pub(super) fn choose(c: f64, a: f64, b: f64) -> f64 {
 const INTEGER_EXPONENT_MAX: f64 = 64.0;
 
 /// The exponent as a whole number, if the power is computed by multiplication.
-pub(super) fn whole(exponent: f64) -> Option<i32> {
+pub(super) fn integer_exponent(exponent: f64) -> Option<i32> {
     (exponent.abs() <= INTEGER_EXPONENT_MAX && exponent == maths::floor(exponent))
         .then_some(exponent as i32)
 }
 
 /// `a ** b`; whole exponents up to 64 by multiplication, which is exact if the products are.
 pub(super) fn power(a: f64, b: f64) -> f64 {
-    match whole(b) {
-        Some(n) => whole_power(a, n),
+    match integer_exponent(b) {
+        Some(n) => integer_power(a, n),
         None => maths::pow(a, b),
     }
 }
 
 /// Repeated squaring from the highest bit of the exponent down, with a multiplication by `a` at each set bit: a fixed
 /// order.
-pub(super) fn whole_power(a: f64, n: i32) -> f64 {
+pub(super) fn integer_power(a: f64, n: i32) -> f64 {
     let size = n.unsigned_abs();
     if size == 0 {
         return 1.0;

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn at_every_border_the_bits_are_those_of_one() {
+    fn lanes_at_borders_equal_single_values() {
         let borders = [
             0.0,
             3.73e-9,

@@ -6,7 +6,7 @@ use crate::maths::{atan2, pow, sincos, sqrt};
 
 /// The way into a point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Segment {
     /// Linear.
     Line,
     /// With zero slope at both ends: 3u² − 2u³.
@@ -21,7 +21,7 @@ pub struct Point {
     /// Of a curve a ratio of amplitudes, 0 or more; of a pan a place from -1 to 1.
     pub value: f64,
     /// How the curve goes to this point from the one before.
-    pub way: Way,
+    pub segment: Segment,
 }
 
 /// The value at a frame on the way through points, whose frames rise: that of the only neighbour before the first
@@ -33,9 +33,9 @@ fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -
     match (before, points.get(next)) {
         (Some(from), Some(to)) => {
             let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
-            let u = match to.way {
-                Way::Line => u,
-                Way::Smooth => u * u * (3.0 - 2.0 * u),
+            let u = match to.segment {
+                Segment::Line => u,
+                Segment::Smooth => u * u * (3.0 - 2.0 * u),
             };
             Some(if u == 0.0 {
                 from.value
@@ -101,7 +101,7 @@ impl Pan {
     }
 
     /// The gain at a frame of the piece; that of the middle without points.
-    fn at(&self, frame: u64) -> f64 {
+    fn value(&self, frame: u64) -> f64 {
         let angle = along(&self.angles, frame, |from, to, u| from + (to - from) * u);
         let (sin, cos) = sincos(angle.unwrap_or(std::f64::consts::FRAC_PI_4));
         match self.side {
@@ -152,7 +152,7 @@ impl Curve {
 
     /// The gain at a frame of the piece; 1 without points.
     #[must_use]
-    pub fn at(&self, frame: u64) -> f64 {
+    pub fn value(&self, frame: u64) -> f64 {
         let level = along(&self.levels, frame, |from, to, u| {
             if from > 0.0 && to > 0.0 {
                 from * pow(to / from, u)
@@ -160,7 +160,7 @@ impl Curve {
                 from + (to - from) * u
             }
         });
-        let share = self.pan.as_ref().map_or(1.0, |pan| pan.at(frame));
+        let share = self.pan.as_ref().map_or(1.0, |pan| pan.value(frame));
         level.unwrap_or(1.0) * share
     }
 
@@ -170,10 +170,10 @@ impl Curve {
         let mut points =
             std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
         if points.all(|points| is_even(points, &frames)) {
-            gains.fill(self.at(first));
+            gains.fill(self.value(first));
         } else {
             let pairs = gains.iter_mut().zip(frames);
-            pairs.for_each(|(gain, frame)| *gain = self.at(frame));
+            pairs.for_each(|(gain, frame)| *gain = self.value(frame));
         }
     }
 }
@@ -182,27 +182,31 @@ impl Curve {
 mod tests {
     use super::*;
 
-    fn point(frame: i64, value: f64, way: Way) -> Point {
-        Point { frame, value, way }
+    fn point(frame: i64, value: f64, way: Segment) -> Point {
+        Point {
+            frame,
+            value,
+            segment: way,
+        }
     }
 
     #[test]
     fn goes_through_its_points() {
         let curve = Curve::new(vec![
-            point(300, 0.0, Way::Smooth),
-            point(100, 0.5, Way::Line),
-            point(200, 2.0, Way::Smooth),
-            point(200, 1.0, Way::Line),
+            point(300, 0.0, Segment::Smooth),
+            point(100, 0.5, Segment::Line),
+            point(200, 2.0, Segment::Smooth),
+            point(200, 1.0, Segment::Line),
         ]);
         for (frame, gain) in [(0, 0.5), (100, 0.5), (200, 1.0), (300, 0.0), (900, 0.0)] {
-            assert_eq!(curve.at(frame), gain, "{frame}");
+            assert_eq!(curve.value(frame), gain, "{frame}");
         }
         assert!(
-            (curve.at(150) - 1.0).abs() < 1e-15,
+            (curve.value(150) - 1.0).abs() < 1e-15,
             "0 dB, halfway from -6 dB to 6 dB"
         );
         assert!(
-            (curve.at(250) - 0.5).abs() < 1e-15,
+            (curve.value(250) - 0.5).abs() < 1e-15,
             "by the ratio to nothing"
         );
     }
@@ -210,16 +214,25 @@ mod tests {
     #[test]
     fn goes_on_from_points_before_the_beginning() {
         let curve = Curve::new(vec![
-            point(-100, 1.0, Way::Line),
-            point(100, 0.0, Way::Line),
+            point(-100, 1.0, Segment::Line),
+            point(100, 0.0, Segment::Line),
         ]);
-        assert_eq!((curve.at(0), curve.at(50), curve.at(100)), (0.5, 0.25, 0.0));
+        assert_eq!(
+            (curve.value(0), curve.value(50), curve.value(100)),
+            (0.5, 0.25, 0.0)
+        );
     }
 
     #[test]
     fn spans_have_the_gains_of_their_frames() {
-        let levels = vec![point(100, 0.5, Way::Line), point(200, 2.0, Way::Smooth)];
-        let places = vec![point(150, -1.0, Way::Line), point(260, 0.5, Way::Smooth)];
+        let levels = vec![
+            point(100, 0.5, Segment::Line),
+            point(200, 2.0, Segment::Smooth),
+        ];
+        let places = vec![
+            point(150, -1.0, Segment::Line),
+            point(260, 0.5, Segment::Smooth),
+        ];
         let plain = Curve::new(levels.clone());
         let panned = Curve::new(levels).panned(Pan::new(places, Side::Second));
         for curve in [plain, panned, Curve::new(Vec::new())] {
@@ -227,7 +240,7 @@ mod tests {
                 for first in (0..400).step_by(length) {
                     let mut gains = vec![0.0; length];
                     curve.fill(first, &mut gains);
-                    let each: Vec<f64> = (first..).take(length).map(|n| curve.at(n)).collect();
+                    let each: Vec<f64> = (first..).take(length).map(|n| curve.value(n)).collect();
                     assert_eq!(gains, each, "{length} frames from {first}");
                 }
             }
@@ -236,17 +249,20 @@ mod tests {
 
     #[test]
     fn without_points_nothing_changes() {
-        assert_eq!(Curve::new(Vec::new()).at(7), 1.0);
+        assert_eq!(Curve::new(Vec::new()).value(7), 1.0);
     }
 
     #[test]
     fn pan_between_two_places() {
-        let places = [point(0, -1.0, Way::Line), point(900, 1.0, Way::Line)];
+        let places = [
+            point(0, -1.0, Segment::Line),
+            point(900, 1.0, Segment::Line),
+        ];
         let channel = |side| Curve::new(Vec::new()).panned(Pan::new(places.to_vec(), side));
         let (first, second) = (channel(Side::First), channel(Side::Second));
         for frame in [0, 1, 300, 450, 899, 900, 5000] {
             let angle = (frame.min(900) as f64 / 10.0).to_radians();
-            let gains = (first.at(frame), second.at(frame));
+            let gains = (first.value(frame), second.value(frame));
             assert!(
                 (gains.0 - crate::maths::cos(angle)).abs() < 1e-15,
                 "{frame}"
@@ -260,9 +276,9 @@ mod tests {
 
     #[test]
     fn pan_with_levels() {
-        let levels = vec![point(0, 0.5, Way::Line)];
-        let middle = Pan::new(vec![point(0, 0.0, Way::Line)], Side::First);
-        let gain = Curve::new(levels).panned(middle).at(7);
+        let levels = vec![point(0, 0.5, Segment::Line)];
+        let middle = Pan::new(vec![point(0, 0.0, Segment::Line)], Side::First);
+        let gain = Curve::new(levels).panned(middle).value(7);
         assert!((gain - 0.5 * sqrt(0.5)).abs() < 1e-15);
     }
 }

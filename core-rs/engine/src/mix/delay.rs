@@ -4,7 +4,7 @@
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     past: Vec<f64>,
-    at: usize,
+    write_index: usize,
     echo: Option<Echo>,
 }
 
@@ -25,7 +25,7 @@ impl Delay {
     pub(super) fn new(frames: usize) -> Self {
         Self {
             past: vec![0.0; frames.max(1)],
-            at: 0,
+            write_index: 0,
             echo: None,
         }
     }
@@ -49,7 +49,7 @@ impl Delay {
         let late = self.oldest();
         let back = self.echo.map_or(0.0, |echo| {
             let length = self.past.len();
-            let place = self.at + length - echo.frames;
+            let place = self.write_index + length - echo.frames;
             let place = if place < length {
                 place
             } else {
@@ -69,26 +69,26 @@ impl Delay {
     /// The sample that leaves the line now; call [`Delay::push`] after it.
     #[inline]
     pub(super) fn oldest(&self) -> f64 {
-        self.past[self.at]
+        self.past[self.write_index]
     }
 
     /// Put in the newest sample.
     #[inline]
     pub(super) fn push(&mut self, x: f64) {
-        self.past[self.at] = x;
-        self.at += 1;
-        if self.at == self.past.len() {
-            self.at = 0;
+        self.past[self.write_index] = x;
+        self.write_index += 1;
+        if self.write_index == self.past.len() {
+            self.write_index = 0;
         }
     }
 
     /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
     pub(super) fn take_over(&mut self, old: &Self) {
         let (length, their) = (self.past.len(), old.past.len());
-        self.at = 0;
+        self.write_index = 0;
         for back in 1..=length {
             self.past[length - back] = if back <= their {
-                old.past[(old.at + their - back) % their]
+                old.past[(old.write_index + their - back) % their]
             } else {
                 0.0
             };

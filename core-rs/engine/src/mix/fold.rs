@@ -47,7 +47,7 @@ pub struct Fold {
     /// Number of past frames that a filter needs: n_taps − 1.
     past: usize,
     /// Sorted by output channel, then by input channel.
-    ways: Vec<Way>,
+    ways: Vec<FoldPath>,
     taps: Vec<f64>,
     /// Of each input channel: past samples, then the current block   (n_in, past + BLOCK)
     line: Vec<f64>,
@@ -55,7 +55,7 @@ pub struct Fold {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct FoldPath {
     from: usize,
     to: usize,
     /// Number of zeros before its first tap that is not 0.
@@ -90,7 +90,7 @@ impl Fold {
                     continue;
                 };
                 let end = filter.iter().rposition(|h| *h != 0.0).unwrap_or(delay) + 1;
-                ways.push(Way {
+                ways.push(FoldPath {
                     from,
                     to,
                     delay,

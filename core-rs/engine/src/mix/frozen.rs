@@ -26,7 +26,7 @@ impl FrozenOutputs {
     }
 
     /// The sample of a column in a frame; 0 before the first frame and after the last one.
-    fn at(&self, frame: i64, column: usize) -> f64 {
+    fn sample(&self, frame: i64, column: usize) -> f64 {
         usize::try_from(frame)
             .ok()
             .and_then(|frame| frame.checked_mul(self.n_out))
@@ -80,10 +80,10 @@ impl Placed {
     }
 
     /// Its faded sample at a frame of the mixer.
-    pub(super) fn at(&self, n: u64) -> f64 {
+    pub(super) fn faded_sample(&self, n: u64) -> f64 {
         let frame = i64::try_from(n).unwrap_or(i64::MAX);
         self.source
-            .at(frame.saturating_sub(self.begins), self.column)
-            * self.fade.at(n)
+            .sample(frame.saturating_sub(self.begins), self.column)
+            * self.fade.value(n)
     }
 }

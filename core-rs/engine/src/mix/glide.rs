@@ -65,7 +65,7 @@ impl Glide {
 
     /// The gain at frame `n`.
     #[must_use]
-    pub fn at(&self, n: u64) -> f64 {
+    pub fn value(&self, n: u64) -> f64 {
         let into = n.saturating_sub(self.start);
         if into >= self.length {
             return self.to;
@@ -86,7 +86,7 @@ impl Glide {
         if n.is_multiple_of(GRID)
             && let Some(gain) = self.requested.take()
         {
-            (self.from, self.to, self.start) = (self.at(n), gain, n + self.lag);
+            (self.from, self.to, self.start) = (self.value(n), gain, n + self.lag);
         }
     }
 
@@ -105,7 +105,7 @@ impl Glide {
                 None => now
                     .chunks_mut(n_channels.max(1))
                     .zip(n..)
-                    .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.at(n))),
+                    .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.value(n))),
             }
             (n, rest) = (n.saturating_add(count), later);
         }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_it_multiplies_and_no_more() {
+    fn glide_at_rest_multiplies_alone() {
         let mut frames = [0.1, -0.3, 0.7, 1e-9];
         Glide::new(48_000.0, 0.5).apply(17, &mut frames, 2);
         assert_eq!(frames, [0.05, -0.15, 0.35, 5e-10]);

@@ -66,7 +66,7 @@ pub struct Limiter {
     /// `next_held`.
     held: Vec<u64>,
     sum: u64,
-    at: usize,
+    write_index: usize,
     next_held: usize,
     /// Candidates for the maximum of the window, in falling order: frame and reduction.
     candidates: VecDeque<(u64, f64)>,
@@ -100,7 +100,7 @@ impl Limiter {
             delay: vec![0.0; latency * n_channels],
             held: vec![0; latency + 1],
             sum: 0,
-            at: 0,
+            write_index: 0,
             next_held: 0,
             // Allocated here, because `process` must not allocate.
             candidates: VecDeque::with_capacity(latency + 2),
@@ -139,13 +139,13 @@ impl Limiter {
                 peak = peak.max(x.abs());
             }
             let gain = self.gain(peak);
-            let late = &mut self.delay[self.at * self.n_channels..][..self.n_channels];
+            let late = &mut self.delay[self.write_index * self.n_channels..][..self.n_channels];
             for (x, late) in frame.iter_mut().zip(late) {
                 // The rounding of the gain may leave a sample above the ceiling by the last bit.
                 let limited = (*late * gain).clamp(-self.ceiling, self.ceiling);
                 *late = std::mem::replace(x, limited);
             }
-            self.at = (self.at + 1) % self.latency;
+            self.write_index = (self.write_index + 1) % self.latency;
         }
     }
 

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn one_bad_sample_is_no_measure() {
+    fn loudness_with_a_non_finite_sample() {
         let mut frames = tone(1, -20.0);
         frames[1000] = f64::NAN;
         let meter = measured(&frames, 1);

@@ -383,7 +383,7 @@ impl Mixer {
                     sums.fill(0.0);
                     for placed in frozen {
                         let sums = sums.iter_mut().zip(first..);
-                        sums.for_each(|(sum, n)| *sum += placed.at(n));
+                        sums.for_each(|(sum, n)| *sum += placed.faded_sample(n));
                     }
                     signal.iter_mut().zip(sums).for_each(|(x, sum)| *x += *sum);
                 }
@@ -417,8 +417,8 @@ impl Mixer {
 
     /// The gain of all channels at a frame.
     fn gain_of_all(&self, n: u64) -> f64 {
-        let residual = self.residual_gain.map_or(0.0, |glide| glide.at(n));
-        self.fade.as_ref().map_or(1.0, |fade| fade.at(n)) + residual
+        let residual = self.residual_gain.map_or(0.0, |glide| glide.value(n));
+        self.fade.as_ref().map_or(1.0, |fade| fade.value(n)) + residual
     }
 }
 

@@ -24,7 +24,7 @@ pub struct SilenceDetector {
     window: u64,
     channels: usize,
     from: u64,
-    at: u64,
+    frame: u64,
     n_quiet: u64,
     peak: f64,
     loudest: f64,
@@ -37,7 +37,7 @@ impl SilenceDetector {
             window: (WINDOW * rate + 0.5).max(1.0) as u64,
             channels: n_channels.max(1),
             from,
-            at: 0,
+            frame: 0,
             n_quiet: 0,
             peak: 0.0,
             loudest: 0.0,
@@ -53,22 +53,22 @@ impl SilenceDetector {
     pub fn take(&mut self, frames: &[f64]) -> Option<u64> {
         let mut rest = frames;
         while !rest.is_empty() {
-            let left = (self.window - self.at % self.window) as usize;
+            let left = (self.window - self.frame % self.window) as usize;
             let count = left.min(rest.len() / self.channels);
             let part;
             (part, rest) = rest.split_at(count * self.channels);
             self.loudest = part.iter().fold(self.loudest, |most, x| most.max(x.abs()));
-            self.at += count as u64;
+            self.frame += count as u64;
             if count < left {
                 return None;
             }
             self.peak = self.peak.max(self.loudest);
-            let is_after = self.at - self.window >= self.from;
+            let is_after = self.frame - self.window >= self.from;
             let is_quiet = is_after && self.loudest <= QUIET * self.peak;
             self.n_quiet = if is_quiet { self.n_quiet + 1 } else { 0 };
             self.loudest = 0.0;
             if self.n_quiet == QUIET_WINDOWS {
-                return Some(self.at - (QUIET_WINDOWS - 1) * self.window);
+                return Some(self.frame - (QUIET_WINDOWS - 1) * self.window);
             }
         }
         None

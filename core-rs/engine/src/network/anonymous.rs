@@ -9,7 +9,7 @@ use super::{Network, Output, Part};
 pub(crate) struct PartOrder(Vec<usize>);
 
 impl PartOrder {
-    pub(crate) fn of<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
+    pub(crate) fn new<'a>(networks: impl IntoIterator<Item = &'a Network>) -> Self {
         let mut parts: Vec<usize> = Vec::new();
         for network in networks {
             let mut part_order: Vec<usize> = network
@@ -96,7 +96,7 @@ mod tests {
         let (network, mats) = bell(before, name, f);
         let links: Vec<u32> = (0..network.n_lia() as u32).collect();
         let island = network.subset(&mats, &[], &links).network;
-        format!("{:?}", island.anonymous(&PartOrder::of([&island])))
+        format!("{:?}", island.anonymous(&PartOrder::new([&island])))
     }
 
     #[test]
@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn content_with_parts_in_order() {
         let (network, _) = bell(&["a", "b", "c"], "bell", 440.0);
-        let order = PartOrder::of([&network]);
+        let order = PartOrder::new([&network]);
         assert_eq!([0, 2, 3].map(|part| order.rank(part)), [0, 1, 2]);
         let anonymous = network.anonymous(&order);
         assert_eq!(anonymous.mats.part, [0, 1, 2, 2]);

@@ -11,7 +11,7 @@ use crate::maths::sqrt;
 use crate::spectrum::sparse::{Factor, Pattern, Values};
 use crate::spectrum::springs::{self, Spring};
 use crate::spectrum::vector::{add, dot, norm, normalise, orthogonalise, units};
-use crate::spectrum::{Mode, general, whole};
+use crate::spectrum::{Mode, all_eigenvalues, general};
 
 /// Damping couples a mode x with others if the part of Z x outside x is above this fraction of |Z x|. Modes are known
 /// to 1e-10.
@@ -174,7 +174,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     let small = (0..k * k)
         .map(|entry| dot(&responses[entry / k], &images[entry % k]))
         .collect();
-    if let Some((lambdas, seen)) = whole(small, &units(k)) {
+    if let Some((lambdas, seen)) = all_eigenvalues(small, &units(k)) {
         for (entry, lambda) in lambdas.into_iter().enumerate() {
             let mut vector = vec![0.0; n];
             for (response, row) in responses.iter().zip(&seen) {
@@ -272,8 +272,8 @@ impl NetworkMatrices {
     }
 
     /// P(s) = s² + s·Z + K.
-    pub(super) fn at(&self, s: Complex<f64>) -> Values<Complex<f64>> {
-        Values::of(&self.stiffness, &self.damping, s * s, |k, z| s * z + k)
+    pub(super) fn polynomial(&self, s: Complex<f64>) -> Values<Complex<f64>> {
+        Values::combine(&self.stiffness, &self.damping, s * s, |k, z| s * z + k)
     }
 
     /// Refine a pole by Newton's method, s −= xᵀx / xᵀy with P(s) y = P′(s) x, unless its residual shows that it is
@@ -284,12 +284,12 @@ impl NetworkMatrices {
         let (mut s, mut x) = (mode.pole, mode.shape.clone());
         let size = |x: &[Complex<f64>]| sqrt(x.iter().map(|x| x.norm_sqr()).sum());
         let slope = |s: Complex<f64>| {
-            Values::of(&self.stiffness, &self.damping, s * 2.0, |_, z| {
+            Values::combine(&self.stiffness, &self.damping, s * 2.0, |_, z| {
                 Complex::from(z)
             })
         };
         for round in 0..CORRECTIONS {
-            let matrix = self.at(s);
+            let matrix = self.polynomial(s);
             if round == 0 {
                 matrix.times(&self.pattern, &x, &mut image);
                 let error = size(&image) / (2.0 * s.norm() * size(&x));
@@ -317,7 +317,7 @@ impl NetworkMatrices {
         if mode.pole.im == 0.0 {
             s.im = 0.0;
         }
-        self.at(s).times(&self.pattern, &x, &mut image);
+        self.polynomial(s).times(&self.pattern, &x, &mut image);
         let stiffest = self.stiffness.diagonal.iter();
         let stiffest = stiffest.fold(0.0_f64, |stiffness_max, k| stiffness_max.max(k.abs()));
         let stiffness_max = 2.0 * ERROR_KNOWN * s.norm_sqr() + RESIDUAL_ROUNDING * stiffest;

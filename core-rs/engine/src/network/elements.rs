@@ -107,7 +107,7 @@ impl Network {
                 LinkKind::Lnl(law) => (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0)),
                 // The law at the initial positions of the MATs that it follows.
                 LinkKind::Followed(followed) => {
-                    let law = followed.at(|mat| mats.x0[mat]);
+                    let law = followed.law_for(|mat| mats.x0[mat]);
                     (ElementKind::Lnl, law.slope(0.0), law.damping_slope(0.0))
                 }
             };

@@ -31,7 +31,7 @@ pub enum Error {
 impl Error {
     /// Combines errors, keeping only the first of each module; numbered members of a module count as one module. `None`
     /// if there are no errors.
-    pub(crate) fn of(errors: impl IntoIterator<Item = Error>) -> Option<Self> {
+    pub(crate) fn combined(errors: impl IntoIterator<Item = Error>) -> Option<Self> {
         let mut known = HashSet::new();
         let mut each: Vec<Error> = errors.into_iter().flat_map(Error::into_list).collect();
         each.retain(|error| known.insert(error.module_without_number()));

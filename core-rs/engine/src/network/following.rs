@@ -28,7 +28,7 @@ pub struct Following {
 impl Following {
     /// The value when the MAT is at `x` [m]; `from` if `x` is NaN.
     #[inline]
-    pub(crate) fn at(&self, x: f64) -> f64 {
+    pub(crate) fn value(&self, x: f64) -> f64 {
         let share = ((x + self.offset) / self.span).clamp(0.0, 1.0).max(0.0);
         self.from + (self.to - self.from) * share
     }
@@ -59,12 +59,12 @@ impl Followed {
     #[inline]
     pub(crate) fn set(&self, law: &mut Law, x: impl Fn(usize) -> f64) {
         for (slot, by) in self.by.iter().enumerate() {
-            law.set(slot, by.at(x(by.mat)));
+            law.set(slot, by.value(x(by.mat)));
         }
     }
 
     /// The law when MATs are at `x` [m].
-    pub(crate) fn at(&self, x: impl Fn(usize) -> f64) -> Law {
+    pub(crate) fn law_for(&self, x: impl Fn(usize) -> f64) -> Law {
         let mut law = (*self.law).clone();
         self.set(&mut law, x);
         law
@@ -116,7 +116,7 @@ impl FollowingMass {
     /// Ratio of the mass in the network to the mass when MATs are at `x` [m]: at most 1.
     #[inline]
     pub(crate) fn lightness(&self, x: impl Fn(usize) -> f64) -> f64 {
-        self.least / self.by.at(x(self.by.mat))
+        self.least / self.by.value(x(self.by.mat))
     }
 
     pub(super) fn moved_to(&self, local: impl Fn(usize) -> Option<usize>) -> Option<Self> {
@@ -229,7 +229,7 @@ impl Network {
     /// The network with each following mass fixed at its value when MATs are at `x` [m].
     pub(crate) fn with_masses_at(mut self, x: &[f64]) -> Self {
         for own in std::mem::take(&mut self.following_masses) {
-            self.mats.m[own.mat] = own.by.at(x[own.by.mat]);
+            self.mats.m[own.mat] = own.by.value(x[own.by.mat]);
         }
         self
     }

@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use super::Network;
 use super::damped::{self, DampedMode};
 use crate::interrupt;
-use crate::spectrum::{self, Found};
+use crate::spectrum::{self, LowestModes};
 use crate::units::LN_1000;
 
 /// Most numbers in all shapes together.
@@ -33,14 +33,16 @@ pub enum ModeRange {
 
 /// More modes are asked for than can be kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{count} modes of {n_masses} masses need too much memory; ask for at most {most} modes")]
+#[error(
+    "{count} modes of {n_masses} masses need too much memory; ask for at most {count_max} modes"
+)]
 pub struct TooManyModes {
     /// Number of modes asked for.
     pub count: usize,
     /// Number of masses.
     pub n_masses: usize,
     /// Largest number of modes that can be kept.
-    pub most: usize,
+    pub count_max: usize,
 }
 
 /// Modes of a part.
@@ -91,7 +93,7 @@ impl Network {
         let body = self.part_body(part);
         let n = body.mats.len();
         // Damping couples each mode with others, so more undamped modes are needed than are asked for.
-        let search = |count: usize, find: &dyn Fn(usize) -> Found| {
+        let search = |count: usize, find: &dyn Fn(usize) -> LowestModes| {
             let part_modes = find(count);
             let is_coupled = damped::is_coupled(&body, &part_modes.modes);
             match is_coupled {
@@ -100,7 +102,7 @@ impl Network {
             }
         };
         let lowest = |count| spectrum::lowest_modes(&body.springs, count);
-        let frequency = |mode: &DampedMode| Tone::of(body.continuous(mode.pole)).f;
+        let frequency = |mode: &DampedMode| Tone::from_pole(body.continuous(mode.pole)).f;
         let checked_count = |count: usize| -> Result<usize, TooManyModes> {
             let (count, count_max) = (count.min(n), ENTRIES_MAX / n);
             if count <= count_max {
@@ -109,7 +111,7 @@ impl Network {
             Err(TooManyModes {
                 count,
                 n_masses: n,
-                most: count_max,
+                count_max,
             })
         };
         let (mut poles, is_certified) = match range {
@@ -170,7 +172,7 @@ impl Network {
             .map(|mode| body.continuous(mode.pole))
             .collect();
         Ok(PartModes {
-            tones: each.iter().map(|&s| Tone::of(s)).collect(),
+            tones: each.iter().map(|&s| Tone::from_pole(s)).collect(),
             poles: each,
             shapes: poles.iter().map(shape).collect(),
             mats: body.mats,
@@ -183,7 +185,7 @@ impl Network {
 
 impl Tone {
     /// The tone of a pole s [1/s].
-    fn of(s: Complex<f64>) -> Self {
+    fn from_pole(s: Complex<f64>) -> Self {
         Self {
             f: s.im / std::f64::consts::TAU,
             t60: if s.re < 0.0 {

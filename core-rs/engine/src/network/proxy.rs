@@ -34,7 +34,7 @@ pub enum Shares {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Along {
     /// At a fixed place, counted in MATs from the first.
-    At(f64),
+    Fixed(f64),
     /// At (x + offset)/span of the way from the first MAT to the last, where x is the position of a MAT.
     Following {
         /// The MAT.
@@ -51,7 +51,7 @@ impl Along {
     fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
         let last = (n - 1) as f64;
         let place = match self {
-            Self::At(place) => place,
+            Self::Fixed(place) => place,
             Self::Following { mat, offset, span } => {
                 ((x(mat) + offset) / span).clamp(0.0, 1.0) * last
             }
@@ -64,7 +64,7 @@ impl Along {
 
     fn moved_to(self, local: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(match self {
-            Self::At(at) => Self::At(at),
+            Self::Fixed(at) => Self::Fixed(at),
             Self::Following { mat, offset, span } => Self::Following {
                 mat: local(mat)?,
                 offset,
@@ -132,7 +132,7 @@ impl Proxy {
             Shares::Moving { along, .. } => along,
         };
         along.iter().filter_map(|along| match along {
-            Along::At(_) => None,
+            Along::Fixed(_) => None,
             Along::Following { mat, .. } => Some(*mat),
         })
     }
@@ -262,7 +262,7 @@ impl Network {
                     return Err(self.refused(name, "its masses do not fill the last row"));
                 }
                 along.iter().try_for_each(|along| match *along {
-                    Along::At(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
+                    Along::Fixed(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
                     Along::Following { span: 0.0, .. } => Err(self.refused(
                         name,
                         "span is 0 m, so the MAT would not move it; write a length",

@@ -89,7 +89,7 @@ fn answer(
     s: Complex<f64>,
     force: &[Complex<f64>],
 ) -> Option<Vec<Complex<f64>>> {
-    let matrix = matrices.at(s);
+    let matrix = matrices.polynomial(s);
     let factor = Factor::new(&matrices.pattern, &matrix, Complex::from(0.0))?;
     let mut x = factor.solve(force);
     let mut image = vec![Complex::from(0.0); x.len()];

@@ -16,7 +16,7 @@ pub struct Choice {
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: not counted.
     pub counted_cost: Option<u32>,
     /// For each body, the modes that are computed; for a mesh its method and steps, for a slow body its macrostep.
-    pub kept: Vec<Vec<u32>>,
+    pub body_methods: Vec<Vec<u32>>,
 }
 
 impl Choice {

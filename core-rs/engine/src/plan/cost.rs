@@ -24,7 +24,7 @@ pub(crate) struct Costs;
 
 impl Costs {
     /// Nanoseconds of one unit of a kind of work.
-    pub(crate) fn of(kind: &str) -> f64 {
+    pub(crate) fn nanoseconds(kind: &str) -> f64 {
         let known_cost = COSTS.iter().find(|(name, _)| *name == kind);
         known_cost.map_or(0.0, |(_, ns)| *ns)
     }
@@ -46,40 +46,42 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     if timeline.gestures.is_empty() {
         return ns;
     }
-    ns + Costs::of("hand") * timeline.keys.len() as f64
+    ns + Costs::nanoseconds("hand") * timeline.keys.len() as f64
 }
 
 /// Cost of modules that are stepped, without hands [ns a frame].
 fn modules_cost(network: &Network) -> f64 {
-    let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
+    let mut ns =
+        Costs::nanoseconds("frame") + network.n_moving() as f64 * Costs::nanoseconds("mat");
     for run in network.runs() {
         let each = match &run.kind {
             LinkKind::Space(SpaceLink {
                 law: SpaceLaw::Lnl { .. },
                 ..
-            }) => Costs::of("space_single") + Costs::of("expression"),
+            }) => Costs::nanoseconds("space_single") + Costs::nanoseconds("expression"),
             LinkKind::Space(_) if run.len > 1 => {
-                ns += Costs::of("space_run");
-                Costs::of("space_link")
+                ns += Costs::nanoseconds("space_run");
+                Costs::nanoseconds("space_link")
             }
-            LinkKind::Space(_) => Costs::of("space_single"),
+            LinkKind::Space(_) => Costs::nanoseconds("space_single"),
             LinkKind::Pairwise(pairs) if pairs.is_searched() => {
-                ns += pairs.n_first as f64 * Costs::of("pairwise") * friction_factor(pairs);
-                Costs::of("pairwise") * friction_factor(pairs)
+                ns +=
+                    pairs.n_first as f64 * Costs::nanoseconds("pairwise") * friction_factor(pairs);
+                Costs::nanoseconds("pairwise") * friction_factor(pairs)
             }
             LinkKind::Pairwise(pairs) => {
                 pairs.n_first as f64 * wall_cost(pairs) * friction_factor(pairs)
             }
-            LinkKind::Ref if run.len > 1 => Costs::of("link"),
+            LinkKind::Ref if run.len > 1 => Costs::nanoseconds("link"),
             LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
-                Costs::of("expression")
+                Costs::nanoseconds("expression")
             }
-            LinkKind::Followed(_) => Costs::of("expression"),
-            LinkKind::Bristle(_) => Costs::of("bristle"),
-            LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
-            LinkKind::Dry(_) => Costs::of("contact"),
-            LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
-            _ => Costs::of("single"),
+            LinkKind::Followed(_) => Costs::nanoseconds("expression"),
+            LinkKind::Bristle(_) => Costs::nanoseconds("bristle"),
+            LinkKind::Lnl(_) if run.len > 1 => Costs::nanoseconds("law"),
+            LinkKind::Dry(_) => Costs::nanoseconds("contact"),
+            LinkKind::But(but) if but.contact == Contact::Exact => Costs::nanoseconds("contact"),
+            _ => Costs::nanoseconds("single"),
         };
         ns += each * run.len as f64;
     }
@@ -90,9 +92,10 @@ fn modules_cost(network: &Network) -> f64 {
 fn wall_cost(pairs: &Pairwise) -> f64 {
     match &pairs.link.measure {
         Measure::Surface(facets) => {
-            Costs::of("surface") + facets.crowding() * Costs::of("surface_triangle")
+            Costs::nanoseconds("surface")
+                + facets.crowding() * Costs::nanoseconds("surface_triangle")
         }
-        _ => Costs::of("pairwise_wall"),
+        _ => Costs::nanoseconds("pairwise_wall"),
     }
 }
 
@@ -135,14 +138,14 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
                 .filter(|&mat| mats.kind[mat].moves());
             let mobility: f64 = moving.map(|mat| 1.0 / mats.m[mat]).sum();
             let steps = dry.steps(mobility * island_plan.timeline.rate.step());
-            (finest as f64 * steps).ceil() * Costs::of("located_friction")
+            (finest as f64 * steps).ceil() * Costs::nanoseconds("located_friction")
         }
         LinkKind::Bristle(_) => {
-            parts * (Costs::of("collocation") + Costs::of("collocated_bristle"))
+            parts * (Costs::nanoseconds("collocation") + Costs::nanoseconds("collocated_bristle"))
         }
         LinkKind::Lnl(law) => {
-            let functions = law.n_functions() as f64 * Costs::of("collocated_function");
-            parts * (Costs::of("collocation") + functions)
+            let functions = law.n_functions() as f64 * Costs::nanoseconds("collocated_function");
+            parts * (Costs::nanoseconds("collocation") + functions)
         }
         _ => 0.0,
     };
@@ -150,7 +153,8 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let is_collocated = |run: &&&Run| !matches!(run.kind, LinkKind::Dry(_));
     let n_collocated = laws.iter().filter(is_collocated).count() as f64;
     let pairs = n_collocated * (n_collocated - 1.0).max(0.0);
-    let ns = laws.iter().map(each).sum::<f64>() + parts * ROUNDS * pairs * Costs::of("coupling");
+    let ns = laws.iter().map(each).sum::<f64>()
+        + parts * ROUNDS * pairs * Costs::nanoseconds("coupling");
     // At each instant of a frame, a port gives its position and takes its force, mode by mode.
     let has_law = |port: &&usize| {
         let ends = |run: &&Run| [run.a, run.b].contains(port);
@@ -161,7 +165,7 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
         (ports.iter().filter(has_law).count() * body.n_modes()) as f64
     };
     let modes: f64 = bodies.iter().map(modes).sum();
-    ns + 2.0 * INSTANTS * modes * Costs::of("port")
+    ns + 2.0 * INSTANTS * modes * Costs::nanoseconds("port")
 }
 
 /// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.
@@ -182,10 +186,10 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
         ("contact", exact.solved_again),
         ("power_law", exact.evaluations),
     ];
-    let amounts = amounts.map(|(kind, amount)| Costs::of(kind) * amount as f64);
+    let amounts = amounts.map(|(kind, amount)| Costs::nanoseconds(kind) * amount as f64);
     [
         amounts.into_iter().sum(),
-        Costs::of("port") * fine.products as f64,
+        Costs::nanoseconds("port") * fine.products as f64,
     ]
 }
 
@@ -193,8 +197,9 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
 pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
         BodyPlan::Modal(modal) => {
-            let rows = modal.ports.len() + modal.heard.len();
-            modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
+            let rows = modal.ports.len() + modal.outputs.len();
+            modal.modes.len() as f64
+                * (Costs::nanoseconds("mode") + rows as f64 * Costs::nanoseconds("port"))
         }
         BodyPlan::Mesh(mesh) => times(mesh) * modules_cost(&mesh.network),
         BodyPlan::Slow(slow) => slow_cost(slow),
@@ -204,7 +209,7 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
 /// Cost of a mesh as a multiple of a step of CA a frame.
 fn times(mesh: &Mesh) -> f64 {
     let rung =
-        |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+        |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.method, mesh.substeps);
     LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times)
 }
 
@@ -216,7 +221,7 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW_OF_STAGES: f64 = 6.0;
     match inside {
         BodyPlan::Mesh(mesh) => {
-            let row = match mesh.way {
+            let row = match mesh.method {
                 MeshMethod::Ca => ROW,
                 _ => ROW_OF_STAGES,
             };
@@ -236,27 +241,27 @@ pub(super) fn lone_laws_cost(network: &Network) -> f64 {
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].
 pub(super) fn saved(slow: &Slow) -> f64 {
-    let stepped = modules_cost(&slow.network) - Costs::of("frame");
-    let ports = slow.ports.len() as f64 * Costs::of("mat");
+    let stepped = modules_cost(&slow.network) - Costs::nanoseconds("frame");
+    let ports = slow.ports.len() as f64 * Costs::nanoseconds("mat");
     stepped - ports - slow_cost(slow)
 }
 
 fn slow_cost(slow: &Slow) -> f64 {
     let n = slow.free.len() as f64;
     let kick = match &slow.springs {
-        Springs::Exact(_) => n * (2.0 * n * Costs::of("port") + Costs::of("mat")),
+        Springs::Exact(_) => n * (2.0 * n * Costs::nanoseconds("port") + Costs::nanoseconds("mat")),
         Springs::Stepped(_) => modules_cost(&slow.network),
     };
-    let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
+    let each = Costs::nanoseconds("slow") + slow.ports.len() as f64 * Costs::nanoseconds("mat");
     kick / f64::from(slow.kick_every) + each
 }
 
 /// Cost of a bank [ns a frame].
 pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
     let all = bank.oscillators.iter();
-    let taps: usize = all.map(|own| own.heard.len().max(1) - 1).sum();
-    let each = bank.oscillators.len() as f64 * Costs::of("oscillator");
-    each + taps as f64 * Costs::of("oscillator_tap")
+    let taps: usize = all.map(|own| own.outputs.len().max(1) - 1).sum();
+    let each = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
+    each + taps as f64 * Costs::nanoseconds("oscillator_tap")
 }
 
 pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
@@ -276,9 +281,9 @@ mod tests {
     fn every_line_is_a_cost() {
         for line in TABLE.lines().filter(|line| !line.starts_with('#')) {
             let kind = line.split_whitespace().next().unwrap();
-            assert!(Costs::of(kind) > 0.0, "{line}");
+            assert!(Costs::nanoseconds(kind) > 0.0, "{line}");
         }
-        assert_eq!(Costs::of("no such work"), 0.0);
+        assert_eq!(Costs::nanoseconds("no such work"), 0.0);
     }
 
     #[test]
@@ -350,8 +355,9 @@ mod tests {
             (1.0..1.2).contains(&few) && (7.0..40.0).contains(&many),
             "{few} {many}"
         );
-        let each = Costs::of("surface") - Costs::of("pairwise_wall");
-        let surface_cost = |crowding: f64| 50.0 * (each + crowding * Costs::of("surface_triangle"));
+        let each = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
+        let surface_cost =
+            |crowding: f64| 50.0 * (each + crowding * Costs::nanoseconds("surface_triangle"));
         assert!((coarse - plane - surface_cost(few)).abs() < 1e-6);
         assert!((fine - plane - surface_cost(many)).abs() < 1e-6);
     }

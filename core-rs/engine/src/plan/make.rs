@@ -59,7 +59,7 @@ struct Maker<'a> {
 
 /// How an island is computed.
 struct Solved {
-    found: ChosenIsland,
+    chosen: ChosenIsland,
     growth: Option<Growth>,
     /// The error that its slow parts add.
     slow_error: Option<Measured>,
@@ -140,11 +140,11 @@ pub(super) fn make(
             refused.push(error);
         }
     }
-    if let Some(refused) = Error::of(refused) {
+    if let Some(refused) = Error::combined(refused) {
         return Err(refused);
     }
     maker.pins.end()?;
-    maker.plan.solved = maker.memo.found();
+    maker.plan.solved = maker.memo.into_solved();
     (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
     let (mut plan, seen_units) = (maker.plan, maker.seen_units);
     plan.n_heard = plan.units.len();
@@ -199,7 +199,7 @@ impl<'a> Maker<'a> {
             .subset(&island.mats, &island.guests, &island.links);
         let scheme = Scheme::new(&subset.network, self.plan.timeline_rate)?;
         let mut levels = vec![0.0; subset.outputs.len()];
-        crate::island::at_rest(&subset.network, &scheme, &mut levels);
+        crate::island::outputs_at_rest(&subset.network, &scheme, &mut levels);
         for (&output, levels) in subset.outputs.iter().zip(levels) {
             self.plan.still[output as usize] += levels;
         }
@@ -226,7 +226,7 @@ impl<'a> Maker<'a> {
         let pin = self.pins.next(modules)?;
         let mut why = None;
         if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
-            let pinned_modes = pin.as_ref().map(|pin| &pin.kept[..]);
+            let pinned_modes = pin.as_ref().map(|pin| &pin.body_methods[..]);
             let bank = body::bank(
                 &subset,
                 &island_timeline.timeline,
@@ -241,7 +241,7 @@ impl<'a> Maker<'a> {
                     self.seen_units.extend(self.silent_modes(
                         &subset,
                         &island_timeline,
-                        &solved_bank.bank.kept,
+                        &solved_bank.bank.computed_modes,
                     ));
                     for (&output, rest) in subset.outputs.iter().zip(&solved_bank.rest) {
                         self.plan.still[output as usize] += rest;
@@ -251,7 +251,7 @@ impl<'a> Maker<'a> {
                         oversampling: 1,
                         contact_substeps: 0,
                         counted_cost: None,
-                        kept: vec![solved_bank.kept.numbers()],
+                        body_methods: vec![solved_bank.computed.numbers()],
                     });
                     let mut row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
@@ -287,7 +287,7 @@ impl<'a> Maker<'a> {
         let memo = Memo::new(&[]);
         let bank =
             |kept| body::bank(&probed, &island_timeline.timeline, self.budget, kept, &memo).ok();
-        let mut silent = bank(None)?.kept.numbers();
+        let mut silent = bank(None)?.computed.numbers();
         silent.retain(|mode| listened.binary_search(mode).is_err());
         if silent.is_empty() {
             return None;
@@ -322,7 +322,7 @@ impl<'a> Maker<'a> {
             Ok(solved) => solved,
         };
         let Solved {
-            found:
+            chosen:
                 ChosenIsland {
                     island,
                     error,
@@ -351,7 +351,7 @@ impl<'a> Maker<'a> {
             oversampling: island_plan.oversampling,
             contact_substeps: island_plan.contact_substeps,
             counted_cost: island_plan.counted_cost,
-            kept: bodies.iter().map(Body::numbers).collect(),
+            body_methods: bodies.iter().map(Body::numbers).collect(),
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
         if island_plan.network.n_mat() > n_ports {
@@ -452,7 +452,7 @@ impl<'a> Maker<'a> {
             _ => None,
         };
         Ok(Solved {
-            found: solved,
+            chosen: solved,
             growth,
             slow_error,
             refused_slow,
@@ -464,10 +464,10 @@ impl<'a> Maker<'a> {
 /// Notes on a bank which body it is of, and which of its modes.
 fn label_bank(solved_bank: &mut Found, subset: &Subset, island_timeline: &OwnTimeline) {
     solved_bank.bank.is_open = island_timeline.timeline.is_open;
-    solved_bank.bank.kept = solved_bank.kept.numbers();
+    solved_bank.bank.computed_modes = solved_bank.computed.numbers();
     // A takeover needs normal modes.
     let is_normal = solved_bank.kind == ModeKind::Normal;
-    solved_bank.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
+    solved_bank.bank.body = is_normal.then(|| Arc::new(subset.network.clone()));
 }
 
 /// Refuses an island with a law that the method asked for by name would leave to CA.

@@ -73,14 +73,14 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                 };
                 let f = cell.pitch(design_rate).map_or(0.0, |(f, _)| f);
                 too_high.extend(above_nyquist(network, i, f, rate));
-                (step * step / m, at_rate(cell, design_rate, rate))
+                (step * step / m, resampled(cell, design_rate, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
             (scheme.kappa[i], scheme.zeta[i]) = (ratios.kappa, ratios.zeta);
         }
     }
-    if let Some(refused) = Error::of(too_high) {
+    if let Some(refused) = Error::combined(too_high) {
         return Err(refused);
     }
     let mut laws: Vec<Arc<Law>> = Vec::new();
@@ -104,7 +104,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             LinkKind::Ref => scheme.runs.push(planned),
             LinkKind::Space(space) => {
                 scheme.linear = false;
-                planned.kind = Kind::Space(space.at_rate(per_step));
+                planned.kind = Kind::Space(space.resampled(per_step));
                 scheme.runs.push(planned);
             }
             LinkKind::Pairwise(pairs) => {
@@ -245,7 +245,7 @@ fn above_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Option<Er
 
 /// κ and ζ of a discrete CEL at another rate: from its poles if they have a pitch and a decay, else by M = m/T², Z =
 /// z/T.
-fn at_rate(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
+fn resampled(ratios: Ratios, design_rate: Rate, rate: Rate) -> Ratios {
     if design_rate.hertz() == rate.hertz() {
         return ratios;
     }

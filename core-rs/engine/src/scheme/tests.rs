@@ -31,7 +31,7 @@ fn unstable(network: &Network) -> (String, f64, u32) {
 }
 
 /// One mass on one link to a fixed point: λ is (K + 2Z)/M.
-fn one(k: f64, z: f64) -> Network {
+fn single_mass(k: f64, z: f64) -> Network {
     let mut network = discrete();
     let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
     let s = network.sol("s", 0.0).unwrap();
@@ -56,14 +56,14 @@ fn row(n: usize, k: f64) -> Network {
 #[test]
 fn the_border_of_one_mass_is_four() {
     for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
-        let below = certify(&one(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
+        let below = certify(&single_mass(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
         assert_eq!(
             (below.word, below.oversampling()),
             (StabilityGuarantee::Proved, 1)
         );
         assert!(below.lambda_max < 4.0 && below.lambda_max > 4.0 - 1e-10);
         for factor in [1.0 + 1e-12, 1.1] {
-            let (module, lambda, oversampling) = unstable(&one(k * factor, z * factor));
+            let (module, lambda, oversampling) = unstable(&single_mass(k * factor, z * factor));
             assert_eq!((module.as_str(), oversampling), ("p.m", 2));
             assert!(lambda > 4.0);
         }

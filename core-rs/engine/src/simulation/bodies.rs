@@ -13,7 +13,7 @@ use crate::units::Rate;
 /// Where a body is computed: in a bank of its modes (`None`), or as a body of an island (its index).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    pub(super) at: UnitIndex,
+    pub(super) unit: UnitIndex,
     body: Option<usize>,
 }
 
@@ -71,14 +71,14 @@ impl<'a> BodyCandidate<'a> {
             let bodies = island_plan.bodies.iter().enumerate();
             for (index, body) in bodies.filter(|(index, _)| !without.contains(&(unit, *index))) {
                 let place = Place {
-                    at: unit,
+                    unit,
                     body: Some(index),
                 };
                 let (network, modes_kept, local_mats): (&Network, Option<_>, Vec<usize>) =
                     match body {
                         BodyPlan::Modal(modal) => {
-                            let modes_kept = (&modal.kept[..], modal.turned.as_deref());
-                            (&modal.of, Some((modes_kept, modal.rate)), Vec::new())
+                            let modes_kept = (&modal.computed[..], modal.turned.as_deref());
+                            (&modal.network, Some((modes_kept, modal.rate)), Vec::new())
                         }
                         BodyPlan::Mesh(mesh) => {
                             (&mesh.network, None, (0..mesh.network.n_mat()).collect())
@@ -100,12 +100,9 @@ impl<'a> BodyCandidate<'a> {
             }
         }
         for (&(unit, bank), _) in unmatched(&side.banks, banks) {
-            let Some(network) = &bank.of else { continue };
-            let place = Place {
-                at: unit,
-                body: None,
-            };
-            let modes_kept = (&bank.kept[..], bank.turned.as_deref());
+            let Some(network) = &bank.body else { continue };
+            let place = Place { unit, body: None };
+            let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
             let source = MassSource::Modes(network, modes_kept, side.rate);
             candidates.push(Self::new(place, network, &moving(network), source, step));
         }
@@ -205,7 +202,7 @@ pub(super) fn names(
 impl Body {
     /// Copies the positions and steps of the masses from the simulation into the workspace.
     pub(super) fn read_masses(&self, simulation: &mut Simulation, workspace: &mut Workspace) {
-        let playing = simulation.playing(self.place.at);
+        let playing = simulation.playing(self.place.unit);
         let times = playing.steps_a_frame();
         match &self.source {
             Source::Modes(seen) => {
@@ -249,7 +246,7 @@ impl Body {
 
     /// Sets the motion of the body from its masses in the workspace.
     pub(super) fn write_masses(&mut self, simulation: &mut Simulation, workspace: &mut Workspace) {
-        let playing = simulation.playing(self.place.at);
+        let playing = simulation.playing(self.place.unit);
         let frames = 1.0 / playing.steps_a_frame();
         match &mut self.source {
             Source::Modes(seen) => {

@@ -9,7 +9,7 @@ use crate::interrupt;
 use crate::island::{Fault, Island, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::{IslandPlan, Plan, Unit, whole};
+use crate::plan::{IslandPlan, Plan, Unit, to_network_index};
 use crate::units::Rate;
 
 /// Frames that a unit advances before its output is added to the sum: few enough for its state to stay in the cache.
@@ -287,7 +287,7 @@ fn add(
         .zip(sound.chunks_exact(n_island_out))
     {
         for (local, samples) in samples.iter().enumerate() {
-            frame[whole(&island_plan.to_whole.outputs, local)] += samples;
+            frame[to_network_index(&island_plan.to_whole.outputs, local)] += samples;
         }
     }
 }

@@ -11,7 +11,7 @@ use super::group::RunningUnit;
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
-use crate::plan::{Plan, Unit, whole};
+use crate::plan::{Plan, Unit, to_network_index};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use maker::Maker;
@@ -60,7 +60,7 @@ pub struct SeenBody {
     /// Index of its first mode among the modes of all bodies.
     pub first: usize,
     /// Number of its modes that the engine computes; `modes` holds the lowest of them.
-    pub of: usize,
+    pub n_modes: usize,
     /// Its points: indices in [`Look::points`], rising.
     pub points: Vec<usize>,
     /// Displacement of each point per unit of each mode   (n_points, n_modes)
@@ -116,7 +116,7 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Look {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
-    fn of(simulation: &Simulation) -> Self {
+    fn new(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
         let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
@@ -167,10 +167,17 @@ impl Simulation {
         };
         let strikes = timeline.strikes.iter().map(|strike| {
             let (struck, mat) = (mass(strike.mat), strike.mat as usize);
-            Record::event(strike.at, mat, strike.source, struck, 0.0, strike.impulse)
+            Record::event(
+                strike.instant,
+                mat,
+                strike.source,
+                struck,
+                0.0,
+                strike.impulse,
+            )
         });
         let ergons = timeline.ergons.iter().map(|ergon| Record {
-            time: ergon.at,
+            time: ergon.instant,
             mat: ergon.mat,
             source: ergon.source,
             mass: ergon.mass,
@@ -190,7 +197,7 @@ impl Simulation {
 
     /// What can be seen of the simulation. Takes longer than finding the modes of its bodies.
     pub fn looked_at(&self) -> Look {
-        Look::of(self)
+        Look::new(self)
     }
 
     /// Displacements now and one frame before [m]   (2 · n_tracks): first all of now, then all of before. The value
@@ -271,7 +278,7 @@ impl Simulation {
         for (unit, mats) in &look.played {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
                 island.take_sparks(|spark| {
-                    let mat = whole(mats, spark.mat as usize) as u32;
+                    let mat = to_network_index(mats, spark.mat as usize) as u32;
                     tell(Record { mat, ..spark });
                 });
             }

@@ -97,7 +97,7 @@ impl ReachableNetwork {
         while response.len() < least || (response.len() < ticks_max && rings(&response)) {
             for _ in 0..least.min(ticks_max - response.len()) {
                 let _ = simulation.skip(frames);
-                response.push(-simulation.felt(0) / DISPLACEMENT);
+                response.push(-simulation.hand_force(0) / DISPLACEMENT);
             }
         }
         let is_whole = simulation.n_muted() == 0 && response.iter().all(|force| force.is_finite());

@@ -43,7 +43,7 @@ impl Simulation {
         let sources = self.plan.sounds_in.iter().map(|own| own.source);
         let channels = sources.filter_map(|source| match source {
             InputSource::Channel(channel) => Some(channel + 1),
-            InputSource::Told { .. } => None,
+            InputSource::Value { .. } => None,
         });
         channels.max().unwrap_or_default()
     }

@@ -107,7 +107,7 @@ impl Takeover {
             vec![false; here.banks.len()],
         ];
         let first =
-            |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.of, bank.mats.first()) {
+            |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
                 (Some(network), _) => network.mat_name(0),
                 (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
                 (None, None) => String::new(),
@@ -121,7 +121,7 @@ impl Takeover {
                 continue;
             };
             let (from, other) = there.banks[before];
-            let is_same = match (&bank.of, &other.of) {
+            let is_same = match (&bank.body, &other.body) {
                 (Some(own), Some(their)) => own.is_same(their),
                 (None, None) => {
                     let name = |network: &Network, mat: &(u32, f64)| {
@@ -139,7 +139,8 @@ impl Takeover {
             }
             if are_same(&bank.oscillators, &other.oscillators) {
                 self.units.push((from, to));
-            } else if bank.of.is_some() && have_same_poles(&bank.oscillators, &other.oscillators) {
+            } else if bank.body.is_some() && have_same_poles(&bank.oscillators, &other.oscillators)
+            {
                 self.modes.push((from, to, bank.oscillators.len()));
             } else {
                 continue;
@@ -281,7 +282,7 @@ impl Takeover {
                 self.mats.push((from, *to));
             }
         }
-        self.placed.extend(to.iter().map(|body| body.place.at));
+        self.placed.extend(to.iter().map(|body| body.place.unit));
         (self.from, self.to) = (from, to);
     }
 }

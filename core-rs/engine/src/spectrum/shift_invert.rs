@@ -10,7 +10,7 @@ use super::springs::Springs;
 use super::vector::{
     add, dot, norm, normalise, orthogonalise, orthogonalise_once, start_vector, units,
 };
-use super::{Mode, whole};
+use super::{Mode, all_eigenvalues};
 use crate::interrupt;
 
 /// Largest number of modes sought at one shift: a longer basis costs more than another factorisation.
@@ -32,7 +32,7 @@ const FRUITLESS_RUNS_MAX: usize = 3;
 
 /// Modes by rising λ, and whether the inertia of the matrix confirms that none is missing among them.
 #[derive(Debug)]
-pub(crate) struct Found {
+pub(crate) struct LowestModes {
     pub(crate) modes: Vec<Mode>,
     pub(crate) is_certified: bool,
 }
@@ -44,7 +44,7 @@ pub(crate) fn n_below(springs: &Springs, bound: f64) -> usize {
 }
 
 /// The `count` modes of the smallest λ; fewer if there are not so many.
-pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
+pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> LowestModes {
     let n = springs.n();
     let count = count.min(n);
     // A shift below all eigenvalues: slightly below 0, or below the Gershgorin bound if the matrix has negative
@@ -81,14 +81,14 @@ pub(crate) fn lowest_modes(springs: &Springs, count: usize) -> Found {
     }
     let is_counted = known >= count || modes.len() == n;
     modes.truncate(count);
-    Found {
+    LowestModes {
         is_certified: is_counted && are_modes(springs, &modes),
         modes,
     }
 }
 
 /// The `count` modes whose λ lies nearest to `centre`.
-pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Found {
+pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> LowestModes {
     let n = springs.n();
     let count = count.min(n);
     let mut shift = centre;
@@ -119,7 +119,7 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Foun
     }
     modes.truncate(count);
     sort(&mut modes);
-    Found {
+    LowestModes {
         is_certified: is_counted && are_modes(springs, &modes),
         modes,
     }
@@ -242,7 +242,7 @@ fn converged_pairs(alphas: &[f64], betas: &[f64], beta: f64) -> (Vec<Vec<f64>>, 
             small[(i + 1) * k + i] = betas[i];
         }
     }
-    let Some((values, seen)) = whole(small, &units(k)) else {
+    let Some((values, seen)) = all_eigenvalues(small, &units(k)) else {
         return (Vec::new(), false);
     };
     let mut order: Vec<usize> = (0..k).collect();

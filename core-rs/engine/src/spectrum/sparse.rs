@@ -150,7 +150,7 @@ impl Values<f64> {
 
 impl<T: Scalar> Values<T> {
     /// Combines two matrices of one pattern element by element with `make`, and adds `more` to the diagonal.
-    pub(crate) fn of<U: Copy>(
+    pub(crate) fn combine<U: Copy>(
         first: &Values<U>,
         other: &Values<U>,
         more: T,

@@ -60,7 +60,7 @@ fn close(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() <= tolerance * b.abs()
 }
 
-fn of_sine(angle: f64) -> f64 {
+fn from_sine(angle: f64) -> f64 {
     4.0 * sin(angle) * sin(angle)
 }
 
@@ -77,7 +77,7 @@ fn strings_match_closed_forms() {
         let wide = 2.0 * (n as f64 + 1.0);
         let fixed = string(n, true);
         let mode = lowest(n, &mut operator(&fixed), &[]).expect("fixed");
-        let closed = of_sine(PI / wide);
+        let closed = from_sine(PI / wide);
         assert!(
             close(mode.lambda, closed, 1e-13),
             "{n}: {} {closed}",
@@ -87,7 +87,7 @@ fn strings_match_closed_forms() {
         let mode = lowest(n, &mut operator(&free), &[vec![1.0; n]]);
         assert_eq!(mode.is_none(), n == 1);
         if let Some(mode) = mode {
-            let closed = of_sine(PI / (2.0 * n as f64));
+            let closed = from_sine(PI / (2.0 * n as f64));
             assert!(
                 close(mode.lambda, closed, 1e-13),
                 "{n}: {} {closed}",
@@ -102,7 +102,7 @@ fn strings_match_closed_forms() {
                 safe,
                 ..
             } = largest(n, &mut operator(&fixed));
-            let closed = of_sine(PI / 2.0 * n as f64 / (n as f64 + 1.0));
+            let closed = from_sine(PI / 2.0 * n as f64 / (n as f64 + 1.0));
             assert!(
                 theta <= closed * (1.0 + 1e-14) && safe >= closed * (1.0 - 1e-14),
                 "{n}"
@@ -122,7 +122,7 @@ fn modes_of_a_string_and_of_a_membrane() {
     let modes = certified(n, &fixed, 50);
     assert_eq!(modes.len(), 50);
     for (i, mode) in modes.iter().enumerate() {
-        let closed = of_sine((i + 1) as f64 * PI / (2.0 * (n as f64 + 1.0)));
+        let closed = from_sine((i + 1) as f64 * PI / (2.0 * (n as f64 + 1.0)));
         assert!(
             close(mode.lambda, closed, 1e-12),
             "{i}: {} {closed}",
@@ -140,7 +140,7 @@ fn modes_of_a_string_and_of_a_membrane() {
             springs.push((i - side, Some(i), 1.0));
         }
     }
-    let single = |i: usize| of_sine(i as f64 * PI / (2.0 * side as f64));
+    let single = |i: usize| from_sine(i as f64 * PI / (2.0 * side as f64));
     let mut closed: Vec<f64> = (0..side * side)
         .map(|i| single(i / side) + single(i % side))
         .collect();
@@ -169,7 +169,7 @@ fn modes_that_nearly_agree_are_told_apart() {
     let shifted = |(a, b, k): &(usize, Option<usize>, f64)| (a + n, b.map(|b| b + n), k * 1.0001);
     springs.extend(second.iter().map(shifted));
     let mode = lowest(2 * n, &mut operator(&springs), &[]).expect("mode");
-    let closed = of_sine(PI / (2.0 * (n as f64 + 1.0)));
+    let closed = from_sine(PI / (2.0 * (n as f64 + 1.0)));
     assert!(
         close(mode.lambda, closed, 1e-13),
         "{} {closed}",
@@ -286,7 +286,7 @@ fn the_whole_spectrum_is_that_of_the_matrix() {
         let full: Vec<f64> = (0..n * n).map(|at| cell(at / n, at % n)).collect();
         let same = nalgebra::DMatrix::from_row_slice(n, n, &full).symmetric_eigen();
         let probe: Vec<f64> = (0..n).map(|i| maths::cos(i as f64)).collect();
-        let (values, seen) = whole(full, std::slice::from_ref(&probe)).unwrap();
+        let (values, seen) = all_eigenvalues(full, std::slice::from_ref(&probe)).unwrap();
         let mut expected: Vec<(f64, f64)> = (0..n)
             .map(|i| {
                 let column = same.eigenvectors.column(i);
@@ -319,7 +319,7 @@ fn the_whole_spectrum_of_a_string() {
     }
     let mut end = vec![0.0; n];
     end[0] = 1.0;
-    let (values, seen) = whole(full, &[end]).unwrap();
+    let (values, seen) = all_eigenvalues(full, &[end]).unwrap();
     for i in 0..n {
         let angle = std::f64::consts::PI * (i + 1) as f64 / (n + 1) as f64;
         assert!((values[i] - (2.0 - 2.0 * maths::cos(angle))).abs() < 1e-13);

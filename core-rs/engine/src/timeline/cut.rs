@@ -44,13 +44,13 @@ impl Timeline {
         let leads = self.leads.iter().filter(|lead| !lead.is_over(frame));
         let strikes = self.strikes.iter();
         // All ergons before the frame stay: without any, a body would go by its modes, which must be solved first.
-        let ergons = self.ergons.iter().filter(|ergon| is_before(ergon.at));
+        let ergons = self.ergons.iter().filter(|ergon| is_before(ergon.instant));
         Self {
             rate: self.rate,
             keys: self.keys.clone(),
             gestures: gestures.cloned().collect(),
             strikes: strikes
-                .filter(|strike| strike.at >= since(strike) && is_before(strike.at))
+                .filter(|strike| strike.instant >= since(strike) && is_before(strike.instant))
                 .copied()
                 .collect(),
             ergons: ergons.copied().collect(),

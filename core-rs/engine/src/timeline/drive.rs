@@ -22,7 +22,7 @@ pub struct Drive {
     pub(crate) kind: DriveKind,
     pub(crate) source: Source,
     /// Whether the drive belongs to the MAT's own part. If so, it also acts on the free copy of a key (e.g. a weight).
-    pub(crate) own: bool,
+    pub(crate) acts_on_free_key: bool,
 }
 
 /// Source of the values of a drive.
@@ -66,8 +66,8 @@ impl Drive {
     pub(crate) fn value(&self, n: u64, rate: f64) -> f64 {
         match &self.source {
             Source::Constant(value) => *value,
-            Source::Take(path) => path.at(n as f64 / rate).0,
-            Source::Hand(hand) => hand.at(n),
+            Source::Take(path) => path.evaluate(n as f64 / rate).0,
+            Source::Hand(hand) => hand.position(n),
             Source::Key(_) | Source::Strikes { .. } => 0.0,
             Source::SoundIn {
                 sound,
@@ -78,7 +78,7 @@ impl Drive {
                 // when nobody knows yet what will be played.
                 let frame = (n / u64::from(*steps)).checked_sub(1);
                 let frame = frame.filter(|_| self.kind == DriveKind::Position);
-                frame.map_or(0.0, |frame| scale * sound.at(frame))
+                frame.map_or(0.0, |frame| scale * sound.value(frame))
             }
         }
     }
@@ -141,7 +141,10 @@ impl Drive {
             DriveKind::Position => {
                 let x = match &self.source {
                     // The best known value: a device's position arrives at the beginning of a frame.
-                    Source::Hand(Hand { way: mode, .. }) => match mode {
+                    Source::Hand(Hand {
+                        interpolation: mode,
+                        ..
+                    }) => match mode {
                         HandWay::Hold => body.x[self.mat],
                         HandWay::Line => body.x[self.mat] + body.d[self.mat],
                     },

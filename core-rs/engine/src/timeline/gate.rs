@@ -34,7 +34,7 @@ pub(crate) struct Ramp {
 
 impl Ramp {
     /// The factor at frame `n`.
-    pub(crate) fn at(&self, n: u64) -> f64 {
+    pub(crate) fn factor(&self, n: u64) -> f64 {
         if n >= self.stop {
             return self.to;
         }
@@ -115,7 +115,7 @@ impl Gate {
         let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
         let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
         let open = risen - fallen;
-        self.ramp.map_or(open, |ramp| open * ramp.at(n))
+        self.ramp.map_or(open, |ramp| open * ramp.factor(n))
     }
 
     /// The first frame, `n` or later, at which the factor may change, including the continuation from a replaced

@@ -29,14 +29,14 @@ pub struct Hand {
     /// Frames from tick to tick.
     pub(crate) tick_frames: u32,
     /// Interpolation between ticks.
-    pub(crate) way: HandWay,
+    pub(crate) interpolation: HandWay,
     /// Position at each tick if no device sends another [m], (n_ticks); the last one holds.
     pub(crate) positions: Arc<[f64]>,
 }
 
 impl Hand {
     /// Position at frame `n` if no device sends another [m].
-    pub(crate) fn at(&self, n: u64) -> f64 {
+    pub(crate) fn position(&self, n: u64) -> f64 {
         let tick = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
         let last = self.positions.len().saturating_sub(1);
         self.positions.get(tick.min(last)).copied().unwrap_or(0.0)
@@ -99,7 +99,7 @@ impl Timeline {
         let hand = Hand {
             index,
             tick_frames,
-            way: mode,
+            interpolation: mode,
             positions,
         };
         self.drive(mat, DriveKind::Position, Source::Hand(hand), false)?;

@@ -23,7 +23,7 @@ pub(crate) struct Lead {
 
 impl Lead {
     /// The factors at frame `n` plus the fraction `part` of a frame.
-    pub(crate) fn at(&self, n: u64, part: f64) -> Factors {
+    pub(crate) fn factors(&self, n: u64, part: f64) -> Factors {
         let next = self.points.partition_point(|&(frame, _)| frame <= n);
         let Some(&(start, from)) = next.checked_sub(1).and_then(|last| self.points.get(last))
         else {
@@ -113,7 +113,7 @@ pub(crate) fn greatest(network: &Network, leads: &[Lead]) -> Result<Network, Err
 pub(crate) fn first(network: &Network, leads: &[Lead]) -> Result<Network, Error> {
     let mut begun = network.clone();
     for lead in leads {
-        begun.scale(lead.links(), lead.at(0, 0.0))?;
+        begun.scale(lead.links(), lead.factors(0, 0.0))?;
     }
     Ok(begun)
 }

@@ -67,7 +67,7 @@ impl Timeline {
     /// The parts of a strike, by rising frame. They are 1/44,100 s apart whatever the rate of this timeline, so that
     /// the force is the same at any rate.
     pub(crate) fn parts(&self, strike: &Strike, instants: Instants) -> impl Iterator<Item = Part> {
-        let (begin, impulse, rate) = (strike.at, strike.impulse, self.rate.hertz());
+        let (begin, impulse, rate) = (strike.instant, strike.impulse, self.rate.hertz());
         let spacing = rate / PARTS_A_SECOND;
         let first = match instants {
             Instants::Exact => 0,
@@ -93,7 +93,7 @@ impl Timeline {
 
     /// Instants [s] and impulses [N·s] of which a strike consists.
     pub(super) fn impulses_of(&self, strike: &Strike) -> impl Iterator<Item = (f64, f64)> {
-        let (begin, impulse) = (strike.at, strike.impulse);
+        let (begin, impulse) = (strike.instant, strike.impulse);
         let step = 1.0 / PARTS_A_SECOND;
         shares(strike.frames)
             .map(move |(after, share)| (begin + f64::from(after) * step, share * impulse))
@@ -112,7 +112,7 @@ impl Timeline {
     /// The share of a strike's impulse in each step, if it begins on frame 0.
     pub(crate) fn steps_of_strike(&self, frames: u32) -> Vec<f64> {
         let strike = Strike {
-            at: 0.0,
+            instant: 0.0,
             mat: 0,
             source: 0,
             frames,

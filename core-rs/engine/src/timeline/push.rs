@@ -9,7 +9,7 @@ use crate::network::{MatKind, Network};
 pub(crate) struct Push {
     pub(crate) frame: u64,
     /// Instant of the strike [s], which may lie between frames.
-    pub(crate) at: f64,
+    pub(crate) instant: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
     /// Force [N].
@@ -48,7 +48,7 @@ pub(crate) fn pushes(
                 };
                 pushes.push(Push {
                     frame,
-                    at: strike.at,
+                    instant: strike.instant,
                     mat: strike.mat,
                     source: strike.source,
                     force,

@@ -21,7 +21,7 @@ pub enum InputSource {
     Channel(usize),
     /// Values of [`Simulation::tell`](crate::simulation::Simulation::tell): each is reached after `glide` [s], and
     /// held.
-    Told {
+    Value {
         /// The number by which the input is told.
         number: u64,
         /// Time from one value to the next [s].
@@ -49,7 +49,7 @@ impl SoundInSettings {
     }
 
     /// The input value at which the clamp begins to act, full scale 1.
-    pub(crate) fn most(&self) -> f64 {
+    pub(crate) fn clamp_start(&self) -> f64 {
         (self.clamp / self.gain).abs()
     }
 }
@@ -89,7 +89,7 @@ impl Conditioner {
     pub(crate) fn channel(&self) -> Option<usize> {
         match self.settings.source {
             InputSource::Channel(channel) => Some(channel),
-            InputSource::Told { .. } => None,
+            InputSource::Value { .. } => None,
         }
     }
 
@@ -126,7 +126,7 @@ pub struct SoundIn {
 
 impl SoundIn {
     /// The value from the file at a frame of the score [m or N].
-    pub(crate) fn at(&self, frame: u64) -> f64 {
+    pub(crate) fn value(&self, frame: u64) -> f64 {
         let index = usize::try_from(frame).unwrap_or(usize::MAX);
         self.values.get(index).copied().unwrap_or(0.0)
     }
@@ -169,11 +169,11 @@ impl Timeline {
             return wrong("the clamp of an input", " above 0", settings.clamp);
         }
         let mut frames = 1;
-        if let InputSource::Told { glide, .. } = settings.source {
+        if let InputSource::Value { glide, .. } = settings.source {
             if !(0.0..=GLIDE_MAX).contains(&glide) {
                 return wrong("the glide of an input", " of seconds from 0 to 60", glide);
             }
-            if !settings.most().is_finite() {
+            if !settings.clamp_start().is_finite() {
                 return wrong("the gain of an input", " that is not 0", settings.gain);
             }
             frames = ((glide * rate + 0.5) as u64).max(1);

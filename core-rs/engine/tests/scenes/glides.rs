@@ -13,7 +13,7 @@ use super::scene::options;
 
 const RATE: f64 = 44_100.0;
 /// First frame of the change, and its duration [frames].
-const AT: u64 = 6_400;
+const BORDER: u64 = 6_400;
 const OVER: u64 = 64;
 
 fn plain() -> Options {
@@ -34,7 +34,7 @@ fn instant(frame: u64) -> f64 {
 }
 
 fn span() -> (f64, f64) {
-    (instant(AT), instant(AT + OVER))
+    (instant(BORDER), instant(BORDER + OVER))
 }
 
 fn point(first: usize) -> Vec<Term> {
@@ -49,13 +49,13 @@ fn listen_to_all(network: &mut Network) {
 }
 
 /// The old version up to frame `at`, the new one from then on: (n_frames · n_out).
-fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> {
+fn joined(old: &Arc<Plan>, new: &Arc<Plan>, border: u64, n_frames: u64) -> Vec<f64> {
     let mut old = Simulation::planned(old.clone(), plain()).unwrap();
     let n_out = old.n_out();
     let mut sound = vec![0.0; n_frames as usize * n_out];
-    let (before, after) = sound.split_at_mut(at as usize * n_out);
+    let (before, after) = sound.split_at_mut(border as usize * n_out);
     old.process(before).unwrap();
-    let mut new = Simulation::planned_from(new.clone(), plain(), at).unwrap();
+    let mut new = Simulation::planned_from(new.clone(), plain(), border).unwrap();
     let mut takeover = Takeover::new(&old, &new);
     assert!(new.take_over(&mut old, &mut takeover));
     new.process(after).unwrap();
@@ -73,7 +73,7 @@ fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
 
 /// Ratio of the largest third difference during the change to that before and after it.
 fn roughness(sound: &[f64], n_out: usize) -> f64 {
-    let (position, over, long) = (AT as usize, OVER as usize, 1_500);
+    let (position, over, long) = (BORDER as usize, OVER as usize, 1_500);
     let before = third(sound, n_out, position - long..position - 4);
     let after = third(sound, n_out, position + over + 4..position + over + long);
     third(sound, n_out, position - 4..position + over + 4) / before.max(after)
@@ -102,16 +102,16 @@ fn a_cell_glides_to_another_stiffness() {
     gliding.glide(&new, 0, [k, 1e-3, m], span()).unwrap();
     let budget = Budget::default();
     let old = plan(old, &begin(), &budget);
-    let jumps = joined(&old, &plan(new.clone(), &begin(), &budget), AT, 12_800);
+    let jumps = joined(&old, &plan(new.clone(), &begin(), &budget), BORDER, 12_800);
     let gliding = plan(new.clone(), &gliding, &budget);
-    let glides = joined(&old, &gliding, AT, 12_800);
+    let glides = joined(&old, &gliding, BORDER, 12_800);
     assert!(roughness(&jumps, 1) > 4.0, "{}", roughness(&jumps, 1));
     assert!(roughness(&glides, 1) < 1.5, "{}", roughness(&glides, 1));
     // After the glide it continues as the new cell, in a bank as well.
     let after = plan(new, &begin(), &budget);
-    let mut simulation = Simulation::planned_from(gliding, plain(), AT).unwrap();
-    let end = AT + OVER;
-    simulation.skip(end - AT).unwrap();
+    let mut simulation = Simulation::planned_from(gliding, plain(), BORDER).unwrap();
+    let end = BORDER + OVER;
+    simulation.skip(end - BORDER).unwrap();
     let mut saved = simulation.fork();
     let mut next = Simulation::planned_from(after, plain(), end).unwrap();
     let mut takeover = Takeover::new(&simulation, &next);
@@ -163,11 +163,11 @@ fn a_spring_glides_to_another_stiffness() {
     let jumps = joined(
         &old,
         &plan(by_factor.clone(), &begin(), &budget),
-        AT,
+        BORDER,
         12_800,
     );
-    let factor = joined(&old, &plan(by_factor, &factor, &budget), AT, 12_800);
-    let cross = joined(&old, &plan(twice, &cross, &budget), AT, 12_800);
+    let factor = joined(&old, &plan(by_factor, &factor, &budget), BORDER, 12_800);
+    let cross = joined(&old, &plan(twice, &cross, &budget), BORDER, 12_800);
     assert!(roughness(&jumps, 2) > 2.0, "{}", roughness(&jumps, 2));
     assert!(roughness(&factor, 2) < 1.5, "{}", roughness(&factor, 2));
     let apart = factor
@@ -238,7 +238,7 @@ fn a_string_glides_to_another_pitch() {
     }
     let timeline = struck(&old);
     let old = plan(old, &timeline, &budget);
-    let sound = joined(&old, &plan(new, &gliding, &budget), AT, 12_800);
+    let sound = joined(&old, &plan(new, &gliding, &budget), BORDER, 12_800);
     assert!(roughness(&sound, n) < 1.5, "{}", roughness(&sound, n));
 }
 
@@ -271,15 +271,15 @@ fn mass_by_mass(has_key: bool) {
             .collect()
     };
     let (before, after) = (plans(&old), plans(&new));
-    let n_frames = AT + 500;
+    let n_frames = BORDER + 500;
     for (i, old) in before.iter().enumerate() {
         let mut alone = Simulation::planned(old.clone(), plain()).unwrap();
         let mut unchanged = vec![0.0; n_frames as usize * n];
         alone.process(&mut unchanged).unwrap();
         let peak = unchanged.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
         for (j, new) in after.iter().enumerate() {
-            let sound = joined(old, new, AT, n_frames);
-            let now = AT as usize * n..(AT as usize + 1) * n;
+            let sound = joined(old, new, BORDER, n_frames);
+            let now = BORDER as usize * n..(BORDER as usize + 1) * n;
             let apart = |range: std::ops::Range<usize>| {
                 let pairs = sound[range.clone()].iter().zip(&unchanged[range]);
                 pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / peak
@@ -289,7 +289,7 @@ fn mass_by_mass(has_key: bool) {
                 "{has_key} {i} {j}: {}",
                 apart(now.clone())
             );
-            let next = (AT as usize + 1) * n..(AT as usize + 2) * n;
+            let next = (BORDER as usize + 1) * n..(BORDER as usize + 2) * n;
             // One frame later, the methods differ by their errors in one frame.
             assert!(
                 apart(next.clone()) < 2e-2,

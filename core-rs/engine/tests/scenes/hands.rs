@@ -118,7 +118,7 @@ fn a_gesture_from_before_the_piece_is_joined() {
 }
 
 #[test]
-fn of_two_gestures_at_one_instant_the_later_written_plays() {
+fn two_gestures_at_an_instant_play_the_later() {
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(0.05, 0.0), (0.1, 5e-3)]), Manner::OPEN);
     keys.play(&smooth(&[(0.05, 0.0), (0.1, -3e-3)]), Manner::OPEN);

@@ -92,7 +92,7 @@ fn a_recording_renders_to_what_was_played() {
             let mut out = vec![0.0; every as usize];
             live.process(&mut out).unwrap();
             played.extend(out);
-            forces.push(live.felt(0));
+            forces.push(live.hand_force(0));
         }
         assert!(
             forces.iter().any(|f| *f < -0.1),
@@ -109,7 +109,10 @@ fn a_recording_renders_to_what_was_played() {
             out.chunks_mut(block)
                 .for_each(|out| again.process(out).unwrap());
             assert!(out == played, "{budget:?}, blocks of {block}");
-            assert_eq!(again.felt(0).to_bits(), forces[forces.len() - 1].to_bits());
+            assert_eq!(
+                again.hand_force(0).to_bits(),
+                forces[forces.len() - 1].to_bits()
+            );
         }
     }
 }
@@ -142,7 +145,7 @@ fn a_key_apart_is_the_key_in_the_scene() {
         let (mut a, mut b) = ([0.0], [0.0]);
         complete.process(&mut a).unwrap();
         apart.process(&mut b).unwrap();
-        let forces = apart.felt(0);
+        let forces = apart.hand_force(0);
         touched |= forces != 0.0;
         d += (push + forces) * w - ratios.kappa * x - ratios.zeta * d;
         x += d;
@@ -165,11 +168,11 @@ fn structural_latency_is_one_sample() {
     let mut scene = Simulation::new(network, &open, plain()).unwrap();
     let mut x = vec![0.0; 1];
     scene.process(&mut x).unwrap();
-    assert_eq!(scene.felt(0), 0.0);
+    assert_eq!(scene.hand_force(0), 0.0);
     // Frame 1: the hand is at 2 mm, a millimetre into the contact.
     scene.hold(0, 2e-3, None);
     scene.process(&mut x).unwrap();
-    assert!(scene.felt(0) < 0.0, "felt in the same frame");
+    assert!(scene.hand_force(0) < 0.0, "felt in the same frame");
     assert!(
         scene.positions()[4] > 0.0,
         "frame 2: the struck mass has moved"
@@ -195,6 +198,10 @@ fn hands_feel_each_other() {
     let mut duet = planned(&network, &timeline, &Budget::default());
     duet.hold(0, 10e-3, None);
     duet.skip(44).unwrap();
-    assert!((duet.felt(1) - 1.2).abs() < 1e-12, "{}", duet.felt(1));
-    assert!((duet.felt(0) + 1.2).abs() < 1e-12);
+    assert!(
+        (duet.hand_force(1) - 1.2).abs() < 1e-12,
+        "{}",
+        duet.hand_force(1)
+    );
+    assert!((duet.hand_force(0) + 1.2).abs() < 1e-12);
 }

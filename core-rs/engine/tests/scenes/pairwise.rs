@@ -378,7 +378,7 @@ fn what_cannot_meet_is_refused() {
 
 /// Contacts that are too stiff for their steps create energy, which stops a render.
 #[test]
-fn made_energy_is_told_of() {
+fn energy_gain_is_reported() {
     let mut network = Network::new();
     network.part("drum", None);
     let still = [0.0; 3];

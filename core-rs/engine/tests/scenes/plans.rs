@@ -10,7 +10,7 @@ use ergon_engine::units::Rate;
 
 use super::scene::{Scene, options};
 
-fn heard(mut simulation: Simulation, n_frames: usize) -> Vec<f64> {
+fn render(mut simulation: Simulation, n_frames: usize) -> Vec<f64> {
     let mut out = vec![0.0; n_frames * simulation.n_out()];
     simulation.process(&mut out).unwrap();
     out
@@ -28,9 +28,9 @@ fn islands_play_what_the_whole_plays() {
             ledger: false,
             ..options(OnFault::Stop)
         };
-        let complete = heard(scene.simulation(options), scene.n_frames());
+        let complete = render(scene.simulation(options), scene.n_frames());
         let planned = Simulation::planned(Arc::new(plan), options).unwrap();
-        let planned = heard(planned, scene.n_frames());
+        let planned = render(planned, scene.n_frames());
         let peak = complete.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
         for (a, b) in complete.iter().zip(&planned) {
             assert!((a - b).abs() <= 1e-15 * peak, "{seed}: {a} {b}");
@@ -83,8 +83,8 @@ fn the_modes_of_a_discrete_body_are_the_body() {
     let complete = Simulation::new(network.clone(), &timeline, options).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap();
     let Computed::Modes {
-        of: source,
-        kept: saved,
+        total: source,
+        computed: saved,
         ..
     } = plan.rows()[0].what
     else {
@@ -92,7 +92,7 @@ fn the_modes_of_a_discrete_body_are_the_body() {
     };
     assert_eq!((source, saved), (12, 12));
     let planned = Simulation::planned(Arc::new(plan), options).unwrap();
-    let (complete, planned) = (heard(complete, 88_200), heard(planned, 88_200));
+    let (complete, planned) = (render(complete, 88_200), render(planned, 88_200));
     let limit = complete
         .iter()
         .zip(&planned)
@@ -155,14 +155,14 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
             ..options(OnFault::Stop)
         };
         let n_frames = 30_000;
-        let complete = heard(
+        let complete = render(
             Simulation::new(network.clone(), &timeline, options).unwrap(),
             n_frames,
         );
         let plan =
             Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
         assert!(
-            matches!(plan.rows()[1].what, Computed::Modes { of: 12, .. }),
+            matches!(plan.rows()[1].what, Computed::Modes { total: 12, .. }),
             "{:?}",
             plan.rows()
         );

@@ -62,7 +62,7 @@ fn network(is_heard: bool) -> Arc<Network> {
     Arc::new(network)
 }
 
-fn at(rate: f64, network: &Network) -> Timeline {
+fn timeline_at(rate: f64, network: &Network) -> Timeline {
     let mut timeline = Timeline::new(Rate::new(rate).unwrap());
     timeline
         .strike(network, 0, 0.01, 1e-3, Some(0.0), 0)
@@ -104,10 +104,16 @@ fn swing(simulation: &Simulation) -> Vec<u64> {
 #[test]
 fn it_moves_as_a_score_at_that_rate() {
     let network = network(false);
-    let plan = plan(&network, &at(RATE, &network), EVERY, &Budget::Error(-60.0));
+    let plan = plan(
+        &network,
+        &timeline_at(RATE, &network),
+        EVERY,
+        &Budget::Error(-60.0),
+    );
     let mut simulation = playing(&plan, 1);
     let slow = RATE / f64::from(EVERY);
-    let mut alone = Simulation::new(network.clone(), &at(slow, &network), plain()).unwrap();
+    let mut alone =
+        Simulation::new(network.clone(), &timeline_at(slow, &network), plain()).unwrap();
     let (mut moved, start) = (0, swing(&simulation));
     for step in 0..N / u64::from(EVERY) {
         assert_eq!(swing(&simulation), swing(&alone), "step {step}");
@@ -121,7 +127,12 @@ fn it_moves_as_a_score_at_that_rate() {
 #[test]
 fn between_its_steps_it_is_seen_on_a_straight_line() {
     let network = network(false);
-    let plan = plan(&network, &at(RATE, &network), EVERY, &Budget::Error(-60.0));
+    let plan = plan(
+        &network,
+        &timeline_at(RATE, &network),
+        EVERY,
+        &Budget::Error(-60.0),
+    );
     let mut simulation = playing(&plan, 1);
     let look = simulation.looked_at();
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
@@ -172,7 +183,7 @@ fn all(plan: &Arc<Plan>, threads: usize, block: usize) -> (Vec<u64>, Vec<Vec<u64
 #[test]
 fn no_thread_block_or_snapshot_changes_a_bit_and_what_is_heard_keeps_its_samples() {
     let network = network(false);
-    let timeline = at(RATE, &network);
+    let timeline = timeline_at(RATE, &network);
     let budget = Budget::Error(-60.0);
     let slow = plan(&network, &timeline, EVERY, &budget);
     let (listened, seen) = all(&slow, 1, 735);
@@ -196,7 +207,7 @@ fn no_thread_block_or_snapshot_changes_a_bit_and_what_is_heard_keeps_its_samples
 #[test]
 fn its_cost_is_that_of_its_frames_and_its_error_is_told() {
     let network = network(false);
-    let timeline = at(RATE, &network);
+    let timeline = timeline_at(RATE, &network);
     let mut last = (f64::INFINITY, -400.0);
     for every in [1, 7, EVERY] {
         let plan = plan(&network, &timeline, every, &Budget::Error(-60.0));
@@ -225,7 +236,7 @@ fn its_cost_is_that_of_its_frames_and_its_error_is_told() {
 #[test]
 fn a_version_goes_on_where_it_was_at_any_frame() {
     let quiet = network(false);
-    let timeline = at(RATE, &quiet);
+    let timeline = timeline_at(RATE, &quiet);
     let budget = Budget::Method(Method::Ca);
     let slow = plan(&quiet, &timeline, EVERY, &budget);
     for from in [EVERY.into(), 1_000_u64, 2_001] {

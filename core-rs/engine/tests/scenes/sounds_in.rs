@@ -113,7 +113,7 @@ fn computed(simulation: &mut Simulation) -> Vec<f64> {
     sound
 }
 
-fn heard(sound: &[f64], output: usize) -> Vec<f64> {
+fn output_sound(sound: &[f64], output: usize) -> Vec<f64> {
     sound.iter().skip(output).step_by(3).copied().collect()
 }
 
@@ -146,7 +146,7 @@ fn what_is_played_is_what_a_recording_of_it_makes() {
 #[test]
 fn a_force_is_filtered_scaled_and_clamped() {
     let noise = noise();
-    let sound = heard(&computed(&mut simulation(Some(&noise))), 0);
+    let sound = output_sound(&computed(&mut simulation(Some(&noise))), 0);
     let k = libm::tan(PI * 200.0 / RATE);
     let norm = 1.0 / (1.0 + std::f64::consts::SQRT_2 * k + k * k);
     let (a1, a2) = (
@@ -174,7 +174,7 @@ fn a_force_is_filtered_scaled_and_clamped() {
 #[test]
 fn a_position_is_reached_at_the_end_of_its_frame() {
     let noise = noise();
-    let sound = heard(&computed(&mut simulation(Some(&noise))), 1);
+    let sound = output_sound(&computed(&mut simulation(Some(&noise))), 1);
     assert_eq!(sound[0], 0.0);
     for (n, (x, got)) in channel(&noise, 0).iter().zip(&sound[1..]).enumerate() {
         assert_eq!(*got, 1e-4 * x, "{n}");
@@ -215,7 +215,7 @@ fn finer_steps_hear_the_same_input() {
         let budget = Budget::Method(method);
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
         let mut simulation = Simulation::planned(Arc::new(plan), plain()).unwrap();
-        heard(&computed(&mut simulation), 2)
+        output_sound(&computed(&mut simulation), 2)
     };
     let (coarse, fine) = (source(Method::Ca), source(Method::Bm4));
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
@@ -251,11 +251,11 @@ fn what_no_input_can_have_is_refused() {
         },
         SoundInSettings {
             gain: 0.0,
-            ..told(1, 0.1)
+            ..value_input(1, 0.1)
         },
-        told(1, -1.0),
-        told(1, f64::NAN),
-        told(1, 61.0),
+        value_input(1, -1.0),
+        value_input(1, f64::NAN),
+        value_input(1, 61.0),
     ] {
         assert!(timeline.sound_in(wrong, &[]).is_err(), "{wrong:?}");
     }
@@ -278,9 +278,9 @@ fn what_no_input_can_have_is_refused() {
 }
 
 /// Settings of an input that is told its value, by number.
-fn told(number: u64, glide: f64) -> SoundInSettings {
+fn value_input(number: u64, glide: f64) -> SoundInSettings {
     SoundInSettings {
-        source: InputSource::Told { number, glide },
+        source: InputSource::Value { number, glide },
         gain: -2e-3,
         highpass: None,
         clamp: 3e-3,
@@ -288,7 +288,7 @@ fn told(number: u64, glide: f64) -> SoundInSettings {
 }
 
 /// Values told: frame, number, value.
-const TOLD: [(usize, u64, f64); 6] = [
+const VALUES: [(usize, u64, f64); 6] = [
     (500, 8, 0.5),
     (700, 8, -0.75),
     (710, 9, 1.0),
@@ -300,12 +300,12 @@ const GLIDE: f64 = 0.01;
 const BEFORE: [f64; 520] = [0.125; 520];
 
 /// A mass that one input pushes and a point that another moves, each with its output.
-fn told_timeline() -> (Arc<Network>, Timeline) {
+fn value_timeline() -> (Arc<Network>, Timeline) {
     let network = Arc::new(network());
     let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
     for (settings, mat, kind) in [
-        (told(8, GLIDE), 0, DriveKind::Force),
-        (told(9, 0.0), 1, DriveKind::Position),
+        (value_input(8, GLIDE), 0, DriveKind::Force),
+        (value_input(9, 0.0), 1, DriveKind::Position),
     ] {
         let index = timeline.sound_in(settings, &BEFORE).unwrap();
         timeline.drive_by_sound(mat, kind, index, 1.0).unwrap();
@@ -318,10 +318,10 @@ fn as_told(simulation: &mut Simulation, stop: usize, block: usize) -> Vec<f64> {
     let mut sound = Vec::new();
     while (simulation.frame() as usize) < stop {
         let now = simulation.frame() as usize;
-        for &(_, number, value) in TOLD.iter().filter(|(at, ..)| *at == now) {
+        for &(_, number, value) in VALUES.iter().filter(|(at, ..)| *at == now) {
             assert!(simulation.tell(number, value));
         }
-        let next = TOLD.iter().map(|(at, ..)| *at).find(|&at| at > now);
+        let next = VALUES.iter().map(|(at, ..)| *at).find(|&at| at > now);
         let until = (now + block).min(stop).min(next.unwrap_or(stop));
         let mut out = vec![0.0; 3 * (until - now)];
         simulation.process(&mut out).unwrap();
@@ -337,7 +337,7 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
         if goal.is_none() {
             now = BEFORE.get(n).copied().unwrap_or(0.0);
         }
-        let output = TOLD.iter().filter(|one| (one.0, one.1) == (n, number));
+        let output = VALUES.iter().filter(|one| (one.0, one.1) == (n, number));
         for &(_, _, value) in output {
             (goal, left) = (
                 Some(value.clamp(-1.5, 1.5)),
@@ -360,7 +360,7 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
 #[test]
 fn what_is_told_is_reached_and_held() {
     let simulation = || {
-        let (network, timeline) = told_timeline();
+        let (network, timeline) = value_timeline();
         Simulation::new(network, &timeline, plain()).unwrap()
     };
     let complete = as_told(&mut simulation(), N, 1000);
@@ -375,7 +375,7 @@ fn what_is_told_is_reached_and_held() {
         let next = 2.0 * now - before + force / (5e-3 * RATE * RATE);
         (now, before) = (next, now);
     }
-    let places = heard(&complete, 1);
+    let places = output_sound(&complete, 1);
     for (n, (x, got)) in walked(9, 0.0).iter().zip(&places[1..]).enumerate() {
         assert!((got - x).abs() < 1e-17, "{n}: {got} {x}");
     }
@@ -389,7 +389,7 @@ fn what_is_told_is_reached_and_held() {
 #[test]
 fn a_version_goes_on_by_what_was_told() {
     let plan = |planned: bool| {
-        let (network, timeline) = told_timeline();
+        let (network, timeline) = value_timeline();
         let plan = if planned {
             Plan::new(network, &timeline, &Budget::default(), None)
         } else {

@@ -101,7 +101,7 @@ fn hardest(network: &Arc<Network>) -> f64 {
 }
 
 /// The output over N frames, computed at a rate `times` as high.
-fn heard(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
+fn render(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
     let timeline = struck(network, impulse, times as f64);
     let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
     let n_out = simulation.n_out();
@@ -111,12 +111,12 @@ fn heard(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
 }
 
 /// Over the first `n` frames: the error relative to the truth [dB], and the difference of levels [dB].
-fn errors(own: &[f64], truth: &[f64], n: usize) -> [f64; 2] {
+fn errors(rendered: &[f64], truth: &[f64], n: usize) -> [f64; 2] {
     let power = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
-    let all = || own[..n].iter().zip(&truth[..n]);
+    let all = || rendered[..n].iter().zip(&truth[..n]);
     let size = power(&mut truth[..n].iter().copied());
     let error = power(&mut all().map(|(own, truth)| own - truth));
-    [error, power(&mut own[..n].iter().copied())].map(|power| 10.0 * log10(power / size))
+    [error, power(&mut rendered[..n].iter().copied())].map(|power| 10.0 * log10(power / size))
 }
 
 fn quintic() -> LawText<'static> {
@@ -139,7 +139,7 @@ fn a_scene_that_would_diverge_plays_on() {
         let network = Arc::new(network);
         let border = hardest(&network);
         for (by, limit) in strikes.into_iter().zip(limit) {
-            let [single, truth] = [1, 8].map(|times| heard(&network, by * border, times));
+            let [single, truth] = [1, 8].map(|times| render(&network, by * border, times));
             let [error, _] = errors(&single, &truth, 451);
             let [_, louder] = errors(&single, &truth, N);
             assert!(

@@ -130,7 +130,7 @@ fn link(network: &Network, name: &str) -> usize {
         .unwrap()
 }
 
-fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
+fn gesture_to(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
     let written = Written {
         t: &[start, start + 0.04, start + 0.05, start + 0.09],
         x: &[0.0, x, x, 0.2 * x],
@@ -167,12 +167,12 @@ fn timeline(network: &Network, until: f64) -> Timeline {
     let other = |t: f64| if t < until { 1.0 } else { -0.7 };
     for t in [0.01, 0.11, 0.22, 0.31] {
         timeline
-            .gesture(lean(t, 3e-3 * other(t), Touch::Open, false))
+            .gesture(gesture_to(t, 3e-3 * other(t), Touch::Open, false))
             .unwrap();
     }
     for t in [0.05, 0.27] {
         timeline
-            .gesture(lean(t, 1e-3 * other(t), Touch::Open, true))
+            .gesture(gesture_to(t, 1e-3 * other(t), Touch::Open, true))
             .unwrap();
     }
     for (i, t) in [0.004, 0.0501, 0.1203, 0.19, 0.2507, 0.33]
@@ -234,7 +234,7 @@ fn seen(simulation: &Simulation) -> String {
         simulation.energy(),
         simulation.reports(),
         simulation.asked(),
-        simulation.felt(0),
+        simulation.hand_force(0),
     )
 }
 
@@ -448,8 +448,8 @@ fn a_gesture_that_is_gone_ends_there() {
         Arc::new(Plan::new(network.clone(), &timeline, &Budget::default(), None).unwrap())
     };
     let from = 0.035;
-    let gone = lean(0.01, 4e-3, Touch::Open, false);
-    let next = lean(0.2, 2e-3, Touch::Open, false);
+    let gone = gesture_to(0.01, 4e-3, Touch::Open, false);
+    let next = gesture_to(0.2, 2e-3, Touch::Open, false);
     let frame = (from * RATE) as u64;
     let versions = versions(
         &[

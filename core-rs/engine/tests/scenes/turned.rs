@@ -64,9 +64,9 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
     Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-100.0), None).unwrap())
 }
 
-fn kept(plan: &Plan) -> usize {
+fn n_computed(plan: &Plan) -> usize {
     let modes = plan.rows().iter().find_map(|row| match row.what {
-        Computed::Modes { kept, .. } => Some(kept),
+        Computed::Modes { computed: kept, .. } => Some(kept),
         _ => None,
     });
     modes.unwrap_or_else(|| panic!("{:?}", plan.rows()))
@@ -79,7 +79,7 @@ fn alone() -> Options {
     }
 }
 
-fn heard(simulation: &mut Simulation, n_frames: usize) -> Vec<f64> {
+fn render(simulation: &mut Simulation, n_frames: usize) -> Vec<f64> {
     let mut out = vec![0.0; n_frames * simulation.n_out()];
     simulation.process(&mut out).unwrap();
     out
@@ -104,19 +104,19 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
+fn turned_modes_for_each_struck_point() {
     // (i, j) and (j, i) have the same frequency: the 121 modes have 66 frequencies.
     let pairs = SIDE * (SIDE + 1) / 2;
     for (by, limit) in [(By::Strikes, SIDE * SIDE), (By::Hammer, pairs)] {
         let (closed, open) = (plan(by, false), plan(by, true));
-        assert_eq!(kept(&open), SIDE * SIDE);
+        assert_eq!(n_computed(&open), SIDE * SIDE);
         assert!(
-            kept(&closed) <= limit && kept(&closed) > pairs / 2,
+            n_computed(&closed) <= limit && n_computed(&closed) > pairs / 2,
             "{by:?}"
         );
         let sound = |plan: &Arc<Plan>| {
             let mut simulation = Simulation::planned(plan.clone(), alone()).unwrap();
-            heard(&mut simulation, N)
+            render(&mut simulation, N)
         };
         let (closed, open) = (sound(&closed), sound(&open));
         assert!(
@@ -133,14 +133,14 @@ fn another_version_goes_on_from_turned_modes() {
     for by in [By::Strikes, By::Hammer] {
         let (closed, open) = (plan(by, false), plan(by, true));
         let mut complete = Simulation::planned(open.clone(), alone()).unwrap();
-        heard(&mut complete, N / 2);
-        let wanted = heard(&mut complete, N / 2);
+        render(&mut complete, N / 2);
+        let wanted = render(&mut complete, N / 2);
         let mut old = Simulation::planned(closed, alone()).unwrap();
-        heard(&mut old, N / 2);
+        render(&mut old, N / 2);
         let mut new = Simulation::planned_from(open, alone(), (N / 2) as u64).unwrap();
         let mut takeover = Takeover::new(&old, &new);
         assert!(new.take_over(&mut old, &mut takeover));
-        let result = heard(&mut new, N / 2);
+        let result = render(&mut new, N / 2);
         assert!(
             apart(&result, &wanted) < by.apart(),
             "{by:?}: {}",

@@ -231,7 +231,7 @@ impl InputState {
 
     fn add_event(&self, sentence: String) {
         let event = Event {
-            at: self.began.elapsed().as_secs_f64(),
+            time: self.began.elapsed().as_secs_f64(),
             frame: self.shared.played(),
             sentence,
         };
@@ -291,7 +291,7 @@ impl InputState {
 mod tests {
     use super::*;
 
-    fn heard(reader: &mut InputReader, frames: usize) -> Vec<f32> {
+    fn read_frames(reader: &mut InputReader, frames: usize) -> Vec<f32> {
         let mut out = vec![f32::NAN; frames * reader.channels()];
         reader.read(&mut out);
         out
@@ -303,7 +303,7 @@ mod tests {
         feed.set_prefill(300);
         let mut reader = InputReader::new(drain, 300, 48_000);
         assert_eq!(
-            heard(&mut reader, 64),
+            read_frames(&mut reader, 64),
             [0.0; 64],
             "silence before the first"
         );
@@ -311,7 +311,7 @@ mod tests {
         let mut all = Vec::new();
         for block in sound.chunks(256) {
             assert_eq!(feed.push(block), 256);
-            (0..4).for_each(|_| all.extend(heard(&mut reader, 64)));
+            (0..4).for_each(|_| all.extend(read_frames(&mut reader, 64)));
         }
         let first = all.iter().position(|&x| x != 0.0).expect("sound") - 1;
         // It rises within 2 ms, then every sample is as it came.
@@ -324,11 +324,11 @@ mod tests {
         let (mut feed, drain) = ring::ring(2, 4096);
         feed.set_prefill(1);
         let mut reader = InputReader::new(drain, 1, 48_000);
-        heard(&mut reader, 1);
+        read_frames(&mut reader, 1);
         feed.push(&[1.0; 400]);
-        heard(&mut reader, 100);
-        assert_eq!(heard(&mut reader, 100), [1.0; 200]);
-        let fall = heard(&mut reader, 200);
+        read_frames(&mut reader, 100);
+        assert_eq!(read_frames(&mut reader, 100), [1.0; 200]);
+        let fall = read_frames(&mut reader, 200);
         assert!(
             fall.windows(4)
                 .all(|w| (w[0] - w[2]).abs() <= 1.0 / 96.0 + 1e-6)
@@ -345,13 +345,13 @@ mod tests {
         let mut reader = InputReader::new(drain, 100, 48_000);
         let sound: Vec<f32> = (0..2000).map(|n| n as f32).collect();
         feed.push(&sound);
-        assert_eq!(heard(&mut reader, 50), [0.0; 50]);
+        assert_eq!(read_frames(&mut reader, 50), [0.0; 50]);
         assert_eq!(feed.filled(), 0, "what came before it begins is old");
         assert_eq!(feed.shared().discarded(), 0);
         feed.push(&sound);
-        heard(&mut reader, 50);
+        read_frames(&mut reader, 50);
         assert_eq!(feed.shared().discarded(), 2000 - 150);
         assert_eq!(feed.filled(), 100);
-        assert_eq!(heard(&mut reader, 100)[99], 1999.0);
+        assert_eq!(read_frames(&mut reader, 100)[99], 1999.0);
     }
 }

@@ -81,7 +81,7 @@ impl SoundClock {
 #[derive(Clone, Debug)]
 pub struct Event {
     /// Time since the output or input was opened [s].
-    pub at: f64,
+    pub time: f64,
     /// Frames that had been played by then.
     pub frame: u64,
     /// What happened.
@@ -133,7 +133,7 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
         began: Instant::now(),
         stop: AtomicBool::new(false),
         report: Mutex::new(Report {
-            info: Info::of(&opened, rate, channels),
+            info: Info::new(&opened, rate, channels),
             remarks: opened.remarks.clone(),
             events: Vec::new(),
         }),
@@ -229,7 +229,7 @@ impl Drop for Output {
 }
 
 impl Info {
-    fn of(opened: &Opened, score_rate: u32, channels: usize) -> Self {
+    fn new(opened: &Opened, score_rate: u32, channels: usize) -> Self {
         Self {
             backend: opened.backend.into(),
             device: opened.device.clone(),
@@ -274,7 +274,7 @@ impl OutputState {
 
     fn add_event(&self, sentence: String) {
         let event = Event {
-            at: self.began.elapsed().as_secs_f64(),
+            time: self.began.elapsed().as_secs_f64(),
             frame: self.shared.played(),
             sentence,
         };
@@ -349,7 +349,7 @@ impl OutputState {
                 continue;
             };
             let (info, remarks) = (
-                Info::of(&opened, self.score_rate, self.channels),
+                Info::new(&opened, self.score_rate, self.channels),
                 opened.remarks.clone(),
             );
             let mut drain = playback.stop().0?;

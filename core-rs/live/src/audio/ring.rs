@@ -38,7 +38,7 @@ pub struct Drain {
     outdated_frames: usize,
     /// Whether this drain feeds the loudspeakers; the inner drain of a rate converter reports nothing.
     outermost: bool,
-    given: FrameCounts,
+    written: FrameCounts,
     /// Rate of the frames that are handed out [Hz].
     rate: u32,
 }
@@ -107,7 +107,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         outdated_frames: 0,
         fades: OutputFades::new(channels, 48_000),
         outermost: true,
-        given: FrameCounts {
+        written: FrameCounts {
             before: 0,
             frames: 0,
             score_rate: 1,
@@ -218,7 +218,7 @@ impl Drain {
 
     /// Count frames from now on as `card_rate`, of a score at `score_rate` of which `before` frames were played.
     pub(super) fn count_from(&mut self, before: u64, score_rate: u32, card_rate: u32) {
-        self.given = FrameCounts {
+        self.written = FrameCounts {
             before,
             frames: 0,
             score_rate: score_rate.into(),
@@ -372,7 +372,7 @@ impl Drain {
 
     fn report_edge(&self, silent: bool) {
         if self.outermost {
-            let frame = self.given.score() + self.shared.skipped();
+            let frame = self.written.score() + self.shared.skipped();
             self.shared.add_edge(frame, silent);
         }
     }
@@ -396,7 +396,7 @@ impl Drain {
         if !self.outermost {
             return;
         }
-        let handed = &mut self.given;
+        let handed = &mut self.written;
         if frames > 0 {
             let rate = f64::from(self.rate) * handed.score_rate as f64 / handed.card_rate as f64;
             self.shared.set_block_start(handed.score(), rate);
@@ -416,7 +416,7 @@ impl Drain {
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
-        let handed = self.given;
+        let handed = self.written;
         let skipped = frames as u64 * handed.score_rate / handed.card_rate;
         self.shared.add_skipped(skipped);
         if self.outermost {

@@ -164,7 +164,7 @@ pub struct Pulse {
 impl Pulse {
     /// A fifth of the greatest force for at most an eighth of a second, until the axis has moved by ten steps of the
     /// sensor or a hundredth of its range, whichever is longer.
-    pub fn of(spec: &Spec) -> Self {
+    pub fn from_spec(spec: &Spec) -> Self {
         let range = spec.pos_range[1] - spec.pos_range[0];
         Self {
             force: 0.2 * spec.force_max_peak,
@@ -205,7 +205,7 @@ pub fn direction<D: Device>(
     let limits = Limits {
         force: pulse.force,
         ramp: 0.0,
-        ..Limits::of(device.spec())
+        ..Limits::from_spec(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
@@ -243,7 +243,7 @@ pub fn travel_ends<D: Device>(
     period: f64,
     stop: &AtomicBool,
 ) -> Result<[[f64; 2]; MAX_AXES], Gone> {
-    let limits = Limits::of(device.spec());
+    let limits = Limits::from_spec(device.spec());
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
     for _ in 0..tick_loop.ticks(length).max(1) {

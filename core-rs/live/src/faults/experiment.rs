@@ -59,7 +59,7 @@ pub(super) struct Host {
 
 impl Host {
     pub(super) fn new(device: Defective, shared: Shared) -> Self {
-        let limits = Limits::of(device.spec());
+        let limits = Limits::from_spec(device.spec());
         let lockstep = device.in_lockstep();
         let guarded = Guarded::new(device, limits, PERIOD.as_secs_f64()).watched();
         let guarded = if lockstep {
@@ -123,7 +123,7 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
     let (mut device, shared) = open_device(emulator)?;
     let spec = device.spec().clone();
     let peak_max = spec.force_max_peak;
-    let allowed = |spec: &Spec| Limits::of(spec).slew + 2.0 * spec.force_lsb;
+    let allowed = |spec: &Spec| Limits::from_spec(spec).slew + 2.0 * spec.force_lsb;
     if fault == Fault::OpenedTwice {
         let outcome = if device::second_opening_is_refused() {
             Outcome::Zero(0.0)
@@ -245,7 +245,7 @@ fn let_go_of_a_huge_force(mut host: Host) -> Duration {
 fn test_direction(mut device: Defective, shared: &Shared) -> Duration {
     device.defect.wrong_way = true;
     device.ticks = Some(shared.clone());
-    let pulse = Pulse::of(device.spec());
+    let pulse = Pulse::from_spec(device.spec());
     let since = shared.world().now();
     shared.world().begin_record();
     let go = AtomicBool::new(false);

@@ -25,7 +25,7 @@ enum Fault {
 struct Faulty {
     keys: Emulated,
     fault: Fault,
-    at: u64,
+    tick: u64,
     ticks: u64,
     /// The last force of the first axis, as bits.
     last: Arc<AtomicU64>,
@@ -33,7 +33,7 @@ struct Faulty {
 
 impl Faulty {
     fn is_on(&self, fault: Fault) -> bool {
-        self.fault == fault && self.ticks >= self.at
+        self.fault == fault && self.ticks >= self.tick
     }
 }
 
@@ -71,7 +71,7 @@ impl Device for Faulty {
     }
 }
 
-fn key(fault: Fault, at: u64) -> (Faulty, Arc<AtomicU64>) {
+fn key(fault: Fault, tick: u64) -> (Faulty, Arc<AtomicU64>) {
     let key = Key {
         mass: 0.4,
         stiffness: 0.0,
@@ -83,7 +83,7 @@ fn key(fault: Fault, at: u64) -> (Faulty, Arc<AtomicU64>) {
     let faulty = Faulty {
         keys: Emulated::new(keys, key),
         fault,
-        at,
+        tick,
         ticks: 0,
         last: Arc::clone(&last),
     };

@@ -41,7 +41,7 @@ pub(super) struct WrittenMotion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuidanceStep {
     /// In ticks after the change that brings the step; once the change is made, in ticks of the performance.
-    pub at: u64,
+    pub frame: u64,
     /// The factors that the guidance fades to.
     pub share: GuidanceShare,
 }
@@ -145,7 +145,7 @@ impl GuidanceState {
     /// Start the new `steps`, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for step in &mut self.steps {
-            step.at = step.at.saturating_add(tick);
+            step.frame = step.frame.saturating_add(tick);
         }
         self.next = 0;
     }
@@ -169,7 +169,7 @@ impl GuidanceState {
 
     /// Advance by a tick.
     pub(super) fn tick(&mut self, tick: u64) {
-        while let Some(step) = self.steps.get(self.next).filter(|step| step.at <= tick) {
+        while let Some(step) = self.steps.get(self.next).filter(|step| step.frame <= tick) {
             let to = step.share.clamped();
             self.next += 1;
             if to != self.to {
@@ -248,7 +248,7 @@ mod tests {
         };
         assert_eq!(part_force(&guidance), 0.0);
         guidance.steps = vec![GuidanceStep {
-            at: 0,
+            frame: 0,
             share: GuidanceShare { k: 1.0, z: 1.0 },
         }];
         guidance.begin(0);
@@ -275,7 +275,7 @@ mod tests {
     fn a_loose_guide_comes_and_goes_by_its_steps() {
         let hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        let step = |at, share| GuidanceStep { at, share };
+        let step = |at, share| GuidanceStep { frame: at, share };
         guidance.steps = vec![step(100, HALF), step(1_000, GuidanceShare::default())];
         guidance.begin(50);
         let (mut last, mut full) = (0.0, 0);
@@ -305,7 +305,10 @@ mod tests {
     fn another_path_is_gone_over_to() {
         let mut hand = hand(true);
         let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
-        guidance.steps = vec![GuidanceStep { at: 0, share: HALF }];
+        guidance.steps = vec![GuidanceStep {
+            frame: 0,
+            share: HALF,
+        }];
         guidance.begin(0);
         let mut last = 0.0;
         for tick in 0..1_000 {
@@ -330,12 +333,12 @@ mod tests {
             k: f64::NAN,
             z: -3.0,
         };
-        guidance.steps = vec![GuidanceStep { at: 0, share }];
+        guidance.steps = vec![GuidanceStep { frame: 0, share }];
         guidance.begin(0);
         (0..500).for_each(|tick| guidance.tick(tick));
         assert_eq!(guidance.force(part(&hand, 500), 0.0, 1.0, 1.0), 0.0);
         let share = GuidanceShare { k: 7.0, z: 9.0 };
-        guidance.steps = vec![GuidanceStep { at: 0, share }];
+        guidance.steps = vec![GuidanceStep { frame: 0, share }];
         guidance.begin(500);
         (500..1_000).for_each(|tick| guidance.tick(tick));
         assert_eq!(

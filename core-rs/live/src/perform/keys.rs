@@ -198,7 +198,7 @@ impl DeviceConfig {
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
-        let device_limits = Limits::of(device.spec());
+        let device_limits = Limits::from_spec(device.spec());
         let force = self
             .force_limit
             .map_or(device_limits.force, |limit| limit.min(device_limits.force));

@@ -115,7 +115,7 @@ impl Performance {
     }
 
     /// The instants at which its frames are heard, for [`Showing::show`](super::Showing::show).
-    pub fn heard_times(&self) -> HeardTimes {
+    pub fn output_times(&self) -> HeardTimes {
         HeardTimes::new(self.output.sound_clock(), self.rate, self.start)
     }
 
@@ -257,7 +257,7 @@ impl Performance {
         self.tickets += 1;
         let ticket = self.tickets;
         let due = ScheduledChange {
-            at: due_frame,
+            frame: due_frame,
             ticket,
             change,
             outputs,

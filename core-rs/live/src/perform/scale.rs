@@ -13,7 +13,7 @@ const RISE: f64 = 0.2;
 pub struct Bound {
     /// Its tick, counted from the change that brings the bound; once the change is made, from the start of the
     /// performance.
-    pub at: u64,
+    pub frame: u64,
     /// Greatest factor of the force from there on, 0 to 1.
     pub scale: f64,
 }
@@ -49,7 +49,7 @@ impl Scale {
     /// Start the new `bounds`, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for bound in &mut self.bounds {
-            bound.at = bound.at.saturating_add(tick);
+            bound.frame = bound.frame.saturating_add(tick);
         }
         self.next = 0;
     }
@@ -58,15 +58,19 @@ impl Scale {
     pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
         // The scale rises to the goal of the previous tick, because the force of that tick is sent now.
         let goal = self.goal;
-        while let Some(bound) = self.bounds.get(self.next).filter(|bound| bound.at <= tick) {
+        while let Some(bound) = self
+            .bounds
+            .get(self.next)
+            .filter(|bound| bound.frame <= tick)
+        {
             self.goal = unit(bound.scale);
             self.next += 1;
         }
         let risen = (self.now + self.by).min(goal).max(self.now);
         let mut now = risen.min(self.goal);
         let coming = self.bounds[self.next..].iter().copied().chain(waiting);
-        for bound in coming.filter(|bound| bound.at <= tick + self.fall) {
-            let (to, left) = (unit(bound.scale), bound.at.saturating_sub(tick) + 1);
+        for bound in coming.filter(|bound| bound.frame <= tick + self.fall) {
+            let (to, left) = (unit(bound.scale), bound.frame.saturating_sub(tick) + 1);
             if to < self.now {
                 now = now.min(self.now + (to - self.now) / left as f64);
             }
@@ -88,7 +92,7 @@ mod tests {
     const PERIOD: f64 = 1e-3;
 
     fn bound(at: u64, scale: f64) -> Bound {
-        Bound { at, scale }
+        Bound { frame: at, scale }
     }
 
     /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.

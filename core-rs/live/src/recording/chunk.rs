@@ -36,7 +36,7 @@ pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
 #[derive(Debug, PartialEq)]
 pub(super) enum ChunkState {
     /// A whole chunk of this kind; its payload is in the buffer.
-    Whole(u8),
+    Complete(u8),
     /// Bytes that are not a valid chunk; the next chunk begins after them.
     Damaged,
     /// A length beyond the end of the file, or above [`MAX_PAYLOAD`]: where the next chunk begins is unknown.
@@ -62,7 +62,7 @@ pub(super) fn next(
     payload.resize(length as usize, 0);
     from.read_exact(payload)?;
     if checksum(length, frame[4], payload) == crc {
-        Ok(ChunkState::Whole(frame[4]))
+        Ok(ChunkState::Complete(frame[4]))
     } else {
         Ok(ChunkState::Damaged)
     }

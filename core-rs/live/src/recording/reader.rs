@@ -78,7 +78,7 @@ impl Recording {
     }
 
     /// Whether all bytes of the file could be read.
-    pub fn whole(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.lost_bytes == 0
     }
 
@@ -204,7 +204,7 @@ pub(crate) fn decode(
     let mut offset = prefix.len() as u64;
     let mut payload = Vec::new();
     let header = match chunk::next(from, length - offset, &mut payload)? {
-        ChunkState::Whole(chunk::HEADER) => Header::decode(&payload),
+        ChunkState::Complete(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
@@ -217,7 +217,7 @@ pub(crate) fn decode(
             _ => (chunk::FRAME + payload.len()) as u64,
         };
         let is_known = match chunk {
-            ChunkState::Whole(kind) => collected.take(kind, &payload)?,
+            ChunkState::Complete(kind) => collected.take(kind, &payload)?,
             _ => false,
         };
         if !is_known {

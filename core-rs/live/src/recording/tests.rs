@@ -61,7 +61,7 @@ fn samples(tick: u64, n_axes: usize) -> Vec<Sample> {
     (0..n_axes).map(|axis| sample(tick, axis)).collect()
 }
 
-fn made(ticks: &[u64], n_axes: usize) -> Recording {
+fn recording_of(ticks: &[u64], n_axes: usize) -> Recording {
     let all = ticks.iter().flat_map(|&tick| samples(tick, n_axes));
     Recording::new(header(n_axes), ticks.to_vec(), all.collect()).unwrap()
 }
@@ -94,12 +94,12 @@ fn what_a_hand_did_is_read_back_to_the_bit() {
     assert_eq!(status.rows, ticks.len() as u64);
     assert_eq!(status.trouble, None);
     let result = read(&path, None).unwrap();
-    let mut wanted = made(&ticks, 3);
+    let mut wanted = recording_of(&ticks, 3);
     let gain = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
     wanted.events = [5_000, 10_000, 15_000, 20_000].map(gain).to_vec();
     wanted.dropped = status.dropped;
     assert!(result == wanted);
-    assert!(result.whole());
+    assert!(result.is_complete());
 }
 
 #[test]
@@ -129,43 +129,43 @@ fn a_sink_that_is_dropped_ends_the_recording() {
 
 #[test]
 fn a_part_of_it_can_be_read() {
-    let mut recording = made(&[3, 4, 6, 9, 10], 2);
+    let mut recording = recording_of(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
     let bytes = written(&recording);
     let part = |ticks| decode(&mut &bytes[..], bytes.len() as u64, Some(ticks)).unwrap();
-    let mut wanted = made(&[4, 6, 9], 2);
+    let mut wanted = recording_of(&[4, 6, 9], 2);
     wanted.events = vec![(6, "2".into())];
     assert_eq!(part(1..7), wanted, "counted from the first row");
     assert_eq!(part(0..8), recording);
-    assert_eq!(part(3..3), made(&[], 2));
+    assert_eq!(part(3..3), recording_of(&[], 2));
 }
 
 #[test]
 fn a_missing_tick_holds_the_one_before() {
-    let held = made(&[3, 4, 7], 2).positions_filled().unwrap();
+    let held = recording_of(&[3, 4, 7], 2).positions_filled().unwrap();
     let position = |tick, axis| sample(tick, axis).position;
     let wanted = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
     assert_eq!(held, wanted.concat());
-    assert!(made(&[], 2).positions_filled().unwrap().is_empty());
-    let apart = made(&[3, u64::MAX - 1], 1).positions_filled();
+    assert!(recording_of(&[], 2).positions_filled().unwrap().is_empty());
+    let apart = recording_of(&[3, u64::MAX - 1], 1).positions_filled();
     assert!(matches!(apart, Err(RecordingError::TooLong)));
 }
 
 #[test]
 fn a_later_version_may_say_more() {
-    let mut bytes = written(&made(&[1], 1));
+    let mut bytes = written(&recording_of(&[1], 1));
     let end = bytes.len() - chunk::FRAME - 8;
     let after = bytes.split_off(end);
     chunk::append(&mut bytes, 77, b"something new");
     bytes.extend(after);
-    assert_eq!(reread(&bytes).unwrap(), made(&[1], 1));
+    assert_eq!(reread(&bytes).unwrap(), recording_of(&[1], 1));
     bytes[8] = 2;
     assert!(matches!(reread(&bytes), Err(RecordingError::Version(2))));
 }
 
 #[test]
 fn rows_that_go_back_are_lost() {
-    let mut bytes = written(&made(&[5, 6], 1));
+    let mut bytes = written(&recording_of(&[5, 6], 1));
     bytes.truncate(bytes.len() - chunk::FRAME - 8);
     let mut row = vec![0; row::size(1)];
     for (tick, saved) in [(5, false), (7, true), (4, false)] {
@@ -272,7 +272,7 @@ proptest! {
         let found = reread(&bytes).unwrap();
         let n_whole = ends.iter().filter(|&&end| end <= cut).count();
         let whole = ends[..n_whole].last().copied().unwrap_or(start);
-        let mut wanted = made(&chunks[..n_whole].concat(), n_axes);
+        let mut wanted = recording_of(&chunks[..n_whole].concat(), n_axes);
         wanted.finished = false;
         wanted.lost_bytes = (cut - whole) as u64;
         prop_assert_eq!(found, wanted);

@@ -348,7 +348,7 @@ mod tests {
         (header, beginning, path)
     }
 
-    fn found(path: &Path) -> super::super::Recording {
+    fn read_back(path: &Path) -> super::super::Recording {
         let written = std::fs::read(path).unwrap();
         std::fs::remove_file(path).unwrap();
         decode(&mut &written[..], written.len() as u64, None).unwrap()
@@ -367,9 +367,9 @@ mod tests {
         writer.file = OpenOptions::new().append(true).open(&path).unwrap();
         writer.append_all(true).unwrap();
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
-        let recording = found(&path);
+        let recording = read_back(&path);
         assert_eq!(recording.ticks, [0, 1, 2]);
-        assert!(recording.whole() && recording.finished);
+        assert!(recording.is_complete() && recording.finished);
     }
 
     #[test]
@@ -390,6 +390,6 @@ mod tests {
         assert_eq!(sink.dropped(), 3 + 3);
         writer.append_all(true).unwrap();
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), room);
-        assert_eq!(found(&path).dropped, 6);
+        assert_eq!(read_back(&path).dropped, 6);
     }
 }

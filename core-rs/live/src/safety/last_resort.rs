@@ -222,7 +222,7 @@ mod unix {
             return;
         };
         let watched = &WATCHED[index];
-        let stops = Stop::of(watched.stops.load(Ordering::SeqCst));
+        let stops = Stop::from_bits(watched.stops.load(Ordering::SeqCst));
         if stops != Stop::Nothing {
             let errno = errno();
             // SAFETY: not null, and owned by this thread. The interrupted code must find errno unchanged.
@@ -304,7 +304,7 @@ mod unix {
             for (signal, watched) in TERMINATION_SIGNALS.into_iter().zip(&WATCHED) {
                 let ends = !OTHERS.contains(&signal) || watched.is_watched.load(Ordering::SeqCst);
                 if ends && libc::sigismember(&raw const set, signal) == 1 {
-                    stop::stop(Stop::of(watched.stops.load(Ordering::SeqCst)));
+                    stop::stop(Stop::from_bits(watched.stops.load(Ordering::SeqCst)));
                 }
             }
         }

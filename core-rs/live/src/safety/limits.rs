@@ -39,7 +39,7 @@ impl Limits {
     /// Limits for a device: its full force, within 5 ms; the work of pushing a hand with that force twice over the
     /// range, refilled once per second, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
     /// that swings ever further does not.
-    pub fn of(spec: &Spec) -> Self {
+    pub fn from_spec(spec: &Spec) -> Self {
         let full = spec.force_max_peak;
         let range = spec.pos_range[1] - spec.pos_range[0];
         Self {

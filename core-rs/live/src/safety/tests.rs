@@ -111,7 +111,7 @@ fn what_is_safe_is_sent_to_the_last_bit() {
     let mut bench = Bench::new();
     let limits = Limits {
         ramp: 0.0,
-        ..Limits::of(&bench.spec)
+        ..Limits::from_spec(&bench.spec)
     };
     let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
     let wishes: Vec<f64> = (0..3000)
@@ -452,7 +452,7 @@ proptest! {
         places in prop::collection::vec(prop::option::weighted(0.9, -0.05..0.05_f64), 300),
     ) {
         let mut bench = Bench::new();
-        let limits = Limits::of(&bench.spec);
+        let limits = Limits::from_spec(&bench.spec);
         let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
         let ticks = wishes.iter().copied().zip(places);
         for force in play(&mut guarded, ticks) {

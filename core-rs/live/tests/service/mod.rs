@@ -50,7 +50,7 @@ pub(crate) enum ServiceEvent {
 
 pub(crate) struct Service {
     pub(crate) url: String,
-    pub(crate) told: Receiver<ServiceEvent>,
+    pub(crate) events: Receiver<ServiceEvent>,
     reply: Arc<AtomicU8>,
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -76,7 +76,7 @@ impl Service {
         });
         Self {
             url,
-            told: output,
+            events: output,
             reply,
             over,
             thread: Some(thread),
@@ -89,7 +89,7 @@ impl Service {
 
     /// Wait for an event at the service.
     pub(crate) fn until(&self, wanted: impl Fn(ServiceEvent) -> bool) {
-        while !wanted(self.told.recv_timeout(PATIENCE).expect("it is told")) {}
+        while !wanted(self.events.recv_timeout(PATIENCE).expect("it is told")) {}
     }
 
     pub(crate) fn until_pushed(&self) {

@@ -25,10 +25,13 @@ impl Recorder {
         let (n, step) = (self.look.n_tracks(), 1.0 / self.rate);
         let mut flights: Vec<(f64, usize, Flight)> = Vec::new();
         for track in &self.tracks {
-            let actual = (track.own).phase(seen[track.number], seen[n + track.number], step);
+            let actual =
+                (track.oscillation).phase(seen[track.number], seen[n + track.number], step);
             let flight = &self.flights[track.number];
-            let predicted = track.own.later((flight.a, flight.b), now - flight.since);
-            let scale = if track.own.omega == 0.0 {
+            let predicted = track
+                .oscillation
+                .later((flight.a, flight.b), now - flight.since);
+            let scale = if track.oscillation.omega == 0.0 {
                 1.0 / self.setup.fps
             } else {
                 1.0
@@ -38,7 +41,7 @@ impl Recorder {
             let largest = size(actual).max(size(predicted));
             let peak = &mut self.peaks[track.run];
             if track.number < self.look.points.len() {
-                *peak = peak.max(if track.own.omega == 0.0 {
+                *peak = peak.max(if track.oscillation.omega == 0.0 {
                     actual.0.abs()
                 } else {
                     size(actual)
@@ -52,13 +55,14 @@ impl Recorder {
             let strike = strike_times[..strike_times.partition_point(|time| *time < now)].last();
             let since = match strike {
                 Some(&strike)
-                    if strike >= self.last && track.own.sigma * (now - strike) < MAX_DECAY =>
+                    if strike >= self.last
+                        && track.oscillation.sigma * (now - strike) < MAX_DECAY =>
                 {
                     strike
                 }
                 _ => now,
             };
-            let (a, b) = track.own.later(actual, since - now);
+            let (a, b) = track.oscillation.later(actual, since - now);
             let (a, b) = (f64::from(a as f32), f64::from(b as f32));
             flights.push((since, track.number, Flight { a, b, since }));
         }
@@ -95,7 +99,9 @@ impl Recorder {
         self.segment.start = now;
         for track in &self.tracks {
             let flight = &mut self.flights[track.number];
-            let (a, b) = track.own.later((flight.a, flight.b), now - flight.since);
+            let (a, b) = track
+                .oscillation
+                .later((flight.a, flight.b), now - flight.since);
             let is_faint = amplitude(a, b) <= FAINT;
             let value_or_zero = |x: f64| if is_faint { 0.0 } else { f64::from(x as f32) };
             *flight = Flight {

@@ -55,7 +55,7 @@ pub fn runs(look: &Look) -> Vec<Run> {
 /// A point or mode that oscillates freely.
 pub(super) struct Track {
     pub(super) number: usize,
-    pub(super) own: Oscillation,
+    pub(super) oscillation: Oscillation,
     /// Index in the strike lists: its point, or its body.
     pub(super) struck: usize,
     pub(super) run: usize,
@@ -69,7 +69,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
             if let How::Free(run_tracks) = look.points[number].how {
                 all.push(Track {
                     number,
-                    own: run_tracks,
+                    oscillation: run_tracks,
                     struck: number,
                     run,
                 });
@@ -81,7 +81,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
                 let struck = look.points.len() + body;
                 all.push(Track {
                     number,
-                    own: *run_tracks,
+                    oscillation: *run_tracks,
                     struck,
                     run,
                 });

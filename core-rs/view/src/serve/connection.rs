@@ -43,7 +43,7 @@ struct Admitted<'a> {
 
 fn admit(request: Request, shared: &Shared) -> Result<Admitted<'_>, ReplyError> {
     let options = &shared.options;
-    let name = access::check(&request, &options.key, shared.at)?.to_owned();
+    let name = access::check(&request, &options.key, shared.address)?.to_owned();
     let slot = Slot::take(&shared.tally.connections, options.limits.connections);
     Ok(Admitted {
         request,

@@ -34,27 +34,29 @@ fn passes_every_point_and_rests_at_the_ends_of_runs() {
         (5.0, 4.0),
         (6.0, 0.0),
     ] {
-        assert!((path.at(t).0 - x).abs() < 1e-14, "at {t}");
+        assert!((path.evaluate(t).0 - x).abs() < 1e-14, "at {t}");
     }
     for t in [1.0, 5.0, 6.0] {
-        let (_, v, a) = path.at(t);
+        let (_, v, a) = path.evaluate(t);
         assert!(v.abs() < 1e-12 && a.abs() < 1e-11, "at {t}: {v} {a}");
     }
     // One run: its inner points are passed in motion.
-    assert!(path.at(2.0).1 < -1.0);
+    assert!(path.evaluate(2.0).1 < -1.0);
     // Straight lines keep their speed up to the corner; in the corner the later line counts.
-    assert_eq!(path.at(3.0).1, 2.0);
-    assert!((path.at(3.5).0 - 3.0).abs() < 1e-15 && (path.at(3.9).1 - 2.0).abs() < 1e-14);
-    assert_eq!(path.at(4.5), (4.0, 0.0, 0.0));
-    assert_eq!(path.at(0.0), (0.0, 0.0, 0.0));
-    assert_eq!(path.at(7.0), (0.0, 0.0, 0.0));
+    assert_eq!(path.evaluate(3.0).1, 2.0);
+    assert!(
+        (path.evaluate(3.5).0 - 3.0).abs() < 1e-15 && (path.evaluate(3.9).1 - 2.0).abs() < 1e-14
+    );
+    assert_eq!(path.evaluate(4.5), (4.0, 0.0, 0.0));
+    assert_eq!(path.evaluate(0.0), (0.0, 0.0, 0.0));
+    assert_eq!(path.evaluate(7.0), (0.0, 0.0, 0.0));
 }
 
 #[test]
-fn one_point_is_a_place() {
+fn profile_of_a_single_point_is_constant() {
     let path = Profile::through(&points(&[(1.0, 5.0, Smooth)])).unwrap();
     for t in [0.0, 1.0, 2.0] {
-        assert_eq!(path.at(t), (5.0, 0.0, 0.0));
+        assert_eq!(path.evaluate(t), (5.0, 0.0, 0.0));
     }
     assert_eq!(path.range(0.0, 9.0), (5.0, 5.0));
 }
@@ -69,7 +71,11 @@ fn a_cursor_sees_what_a_search_sees() {
         .chain(walk.rev())
         .chain([1.1, 5.9, 0.2, 3.0, 9.0, 4.0])
     {
-        assert_eq!(path.at_from(&mut cursor, t), path.at(t), "at {t}");
+        assert_eq!(
+            path.evaluate_from(&mut cursor, t),
+            path.evaluate(t),
+            "at {t}"
+        );
     }
 }
 
@@ -87,7 +93,10 @@ fn range_is_the_true_excursion() {
     ] {
         let (low, high) = path.range(from, to);
         let seen: Vec<f64> = (0..=20_000)
-            .map(|i| path.at(from + (to - from) * f64::from(i) / 20_000.0).0)
+            .map(|i| {
+                path.evaluate(from + (to - from) * f64::from(i) / 20_000.0)
+                    .0
+            })
             .collect();
         let (l, h) = extremes(&seen);
         assert!(
@@ -111,7 +120,7 @@ fn a_trimmed_path_is_the_same_path() {
     assert_eq!((part.start(), part.stop()), (0.0, 3.25));
     for i in 0..=100 {
         let t = 3.25 * f64::from(i) / 100.0;
-        let ((x, v, a), (x0, v0, a0)) = (part.at(t), path.at(t + 1.25));
+        let ((x, v, a), (x0, v0, a0)) = (part.evaluate(t), path.evaluate(t + 1.25));
         assert!(
             (x - x0).abs() < 1e-13 && (v - v0).abs() < 1e-11 && (a - a0).abs() < 1e-9,
             "{t}"

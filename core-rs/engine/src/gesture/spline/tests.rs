@@ -72,7 +72,7 @@ fn clamped_as_scipy() {
     close(&v, &velocities, 1e-12);
     close(&a, &accelerations, 1e-12);
 
-    let (v, a) = slopes(&T, &X, Ends::AT_REST);
+    let (v, a) = slopes(&T, &X, Ends::CLAMPED_AT_REST);
     let velocities = [
         0.0,
         0.06818161050846612,
@@ -123,7 +123,7 @@ fn a_millisecond_beside_ten_seconds() {
     for i in 1..6 {
         close(&v[i..=i], &velocities[i..=i], 1e-11);
     }
-    let (v, a) = slopes(&t, &x, Ends::AT_REST);
+    let (v, a) = slopes(&t, &x, Ends::CLAMPED_AT_REST);
     let velocities = [
         0.0,
         0.24996564768096344,
@@ -167,7 +167,7 @@ fn few_knots() {
     close(&v, &[0.0, 2.0, 6.0], 1e-15);
     close(&a, &[2.0; 3], 1e-15);
     // Two points at rest: 10s³ - 15s⁴ + 6s⁵.
-    let (v, a) = slopes(&[0.0, 2.0], &[0.0, 1.0], Ends::AT_REST);
+    let (v, a) = slopes(&[0.0, 2.0], &[0.0, 1.0], Ends::CLAMPED_AT_REST);
     let piece = Quintic::joining(
         Knot {
             t: 0.0,
@@ -184,7 +184,7 @@ fn few_knots() {
     );
     for s in [0.1f64, 0.25, 0.5, 0.9] {
         let wanted = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
-        assert!((piece.at(2.0 * s).0 - wanted).abs() < 1e-15);
+        assert!((piece.evaluate(2.0 * s).0 - wanted).abs() < 1e-15);
     }
 }
 
@@ -210,7 +210,7 @@ fn a_quintic_is_its_own_spline() {
                 a: -1.0 / unit / unit,
             },
         );
-        let position: Vec<_> = knots.iter().map(|&t| piece.at(t)).collect();
+        let position: Vec<_> = knots.iter().map(|&t| piece.evaluate(t)).collect();
         let x: Vec<f64> = position.iter().map(|k| k.0).collect();
         let first = (position[0].1, position[0].2);
         let last = (position[7].1, position[7].2);

@@ -32,7 +32,10 @@ fn trim_cuts_the_path_not_the_samples() {
     assert!((part.duration() - 0.0676).abs() < 1e-16);
     for i in 0..=50 {
         let t = 0.0676 * f64::from(i) / 50.0;
-        let (part, complete) = (part.profile().at(t), complete.profile().at(t + 0.0101));
+        let (part, complete) = (
+            part.profile().evaluate(t),
+            complete.profile().evaluate(t + 0.0101),
+        );
         assert!(
             (part.0 - complete.0).abs() < 1e-12,
             "{t}: {part:?} {complete:?}"
@@ -49,7 +52,7 @@ fn a_take_is_played_from_its_first_instant() {
     assert!((placed.start() - 3.0).abs() < 1e-12);
     assert!((placed.stop() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
     for (t, x) in t.iter().zip(&x) {
-        assert!((placed.at(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
+        assert!((placed.evaluate(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
     }
     assert!(plain(&t, &x).placed(3.0, 2.0, 0.0, false).is_err());
 }
@@ -99,7 +102,7 @@ fn uneven_samples_are_filtered_as_the_movement_they_are() {
     let (a, b) = (smooth(&even), smooth(&jittered));
     for i in 100..900 {
         let t = f64::from(i) / rate;
-        assert!((a.profile().at(t).0 - b.profile().at(t).0).abs() < 1e-6);
+        assert!((a.profile().evaluate(t).0 - b.profile().evaluate(t).0).abs() < 1e-6);
     }
 }
 

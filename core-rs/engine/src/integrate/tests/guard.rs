@@ -50,7 +50,7 @@ fn an_undamped_gong_keeps_its_energy() {
             }
             assert!(
                 it.finer_frames()
-                    .is_some_and(|finer_frames| finer_frames.most >= 2),
+                    .is_some_and(|finer_frames| finer_frames.steps_max >= 2),
                 "{method:?} {v}"
             );
             assert!(

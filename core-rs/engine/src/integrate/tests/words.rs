@@ -6,7 +6,7 @@ use crate::network::{But, Contact};
 use crate::scheme::StabilityGuarantee;
 
 /// One mass of 1 kg on a link to a fixed point: λ is κ + c·ζ.
-fn one(kappa: f64, zeta: f64) -> Network {
+fn single_mass(kappa: f64, zeta: f64) -> Network {
     let mut network = Network::new();
     network.part("p", None);
     let m = network.mas("m", 1.0, 1e-3, 0.0).expect("a mass");
@@ -43,7 +43,10 @@ fn borders_are_where_methods_break() {
                 .map(|limit| (limit * limit * 1e9).round()),
             Some((border * 1e9_f64).round())
         );
-        let (below, above) = (one(border * low, 0.0), one(border * high, 0.0));
+        let (below, above) = (
+            single_mass(border * low, 0.0),
+            single_mass(border * high, 0.0),
+        );
         assert_eq!(word(&below, method), Some(sure), "{method:?}");
         assert!(stays(&below, method), "{method:?}");
         assert_eq!(word(&above, method), None, "{method:?}");
@@ -53,10 +56,10 @@ fn borders_are_where_methods_break() {
     }
     let method = MeshMethod::Ieq;
     assert_eq!(
-        word(&one(1e5, 1.0), method),
+        word(&single_mass(1e5, 1.0), method),
         Some(StabilityGuarantee::Proved)
     );
-    assert!(stays(&one(1e5, 0.0), method));
+    assert!(stays(&single_mass(1e5, 0.0), method));
 }
 
 #[test]
@@ -67,13 +70,13 @@ fn damping_makes_ca2p_tried() {
         (2.0, 1.7, None),
         (6.5, 0.1, Some(StabilityGuarantee::Tried)),
     ] {
-        let network = one(kappa, zeta);
+        let network = single_mass(kappa, zeta);
         assert_eq!(word(&network, MeshMethod::Ca2p), expected, "{kappa} {zeta}");
         assert!(expected.is_none() || stays(&network, MeshMethod::Ca2p));
     }
     // BM4 treats losses by the midpoint rule.
     for (zeta, expected) in [(4.9, Some(StabilityGuarantee::Tried)), (9.0, None)] {
-        let network = one(1e-3, zeta);
+        let network = single_mass(1e-3, zeta);
         assert_eq!(word(&network, MeshMethod::Bm4), expected, "{zeta}");
         assert_eq!(
             stays(&network, MeshMethod::Bm4),

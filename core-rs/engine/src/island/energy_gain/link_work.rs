@@ -211,7 +211,7 @@ impl LinkWork {
             account.add_start(self.start(link));
         }
         let stored = self.stored(&link.run, body);
-        account.gain(stored, around, n).of_at_least(put_in)
+        account.gain(stored, around, n).with_reference_min(put_in)
     }
 
     /// The energy that its link stored when the account began [J].

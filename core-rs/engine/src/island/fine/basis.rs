@@ -4,7 +4,7 @@ use crate::maths::cos;
 use std::f64::consts::PI;
 
 /// Most polynomials in a sum.
-pub(super) const MOST: usize = 24;
+pub(super) const POLYNOMIALS_MAX: usize = 24;
 /// Fewest polynomials: a parabola and one to spare.
 const LEAST: usize = 4;
 /// Error of the sum, relative to the function.
@@ -23,18 +23,18 @@ pub(super) struct Basis {
 
 /// Every polynomial, and its slope, at one instant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct At {
+pub(super) struct Instant {
     /// 0 to 1.
     pub(super) s: f64,
-    pub(super) value: [f64; MOST],
-    pub(super) slope: [f64; MOST],
+    pub(super) value: [f64; POLYNOMIALS_MAX],
+    pub(super) slope: [f64; POLYNOMIALS_MAX],
 }
 
 impl Basis {
     /// A basis for motions e^(λs) with |λ| up to `reach` [1/frame], to an error relative to them.
     pub(super) fn new(reach: f64, error_max: f64) -> Self {
-        let n = (LEAST..MOST).find(|&n| error(reach, n) <= error_max);
-        let n = n.unwrap_or(MOST);
+        let n = (LEAST..POLYNOMIALS_MAX).find(|&n| error(reach, n) <= error_max);
+        let n = n.unwrap_or(POLYNOMIALS_MAX);
         let angle = |m: usize| PI * ((n - 1 - m) as f64 + 0.5) / n as f64;
         let part = |k: usize| if k == 0 { 1.0 } else { 2.0 } / n as f64;
         let fit = |at: usize| part(at / n) * cos((at / n) as f64 * angle(at % n));
@@ -65,7 +65,7 @@ impl Basis {
     /// Replace the values of a function of two instants by its coefficients   (n·n)
     pub(super) fn fit_both(&self, both: &mut [f64]) {
         let n = self.n();
-        let (mut values, mut fitted) = ([0.0; MOST], [0.0; MOST]);
+        let (mut values, mut fitted) = ([0.0; POLYNOMIALS_MAX], [0.0; POLYNOMIALS_MAX]);
         for row in both.chunks_mut(n) {
             self.fit(row, &mut fitted[..n]);
             row.copy_from_slice(&fitted[..n]);
@@ -126,14 +126,14 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-impl At {
+impl Instant {
     pub(super) fn new(n: usize, s: f64) -> Self {
         let (u, mut values) = (
             2.0 * s - 1.0,
             Self {
                 s,
-                value: [0.0; MOST],
-                slope: [0.0; MOST],
+                value: [0.0; POLYNOMIALS_MAX],
+                slope: [0.0; POLYNOMIALS_MAX],
             },
         );
         (values.value[0], values.value[1], values.slope[1]) = (1.0, u, 2.0);
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn rows_are_added_in_order_however_many_polynomials_there_are() {
-        for n in LEAST..MOST {
+        for n in LEAST..POLYNOMIALS_MAX {
             let number = |at: usize| sin(at as f64 + 0.3);
             let rows: Vec<f64> = (0..n * n).map(number).collect();
             let factors: Vec<f64> = (0..n).map(|k| number(k + 777)).collect();
@@ -178,7 +178,7 @@ mod tests {
             let mut fitted = vec![0.0; n];
             basis.fit(&values, &mut fitted);
             for s in [0.0, 0.123, 0.5, 0.97, 1.0] {
-                let instant = At::new(n, s);
+                let instant = Instant::new(n, s);
                 assert!((dot(&fitted, &instant.value[..n]) - sin(reach * s)).abs() < 1e-8);
                 let slope = reach * cos(reach * s);
                 assert!((dot(&fitted, &instant.slope[..n]) - slope).abs() < 1e-6 * reach.max(1.0));

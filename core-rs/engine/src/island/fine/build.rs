@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::basis::{At, Basis, ERROR, ERROR_OF_FRICTION, dot};
+use super::basis::{Basis, ERROR, ERROR_OF_FRICTION, Instant, dot};
 use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, RESPONSE, joint, moves, reach};
 use super::laws::LawScript;
@@ -105,8 +105,8 @@ impl Fine {
         let sprung = Sprung::new(&script, network);
         let n_links = script.links.len();
         Self {
-            way: vec![0.0; n_joints * n],
-            given: vec![0.0; n_joints * n],
+            paths: vec![0.0; n_joints * n],
+            impulse_sums: vec![0.0; n_joints * n],
             saved: [vec![0.0; n_joints * n], vec![0.0; n_joints * n]],
             values: vec![0.0; n_joints * n],
             pushed: vec![0.0; n_joints * n],
@@ -140,13 +140,13 @@ impl Fine {
 /// Displacement of one joint at the instants of a frame by an impulse at another at its start, from `moves`
 /// (n_joints²)
 fn begun(moves: &[Vec<f64>], joints: &[Joint], basis: &Basis) -> Vec<Vec<f64>> {
-    let (n, start) = (basis.n(), At::new(basis.n(), 0.0));
+    let (n, start) = (basis.n(), Instant::new(basis.n(), 0.0));
     let response = |(pair, moves): (usize, &Vec<f64>)| {
         if joints[pair / joints.len()].port.is_none() || moves.is_empty() {
             return Vec::new();
         }
         let basis_at = |&s: &f64| {
-            let end = At::new(n, s);
+            let end = Instant::new(n, s);
             let rows = moves.chunks(n).zip(&start.value);
             rows.map(|(row, share)| share * dot(row, &end.value)).sum()
         };

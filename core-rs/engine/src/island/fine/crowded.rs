@@ -4,7 +4,7 @@
 //! If there are many joints, it takes less to add the impulse to the modes, and to sum over the modes where a joint is
 //! looked at.
 
-use super::basis::{At, Basis, dot};
+use super::basis::{Basis, Instant, dot};
 use super::joint::Joint;
 use super::{Fine, Script};
 use crate::cell::Cell;
@@ -221,8 +221,8 @@ impl Fine {
     }
 
     /// An instant of this frame, 0 to 1. From now on joints are looked at, and pushed, at this instant.
-    pub(super) fn at(&mut self, script: &Script, s: f64) -> At {
-        let instant = At::new(script.basis.n(), s);
+    pub(super) fn instant(&mut self, script: &Script, s: f64) -> Instant {
+        let instant = Instant::new(script.basis.n(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
             if motion.s.to_bits() != s.to_bits() {
                 bring(&body.tables, &instant.value, &mut motion.groups);
@@ -234,9 +234,9 @@ impl Fine {
     }
 
     /// Position [m] and velocity [m/frame] of a joint at this instant.
-    pub(super) fn see(&self, script: &Script, joint: usize, instant: &At) -> [f64; 2] {
+    pub(super) fn see(&self, script: &Script, joint: usize, instant: &Instant) -> [f64; 2] {
         let n = script.basis.n();
-        let path = &self.way[joint * n..(joint + 1) * n];
+        let path = &self.paths[joint * n..(joint + 1) * n];
         let [x, v] = [&instant.value, &instant.slope].map(|polynomials| dot(path, polynomials));
         match script.places[joint] {
             None => [x, v],
@@ -307,7 +307,7 @@ mod tests {
         let mut now = 0.0;
         for &(s, row, impulse) in &pushes {
             if s != now {
-                bring(&tables, &At::new(basis.n(), s).value, &mut groups);
+                bring(&tables, &Instant::new(basis.n(), s).value, &mut groups);
                 now = s;
             }
             push(&rows[row], impulse * rate.step(), &mut groups);
@@ -315,7 +315,7 @@ mod tests {
         for end in [0.85, 0.9, 1.0] {
             // At the instant of the last impulse the velocity has changed already.
             if end != now {
-                bring(&tables, &At::new(basis.n(), end).value, &mut groups);
+                bring(&tables, &Instant::new(basis.n(), end).value, &mut groups);
             }
             for (seen, row_seen) in rows.iter().enumerate() {
                 let [x, v] = see(row_seen, &groups);

@@ -1,7 +1,7 @@
 //! Points that contacts touch: the free path of each in a frame, and its response to impulses.
 
 use super::Script;
-use super::basis::{Basis, MOST as POLYNOMIALS_MAX};
+use super::basis::{Basis, POLYNOMIALS_MAX};
 use crate::cell::{Cell, Ratios};
 use crate::island::inside::RunningBody;
 use crate::network::{MatKind, Network};
@@ -24,7 +24,7 @@ pub(super) struct Joint {
     /// 1/M, κ and ζ of its cell, in this frame and in the next.
     pub(super) numbers: [[f64; 3]; 2],
     /// Weights of its position now and at the next frame in its position at each instant   (n)
-    pub(super) way: Vec<(f64, f64)>,
+    pub(super) frame_weights: Vec<(f64, f64)>,
     /// Forces in this frame and in the next [N] that replace an impulse at each instant [N·s]   (n)
     pub(super) split: Vec<[f64; 2]>,
 }
@@ -67,13 +67,16 @@ impl Script {
         let [now, next] = numbers;
         let [w, kappa, zeta] = std::array::from_fn(|i| 0.5 * (now[i] + next[i]));
         let (rate, step) = (self.rate, self.rate.step());
-        let cell = Cell::of_ratios(step * step / w, Ratios { kappa, zeta }, rate)?;
+        let cell = Cell::from_ratios(step * step / w, Ratios { kappa, zeta }, rate)?;
         joint_script.cell = Some(cell);
         // Each of the two forces that replace an impulse acts on the mass of its own frame.
         let masses = [w / now[0], w / next[0]];
         let step_response = cell.response(step);
-        for ((path, split), &instant) in
-            (joint_script.way.iter_mut().zip(&mut joint_script.split)).zip(&self.basis.instants)
+        for ((path, split), &instant) in (joint_script
+            .frame_weights
+            .iter_mut()
+            .zip(&mut joint_script.split))
+        .zip(&self.basis.instants)
         {
             let (weights, forces) = cell.within_step(instant, rate, step_response);
             *path = weights;
@@ -168,7 +171,7 @@ pub(super) fn joint(
         port,
         rest,
         numbers: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
-        way: path,
+        frame_weights: path,
         split: cell.as_ref().map(split).unwrap_or_default(),
         cell,
     }

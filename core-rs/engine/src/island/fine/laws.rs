@@ -6,7 +6,7 @@ mod root;
 mod state;
 mod tables;
 
-use super::basis::{At, dot};
+use super::basis::{Instant, dot};
 use super::{Fine, Script};
 use crate::maths::pow;
 use crate::state::Body;
@@ -98,7 +98,7 @@ impl Fine {
                 self.bracket(script, laws, (gates, division_index, part));
             }
             self.give_laws(script, laws, (division_index, part));
-            self.bend_paths(script, division, part);
+            self.push_paths(script, division, part);
         }
         // Forces of parts of different lengths are not extrapolated together.
         self.laws.iter_mut().for_each(|state| state.before = None);
@@ -180,8 +180,8 @@ impl Fine {
                 change = change.max((force - old).abs() - AGREE * force.abs());
                 if let Some(by) = now.bristle() {
                     let (_, v) = halfway(force);
-                    let bristle = by.halfway(now.bend, v, taken / now.rate());
-                    self.laws[law].bend_at_end = 2.0 * bristle - now.bend;
+                    let bristle = by.halfway(now.bristle, v, taken / now.rate());
+                    self.laws[law].bristle_at_end = 2.0 * bristle - now.bristle;
                 }
                 self.laws[law].force = [force; STAGES];
             }
@@ -216,13 +216,13 @@ impl Fine {
                 .force
                 .iter()
                 .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
-            state.bend = state.bend_at_end;
+            state.bristle = state.bristle_at_end;
             state.largest = greatest.max(if part == 0 { FADE } else { 1.0 } * state.largest);
         }
     }
 
     /// Add the effect of a part's forces to the paths of the laws in later parts.
-    fn bend_paths(&mut self, script: &Script, division: &Division, part: usize) {
+    fn push_paths(&mut self, script: &Script, division: &Division, part: usize) {
         let (n, n_laws) = (script.basis.n(), self.laws.len());
         let h = script.rate.step() / division.parts as f64;
         self.work.products += (n_laws * n_laws * STAGES * n) as u64;
@@ -255,13 +255,13 @@ impl Fine {
                 v += dot(by_v, &other.force);
             }
             let law = LawNow {
-                bend: state.bend_at_end,
+                bristle: state.bristle_at_end,
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
-            let end_forces = [state.begin, law.at(e, v * law.rate())];
+            let end_forces = [state.begin, law.force(e, v * law.rate())];
             let largest = (state.force.iter().chain(&end_forces))
                 .fold(state.largest, |most, force| most.max(force.abs()));
-            for (row, force) in laws.at_ends.iter().zip(end_forces) {
+            for (row, force) in laws.end_weights.iter().zip(end_forces) {
                 let apart = (dot(row, &state.force) - force).abs();
                 missed = missed.max(apart / largest.max(f64::MIN_POSITIVE));
             }
@@ -331,7 +331,7 @@ impl Fine {
             let [e, v] = state.see(&laws.divisions[0], 0);
             state.start = [e, v * law.rate()];
             if !(is_collocated && law.is_expression()) {
-                state.begin = law.at(state.start[0], state.start[1]);
+                state.begin = law.force(state.start[0], state.start[1]);
             }
         }
     }
@@ -359,31 +359,32 @@ impl Fine {
             open: run.gate.map_or(1.0, |gate| gates[gate]),
             k,
             z,
-            bend: self.laws[law_index].bend,
+            bristle: self.laws[law_index].bristle,
         }
     }
 
     /// Move the bristles of laws on by `h` frames, at the rate of their ends at an instant of a frame of contacts.
-    pub(super) fn bend(
+    pub(super) fn slide_bristles(
         &mut self,
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
-        (instant, h): (&At, f64),
+        (instant, h): (&Instant, f64),
     ) {
         for law_index in 0..laws.links.len() {
             let now = self.law(script, laws, gates, (law_index, instant.s));
             if let Some(by) = now.bristle() {
                 let [_, v] = self.elongation(script, laws.links[law_index], instant);
-                self.laws[law_index].bend = by.slide(now.bend, v * now.rate(), h / now.rate());
+                self.laws[law_index].bristle =
+                    by.slide(now.bristle, v * now.rate(), h / now.rate());
             }
         }
     }
 
     /// Elongation of a link [m] and its rate [m/frame].
-    pub(super) fn elongation(&self, script: &Script, link: usize, instant: &At) -> [f64; 2] {
+    pub(super) fn elongation(&self, script: &Script, link: usize, instant: &Instant) -> [f64; 2] {
         let n = script.basis.n();
         let (a, b) = script.ends[link];
-        let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
+        let [a, b] = [a, b].map(|end| &self.paths[end * n..(end + 1) * n]);
         let e = dot(b, &instant.value) - dot(a, &instant.value) - script.links[link].rest;
         [e, dot(b, &instant.slope) - dot(a, &instant.slope)]
     }
@@ -394,7 +395,7 @@ impl Fine {
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
         law: usize,
-        (instant, b): (&At, f64),
+        (instant, b): (&Instant, f64),
     ) {
         let link = laws.links[law];
         const AGAIN: usize = 4;
@@ -409,7 +410,7 @@ impl Fine {
         for _ in 0..AGAIN {
             // The rate halfway through the kick.
             let v = v - 0.5 * jump * impulse;
-            impulse = b * step * link_now.at(e, v * link_now.rate());
+            impulse = b * step * link_now.force(e, v * link_now.rate());
         }
         self.work.instants += 1;
         self.shove(script, a, impulse, instant);

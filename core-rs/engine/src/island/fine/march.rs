@@ -6,7 +6,7 @@
 
 use std::f64::consts::PI;
 
-use super::basis::At;
+use super::basis::Instant;
 use super::laws::{LawScript, LawState};
 use super::{Fine, Script};
 use crate::integrate::STAGES;
@@ -128,12 +128,12 @@ impl Fine {
         gates: &[f64],
         body: &mut Body,
     ) {
-        let start = self.at(script, 0.0);
+        let start = self.instant(script, 0.0);
         let mut rests_fast = false;
         for index in 0..script.links.len() {
             let rested = std::mem::take(&mut self.rests[index]);
             self.pushes[index] = false;
-            let Some(contact) = self.own(script, gates, (index, 0.0)) else {
+            let Some(contact) = self.contact_now(script, gates, (index, 0.0)) else {
                 continue;
             };
             let now = self.look(script, &contact, &start);
@@ -171,7 +171,7 @@ impl Fine {
     }
 
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
-    fn own<'a>(
+    fn contact_now<'a>(
         &self,
         script: &'a Script,
         gates: &[f64],
@@ -199,7 +199,7 @@ impl Fine {
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
-    fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &At) -> [f64; 2] {
+    fn look(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
         let (a, b) = contact.ends;
         let [[x_a, v_a], [x_b, v_b]] = [a, b].map(|end| self.see(script, end, instant));
         [
@@ -209,7 +209,13 @@ impl Fine {
     }
 
     /// Push both ends of a contact [N·s].
-    fn push(&mut self, script: &Script, contact: &LinkContact<'_>, impulse: f64, instant: &At) {
+    fn push(
+        &mut self,
+        script: &Script,
+        contact: &LinkContact<'_>,
+        impulse: f64,
+        instant: &Instant,
+    ) {
         let (a, b) = contact.ends;
         self.shove(script, a, contact.side * impulse, instant);
         self.shove(script, b, -contact.side * impulse, instant);
@@ -225,8 +231,8 @@ impl Fine {
     ) -> f64 {
         let h = self.length(script, forces.1, s);
         let [paths, impulses] = &mut self.saved;
-        paths.copy_from_slice(&self.way);
-        impulses.copy_from_slice(&self.given);
+        paths.copy_from_slice(&self.paths);
+        impulses.copy_from_slice(&self.impulse_sums);
         self.save_crowded(script);
         for law in &mut self.laws {
             law.save();
@@ -262,12 +268,14 @@ impl Fine {
         (s, h, index): (f64, f64, usize),
         left: &mut usize,
     ) -> f64 {
-        let Some(contact) = self.own(script, forces.1, (index, s)) else {
+        let Some(contact) = self.contact_now(script, forces.1, (index, s)) else {
             return h;
         };
         let look = |fine: &mut Self, s: f64| {
-            let instant = fine.at(script, s);
-            let contact = fine.own(script, forces.1, (index, s)).unwrap_or(contact);
+            let instant = fine.instant(script, s);
+            let contact = fine
+                .contact_now(script, forces.1, (index, s))
+                .unwrap_or(contact);
             (contact, fine.look(script, &contact, &instant))
         };
         let end_state = look(self, s + h);
@@ -317,8 +325,8 @@ impl Fine {
 
     /// Undo the last step.
     fn restore(&mut self) {
-        self.way.copy_from_slice(&self.saved[0]);
-        self.given.copy_from_slice(&self.saved[1]);
+        self.paths.copy_from_slice(&self.saved[0]);
+        self.impulse_sums.copy_from_slice(&self.saved[1]);
         self.restore_crowded();
         self.laws.iter_mut().for_each(LawState::restore);
     }
@@ -326,10 +334,10 @@ impl Fine {
     /// Length of the step from `s`.
     fn length(&mut self, script: &Script, gates: &[f64], s: f64) -> f64 {
         let (steps, step) = (script.steps as f64, script.rate.step());
-        let instant = self.at(script, s);
+        let instant = self.instant(script, s);
         let mut quickest = 1.0_f64;
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
-            if let Some(contact) = self.own(script, gates, (index, s)) {
+            if let Some(contact) = self.contact_now(script, gates, (index, s)) {
                 quickest =
                     quickest.max(contact.quickness(self.look(script, &contact, &instant), step));
             }
@@ -341,14 +349,22 @@ impl Fine {
     /// One step of the contacts that push, and of all laws.
     fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
         // Half of the motion of bristles comes before all else, and half after it.
-        self.bend(script, forces, (&At::new(script.basis.n(), s), 0.5 * h));
+        self.slide_bristles(
+            script,
+            forces,
+            (&Instant::new(script.basis.n(), s), 0.5 * h),
+        );
         let mut stage_time = 0.0;
         for (stage, [kick, drift]) in STAGES.iter().enumerate() {
             self.kick(script, forces, (s + stage_time * h, kick * h), stage > 3);
             stage_time += drift;
         }
         self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
-        self.bend(script, forces, (&At::new(script.basis.n(), s + h), 0.5 * h));
+        self.slide_bristles(
+            script,
+            forces,
+            (&Instant::new(script.basis.n(), s + h), 0.5 * h),
+        );
     }
 
     /// Kicks of all contacts that push, and of all laws. If they change velocities on which losses depend, half of each
@@ -360,7 +376,7 @@ impl Fine {
         (s, b): (f64, f64),
         is_back: bool,
     ) {
-        let instant = self.at(script, s);
+        let instant = self.instant(script, s);
         if script.is_coupled && self.order_matters(forces.0) {
             self.kick_in_order(script, forces, (&instant, 0.5 * b), false);
             self.kick_in_order(script, forces, (&instant, 0.5 * b), true);
@@ -388,7 +404,7 @@ impl Fine {
         &mut self,
         script: &Script,
         (laws, gates): (&LawScript, &[f64]),
-        (instant, b): (&At, f64),
+        (instant, b): (&Instant, f64),
         is_back: bool,
     ) {
         let n = script.links.len();
@@ -402,7 +418,7 @@ impl Fine {
             if !self.pushes[index] {
                 continue;
             }
-            let Some(contact) = self.own(script, gates, (index, instant.s)) else {
+            let Some(contact) = self.contact_now(script, gates, (index, instant.s)) else {
                 continue;
             };
             self.work.instants += 1;
@@ -418,17 +434,18 @@ impl Fine {
 
     /// A contact that stops or begins to push at `s`, and was not located in this step.
     fn turned(&mut self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
-        let instant = self.at(script, s);
+        let instant = self.instant(script, s);
         let others = (0..script.links.len()).filter(|&index| !self.located[index]);
         others.into_iter().find(|&index| {
-            self.own(script, gates, (index, s)).is_some_and(|contact| {
-                let state = self.look(script, &contact, &instant);
-                if self.pushes[index] {
-                    contact.holds(state) < 0.0
-                } else {
-                    contact.closes(state)
-                }
-            })
+            self.contact_now(script, gates, (index, s))
+                .is_some_and(|contact| {
+                    let state = self.look(script, &contact, &instant);
+                    if self.pushes[index] {
+                        contact.holds(state) < 0.0
+                    } else {
+                        contact.closes(state)
+                    }
+                })
         })
     }
 
@@ -440,8 +457,8 @@ impl Fine {
             let mut first: Option<(f64, usize)> = None;
             for index in 0..script.links.len() {
                 let mut closes = |s: f64| {
-                    let instant = self.at(script, s);
-                    let contact = self.own(script, gates, (index, s));
+                    let instant = self.instant(script, s);
+                    let contact = self.contact_now(script, gates, (index, s));
                     contact.is_some_and(|contact| {
                         contact.closes(self.look(script, &contact, &instant))
                     })
@@ -479,15 +496,15 @@ impl Fine {
         for part in 0..script.steps {
             let s = from + part as f64 * h;
             let instants = [s, s + 0.5 * h, s + h];
-            let start = self.at(script, instants[0]);
+            let start = self.instant(script, instants[0]);
             for index in 0..script.links.len() {
-                let link_contact = self.own(script, gates, (index, instants[1]));
+                let link_contact = self.contact_now(script, gates, (index, instants[1]));
                 self.depths[index] = link_contact.map_or(0.0, |link_contact| {
                     self.look(script, &link_contact, &start)[0]
                 });
             }
-            self.bend(script, (laws, gates), (&start, 0.5 * h));
-            let middle = self.at(script, instants[1]);
+            self.slide_bristles(script, (laws, gates), (&start, 0.5 * h));
+            let middle = self.instant(script, instants[1]);
             for law in 0..laws.links.len() {
                 self.kick_law(script, (laws, gates), law, (&middle, h));
             }
@@ -495,20 +512,21 @@ impl Fine {
             for _ in 0..ROUNDS {
                 let mut change = 0.0_f64;
                 for index in 0..script.links.len() {
-                    let Some(link_contact) = self.own(script, gates, (index, middle.s)) else {
+                    let Some(link_contact) = self.contact_now(script, gates, (index, middle.s))
+                    else {
                         continue;
                     };
                     self.work.instants += 1;
                     let now = self.depths[index];
                     // Remove the force of the last round.
-                    let middle = self.at(script, instants[1]);
+                    let middle = self.instant(script, instants[1]);
                     self.push(
                         script,
                         &link_contact,
                         -self.forces[index] * h * step,
                         &middle,
                     );
-                    let end = self.at(script, instants[2]);
+                    let end = self.instant(script, instants[2]);
                     let [free, _] = self.look(script, &link_contact, &end);
                     let contact = Contact {
                         k: link_contact.k,
@@ -518,7 +536,7 @@ impl Fine {
                         clamp: link_contact.but.clamp,
                     };
                     let force = contact.push(free, now, now.max(free));
-                    let middle = self.at(script, instants[1]);
+                    let middle = self.instant(script, instants[1]);
                     self.push(script, &link_contact, force * h * step, &middle);
                     change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
                     self.forces[index] = force;
@@ -527,8 +545,8 @@ impl Fine {
                     break;
                 }
             }
-            let end = self.at(script, instants[2]);
-            self.bend(script, (laws, gates), (&end, 0.5 * h));
+            let end = self.instant(script, instants[2]);
+            self.slide_bristles(script, (laws, gates), (&end, 0.5 * h));
             for (rests, force) in self.rests.iter_mut().zip(&self.forces) {
                 *rests &= *force != 0.0;
             }

@@ -1,6 +1,6 @@
 //! What does not change while links between frames are computed: their points, and how a push of one moves the others.
 
-use super::basis::{At, Basis, add_rows};
+use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
 use super::joint::Joint;
 use crate::scheme::Run;
@@ -64,7 +64,13 @@ impl Script {
     }
 
     /// Change the paths of all joints by an impulse on one of them [N·s].
-    pub(super) fn bend(&self, joint: usize, impulse: f64, instant: &At, path: &mut [f64]) {
+    pub(super) fn add_impulse(
+        &self,
+        joint: usize,
+        impulse: f64,
+        instant: &Instant,
+        path: &mut [f64],
+    ) {
         let (n, n_joints) = (self.basis.n(), self.joints.len());
         let shares = instant.value.map(|value| impulse * value);
         let moves = &self.moves[joint * n_joints..(joint + 1) * n_joints];

@@ -11,7 +11,7 @@ mod script;
 
 use std::sync::Arc;
 
-use super::basis::{At, dot};
+use super::basis::{Instant, dot};
 use super::laws::{STAGES, Square, Stages, shares};
 use super::{Fine, Script};
 use crate::network::Dry;
@@ -130,8 +130,8 @@ impl Fine {
                 return;
             }
             let [paths, impulses] = &mut self.saved;
-            paths.copy_from_slice(&self.way);
-            impulses.copy_from_slice(&self.given);
+            paths.copy_from_slice(&self.paths);
+            impulses.copy_from_slice(&self.impulse_sums);
             let mut taken = self.pace(frame).length(s);
             self.step_frictions(frame, (s, taken), &mut left);
             let slides = &mut self.frictions.slides;
@@ -177,7 +177,7 @@ impl Fine {
 
     /// Find the direction of every link at the start of a frame, and note the forces for outputs.
     fn start_frame(&mut self, frame: Frame<'_>, body: &mut Body) {
-        let (script, start) = (frame.script, At::new(frame.script.basis.n(), 0.0));
+        let (script, start) = (frame.script, Instant::new(frame.script.basis.n(), 0.0));
         for (slide_index, &link) in frame.slides.links.iter().enumerate() {
             let [_, v] = self.elongation(script, link, &start);
             let friction = self.friction(frame, (slide_index, 0.0));
@@ -249,7 +249,7 @@ impl Fine {
         if slide.direction == 0.0 {
             return self.hold_margin(frame, (slide_index, s), 1.0);
         }
-        let instant = At::new(frame.script.basis.n(), s);
+        let instant = Instant::new(frame.script.basis.n(), s);
         slide.direction
             * self.elongation(frame.script, frame.slides.links[slide_index], &instant)[1]
     }
@@ -259,9 +259,9 @@ impl Fine {
         if self.frictions.slides[slide].direction == 0.0 {
             return self.hold_margin(frame, (slide, s), 0.0);
         }
-        std::mem::swap(&mut self.way, &mut self.saved[0]);
+        std::mem::swap(&mut self.paths, &mut self.saved[0]);
         let margin = self.margin(frame, (slide, s));
-        std::mem::swap(&mut self.way, &mut self.saved[0]);
+        std::mem::swap(&mut self.paths, &mut self.saved[0]);
         margin
     }
 
@@ -297,8 +297,8 @@ impl Fine {
             };
             let moved = (next - taken).abs();
             taken = next;
-            self.way.copy_from_slice(&self.saved[0]);
-            self.given.copy_from_slice(&self.saved[1]);
+            self.paths.copy_from_slice(&self.saved[0]);
+            self.impulse_sums.copy_from_slice(&self.saved[1]);
             self.step_frictions(frame, (s, taken), left);
             let margin_then = self.margin(frame, (slide, s + taken));
             if moved <= LOCATED * h || margin_then == 0.0 || *left == 0 {

@@ -117,7 +117,7 @@ impl Sprung {
     }
 
     /// Note the forces that the frame before left to this one, of those of all joints [N].
-    pub(super) fn carry(&mut self, later: &[f64], body: &Body) {
+    pub(super) fn record_later_forces(&mut self, later: &[f64], body: &Body) {
         for point in &mut self.points {
             (point.force, point.step) = (later[point.joint], body.d[point.mat]);
         }
@@ -163,7 +163,10 @@ impl Sprung {
         if !self.account.is_overdrawn() {
             return None;
         }
-        let gain = self.account.gain(0.0, around(), n).of_at_least(put_in);
+        let gain = self
+            .account
+            .gain(0.0, around(), n)
+            .with_reference_min(put_in);
         let points = self.points.iter();
         let worst_point = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
         if !gain.is_reportable() {

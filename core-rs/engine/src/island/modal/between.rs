@@ -162,7 +162,7 @@ impl RunningModal {
             // The responses of complex modes already contain these shares.
             let share = if is_complex { &ONES } else { &rows[port] };
             let modes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen = (&mut self.seen[self.at + 1..], ROOM);
+            let seen = (&mut self.seen[self.present + 1..], ROOM);
             ports::kick(impulses, table, share, modes, rows, seen);
         }
         self.has_pending = true;

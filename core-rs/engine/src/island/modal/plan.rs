@@ -68,14 +68,14 @@ pub(crate) struct Answers {
 #[derive(Clone, Debug)]
 pub(crate) struct Modal {
     /// The network of the body, and which of its modes these are.
-    pub(crate) of: Arc<Network>,
-    pub(crate) kept: Vec<u32>,
+    pub(crate) network: Arc<Network>,
+    pub(crate) computed: Vec<u32>,
     /// MATs towards which modes of one frequency were turned; `None`: the modes are as they were found.
     pub(crate) turned: Option<Vec<usize>>,
     pub(crate) modes: Vec<Mode>,
     pub(crate) ports: Vec<Port>,
     /// Outputs that hear it, each with weights of the modes   (n_modes)
-    pub(crate) heard: Vec<(u32, Vec<f64>)>,
+    pub(crate) outputs: Vec<(u32, Vec<f64>)>,
     /// Constant part of each of these outputs, from the rest position.
     pub(crate) still: Vec<f64>,
     pub(crate) struck: Vec<Struck>,
@@ -96,7 +96,10 @@ impl Modal {
         match &self.answers {
             Some(answers) => {
                 let (response, step) = (&answers.ports[port][mode], self.rate.step());
-                [response.at(step) * step, response.at(0.0) * step]
+                [
+                    response.displacement(step) * step,
+                    response.displacement(0.0) * step,
+                ]
             }
             None => [self.modes[mode].gain * self.ports[port].shape[mode], 0.0],
         }
@@ -129,8 +132,13 @@ impl Modal {
                 let impulse = 0.5 * step * force[port.mat];
                 for (mode, answer) in pushed_plan.modes.iter_mut().zip(answers) {
                     // The response to half the impulse of a frame is subtracted from both positions.
-                    mode.now -= impulse * answer.at(0.0);
-                    mode.before -= impulse * if mode.b == 0.0 { 0.0 } else { answer.at(-step) };
+                    mode.now -= impulse * answer.displacement(0.0);
+                    mode.before -= impulse
+                        * if mode.b == 0.0 {
+                            0.0
+                        } else {
+                            answer.displacement(-step)
+                        };
                 }
             }
             return pushed_plan;
@@ -179,7 +187,11 @@ impl Modal {
                 .collect()
         };
         let shapes = |modal: &Self| -> Vec<Vec<f64>> {
-            modal.heard.iter().map(|(_, shape)| shape.clone()).collect()
+            modal
+                .outputs
+                .iter()
+                .map(|(_, shape)| shape.clone())
+                .collect()
         };
         self.rate.hertz() == other.rate.hertz()
             && self
@@ -198,8 +210,8 @@ impl Modal {
     pub(crate) fn only(&self, modes_kept: &[usize]) -> Self {
         let some = |shape: &[f64]| modes_kept.iter().map(|&mode| shape[mode]).collect();
         Self {
-            of: self.of.clone(),
-            kept: modes_kept.iter().map(|&mode| self.kept[mode]).collect(),
+            network: self.network.clone(),
+            computed: modes_kept.iter().map(|&mode| self.computed[mode]).collect(),
             turned: self.turned.clone(),
             modes: modes_kept.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
@@ -210,8 +222,8 @@ impl Modal {
                     ..*port
                 })
                 .collect(),
-            heard: self
-                .heard
+            outputs: self
+                .outputs
                 .iter()
                 .map(|(output, shape)| (*output, some(shape)))
                 .collect(),

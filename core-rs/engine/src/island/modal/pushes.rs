@@ -58,12 +58,12 @@ impl RunningModal {
             self.discard_ahead();
             self.quiet = 0;
         }
-        let n_ahead = self.until - self.at;
+        let n_ahead = self.until - self.present;
         if n_ahead == 1 && !self.has_pushes {
             // The motions are those of the next frame.
             for (row, moves) in script.moves.iter().enumerate() {
                 for (moves, force) in moves.iter().zip(&self.forces) {
-                    self.seen[row * ROOM + self.at + 1] += moves * force;
+                    self.seen[row * ROOM + self.present + 1] += moves * force;
                 }
             }
             for (group, motion) in self.motions.iter_mut().enumerate() {
@@ -76,7 +76,7 @@ impl RunningModal {
             return;
         }
         let n_ports = self.forces.len();
-        self.pushes[self.at * n_ports..][..n_ports].copy_from_slice(&self.forces);
+        self.pushes[self.present * n_ports..][..n_ports].copy_from_slice(&self.forces);
         self.has_pushes = true;
         let by_port = script.responses.chunks(script.moves.len() * AHEAD);
         for (responses, &force) in by_port.zip(&self.forces) {
@@ -85,7 +85,7 @@ impl RunningModal {
             }
             let rows = self.seen.chunks_mut(ROOM).zip(responses.chunks(AHEAD));
             for (seen, response) in rows {
-                ports::add_response(&mut seen[self.at + 1..=self.until], response, force);
+                ports::add_response(&mut seen[self.present + 1..=self.until], response, force);
             }
         }
     }
@@ -178,12 +178,12 @@ mod tests {
                 .collect(),
         };
         Modal {
-            of: Arc::new(Network::new()),
-            kept: (0..N_MODES as u32).collect(),
+            network: Arc::new(Network::new()),
+            computed: (0..N_MODES as u32).collect(),
             turned: None,
             modes: (0..N_MODES).map(mode).collect(),
             ports: vec![port(0), port(1)],
-            heard: vec![(0, vec![1.0; N_MODES])],
+            outputs: vec![(0, vec![1.0; N_MODES])],
             still: vec![0.0],
             struck: Vec::new(),
             rate: Rate::new(44_100.0).unwrap(),

@@ -43,7 +43,7 @@ impl Script {
         let groups = 0..modes.len().div_ceil(LANES);
         let ports = plan.ports.iter().map(|port| &port.shape);
         let rows: Vec<&Vec<f64>> = ports
-            .chain(plan.heard.iter().map(|(_, shape)| shape))
+            .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .collect();
         let moves = |row: &[f64]| {
             let by = |port| {

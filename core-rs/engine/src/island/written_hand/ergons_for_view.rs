@@ -25,7 +25,7 @@ struct Spark {
 }
 
 impl Spark {
-    fn of(ergon: &Record, is_stream: bool) -> Self {
+    fn new(ergon: &Record, is_stream: bool) -> Self {
         Self {
             first: *ergon,
             last: ergon.time,
@@ -97,7 +97,7 @@ impl Sparks {
         match joined {
             Some((_, spark)) => spark.add(ergon),
             None => {
-                room[self.n] = Spark::of(ergon, is_stream);
+                room[self.n] = Spark::new(ergon, is_stream);
                 self.n += 1;
             }
         }

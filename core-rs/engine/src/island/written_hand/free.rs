@@ -191,7 +191,7 @@ impl FreeKey {
     }
 
     /// The motion of a key at 0, at rest.
-    pub(crate) fn at_rest(&self) -> FreeMotion {
+    pub(crate) fn motion_at_rest(&self) -> FreeMotion {
         let still = vec![0.0; self.scheme.n_mat()];
         self.start(Body::new(&self.scheme, still.clone(), still))
     }
@@ -215,7 +215,7 @@ impl FreeKey {
     /// between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let free = self.deviation();
-        let mut motion = free.at_rest();
+        let mut motion = free.motion_at_rest();
         let (mut laws, mut targets) = (Laws::new(&free.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let push = 1e-6 / self.scheme.w[self.struck];
@@ -305,7 +305,7 @@ impl FreeKey {
         kernel::contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
         kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
-        kernel::bend(&self.scheme, body);
+        kernel::slide_bristles(&self.scheme, body);
         kernel::rest(&self.scheme, body);
         slow.iter().for_each(|slow| slow.place(body));
     }

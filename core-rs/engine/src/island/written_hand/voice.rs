@@ -343,7 +343,7 @@ impl Voice {
         let t = target as f64 / rate;
         if let Some(joining) = &running.joining {
             if t < joining.end {
-                return Some(Ask::Pass(joining.curve.at(t).0));
+                return Some(Ask::Pass(joining.curve.evaluate(t).0));
             }
             running.joining = None;
         }
@@ -366,7 +366,8 @@ impl Voice {
                 last,
             } => match gesture.gesture.manner.grain {
                 None if target > *entered => Some(Ask::Pass(
-                    path.at_from(&mut running.cursor, t.min(path.stop())).0,
+                    path.evaluate_from(&mut running.cursor, t.min(path.stop()))
+                        .0,
                 )),
                 _ if n < running.struck_until => None,
                 grain => {
@@ -377,7 +378,7 @@ impl Voice {
                     let to = to.min(*last);
                     running.struck_until = to;
                     let t = (to as f64 / rate).min(path.stop());
-                    running.aim = path.at_from(&mut running.cursor, t).0;
+                    running.aim = path.evaluate_from(&mut running.cursor, t).0;
                     Some(Ask::Aim { to, x: running.aim })
                 }
             },

@@ -36,7 +36,7 @@ pub(super) fn force(
     let next = db - da;
     let per_force = wa + wb;
     if per_force > 0.0 {
-        let after = |level: f64| Turned::of(v, next - v, per_force * level).v;
+        let after = |level: f64| Turned::after_step(v, next - v, per_force * level).v;
         let mut v_next = after(level(v));
         if by.falls() {
             v_next = after(level(0.5 * (v + v_next)));

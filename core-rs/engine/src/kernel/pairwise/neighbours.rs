@@ -219,7 +219,7 @@ fn meeting(rest: f64, here: Quad, there: Quad) -> Option<(f64, [f64; AXES_MAX])>
     if square >= rest * rest {
         return None;
     }
-    let (length, along) = Measure::Distance.of(apart);
+    let (length, along) = Measure::Distance.length_and_direction(apart);
     let e = length - rest;
     // The squared distance is below that of `rest`, but the distance may round to `rest`: nothing is pressed then.
     if e >= 0.0 { None } else { Some((e, along)) }

@@ -1,6 +1,6 @@
 //! A compiled expression at a few places: values are passed whole, so that they stay in one wide vector.
 
-use super::super::tree::{Binary, Unary, choose, whole_power};
+use super::super::tree::{Binary, Unary, choose, integer_power};
 use super::lanes::for_each_of;
 use super::{FEW, FIRST, Few, Step};
 use crate::maths::lanes;
@@ -17,7 +17,7 @@ half_wide! {
                 Step::Constant(_) => continue, // is in place
                 Step::Open(_, value) => [value; FEW],
                 Step::Unary(operation, a) => unary(operation, of(a)),
-                Step::WholePower(exponent, a) => whole_powers(exponent, of(a)),
+                Step::WholePower(exponent, a) => integer_powers(exponent, of(a)),
                 Step::Binary(operation, a, b) => binary(operation, of(a), of(b)),
                 Step::Where(c, a, b) => select(of(c), of(a), of(b)),
             };
@@ -29,30 +29,30 @@ half_wide! {
 fn unary(operation: Unary, a: Values) -> Values {
     match operation {
         Unary::Exp => lanes::few_exp(a),
-        Unary::Tanh => one_by_one(a, a, |a, _| Unary::Tanh.of(a)),
+        Unary::Tanh => by_lane(a, a, |a, _| Unary::Tanh.apply(a)),
         _ => {
-            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| a.map(|a| OF.of(a)))
+            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| a.map(|a| OF.apply(a)))
         }
     }
 }
 
 #[inline(always)]
-fn whole_powers(exponent: i32, a: Values) -> Values {
+fn integer_powers(exponent: i32, a: Values) -> Values {
     match exponent {
-        2 => a.map(|a| whole_power(a, 2)),
-        3 => a.map(|a| whole_power(a, 3)),
-        _ => one_by_one(a, a, |a, _| whole_power(a, exponent)),
+        2 => a.map(|a| integer_power(a, 2)),
+        3 => a.map(|a| integer_power(a, 3)),
+        _ => by_lane(a, a, |a, _| integer_power(a, exponent)),
     }
 }
 
 #[inline(always)]
 fn binary(operation: Binary, a: Values, b: Values) -> Values {
     match operation {
-        Binary::Power => one_by_one(a, b, |a, b| Binary::Power.of(a, b)),
+        Binary::Power => by_lane(a, b, |a, b| Binary::Power.apply(a, b)),
         _ => for_each_of!(
             Binary: Add Subtract Multiply Divide Power Min Max
                 Less LessEqual Greater GreaterEqual Equal NotEqual;
-            operation, |OF| std::array::from_fn(|lane| OF.of(a[lane], b[lane]))
+            operation, |OF| std::array::from_fn(|lane| OF.apply(a[lane], b[lane]))
         ),
     }
 }
@@ -64,6 +64,6 @@ fn select(c: Values, a: Values, b: Values) -> Values {
 
 /// Not inlined: its loop over lanes would keep the values of all operations in memory.
 #[inline(never)]
-fn one_by_one(a: Values, b: Values, of: impl Fn(f64, f64) -> f64) -> Values {
+fn by_lane(a: Values, b: Values, of: impl Fn(f64, f64) -> f64) -> Values {
     std::array::from_fn(|lane| of(a[lane], b[lane]))
 }

@@ -1,6 +1,6 @@
 //! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
 
-use super::super::tree::{Binary, Unary, choose, whole_power};
+use super::super::tree::{Binary, Unary, choose, integer_power};
 use super::{FIRST, Register, Step};
 use crate::maths::lanes;
 
@@ -27,7 +27,7 @@ fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f6
     match *step {
         Step::Constant(_) | Step::Open(..) => {}
         Step::Unary(operation, a) => unary(operation, out, value_of(a)),
-        Step::WholePower(exponent, a) => whole_powers(exponent, out, value_of(a)),
+        Step::WholePower(exponent, a) => integer_powers(exponent, out, value_of(a)),
         Step::Binary(operation, a, b) => binary(operation, out, value_of(a), value_of(b)),
         Step::Where(c, a, b) => {
             for (out, ((c, a), b)) in out
@@ -64,7 +64,7 @@ fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
         Unary::Exp => lanes::exp(a, out),
         _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| {
             for (out, a) in out.iter_mut().zip(a) {
-                *out = OF.of(*a);
+                *out = OF.apply(*a);
             }
         }),
     }
@@ -77,19 +77,19 @@ fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
             Less LessEqual Greater GreaterEqual Equal NotEqual;
         operation, |OF| {
             for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
-                *out = OF.of(*a, *b);
+                *out = OF.apply(*a, *b);
             }
         }
     );
 }
 
-/// [`whole_power`]: squares and cubes in one pass, others one multiplication after another.
+/// [`integer_power`]: squares and cubes in one pass, others one multiplication after another.
 #[inline(always)]
-fn whole_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
+fn integer_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
     macro_rules! in_one_pass {
         ($exponent:literal) => {
             for (out, a) in out.iter_mut().zip(a) {
-                *out = whole_power(*a, $exponent);
+                *out = integer_power(*a, $exponent);
             }
         };
     }

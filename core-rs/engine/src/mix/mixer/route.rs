@@ -228,13 +228,13 @@ impl Route {
 
     /// Its gain at a frame of the piece, without fades.
     pub(super) fn gain_at(&self, frame: u64) -> f64 {
-        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.at(frame))
+        self.gain * self.curve.as_ref().map_or(1.0, |curve| curve.value(frame))
     }
 
     /// Its gain at a frame of the piece, with fades.
     pub(super) fn faded_gain_at(&self, frame: u64) -> f64 {
-        let fade = self.fade.map_or(1.0, |fade| fade.at(frame));
-        self.gain_at(frame) * fade + self.residual_gain.map_or(0.0, |glide| glide.at(frame))
+        let fade = self.fade.map_or(1.0, |fade| fade.value(frame));
+        self.gain_at(frame) * fade + self.residual_gain.map_or(0.0, |glide| glide.value(frame))
     }
 
     /// Glide from one factor of its gain to another.
@@ -306,17 +306,17 @@ impl Route {
         to: &mut [f64],
     ) {
         for (index, ((y, &x), n)) in to.iter_mut().zip(signal).zip(first..).enumerate() {
-            let x = self.entry.map_or(x, |entry| entry.at(n) * x);
+            let x = self.entry.map_or(x, |entry| entry.value(n) * x);
             let x = self.delay.as_mut().map_or(x, |delay| delay.next(x));
             let curve = match (gains, &self.curve) {
                 (Some(gains), _) => gains[index],
-                (None, Some(curve)) => curve.at(n),
+                (None, Some(curve)) => curve.value(n),
                 (None, None) => 1.0,
             };
-            let fade = self.fade.map_or(1.0, |fade| fade.at(n));
-            *y += self.gain * group.at(n) * fade * curve * x;
+            let fade = self.fade.map_or(1.0, |fade| fade.value(n));
+            *y += self.gain * group.value(n) * fade * curve * x;
             if let Some(residual) = self.residual_gain {
-                *y += residual.at(n) * group.at(n) * x;
+                *y += residual.value(n) * group.value(n) * x;
             }
         }
     }

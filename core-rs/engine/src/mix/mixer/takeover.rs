@@ -69,8 +69,8 @@ impl Mixer {
                 route.repeats = route.hears_as(before);
             }
         }
-        let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
-        let old_gain = old.fade.as_ref().map_or(1.0, |fade| fade.at(old.frame));
+        let new_gain = self.fade.as_ref().map_or(1.0, |fade| fade.value(old.frame));
+        let old_gain = old.fade.as_ref().map_or(1.0, |fade| fade.value(old.frame));
         self.residual_gain = old.residual_gain;
         if new_gain != old_gain {
             self.residual_gain = glide_to_zero(self.rate, old.gain_of_all(old.frame) - new_gain);
@@ -99,7 +99,7 @@ impl Mixer {
                 .frozen
                 .iter()
                 .any(|placed| placed.continues(before, here));
-            let fade = Glide::between(self.rate, before.fade.at(old.frame), 0.0);
+            let fade = Glide::between(self.rate, before.fade.value(old.frame), 0.0);
             (!goes_on).then(|| before.fading(here, fade))
         });
         let fading_out = old.frozen_fading_out.iter().flatten();
@@ -152,7 +152,7 @@ impl Mixer {
                 repeats: false,
                 ..before.clone()
             };
-            let there = before.fade.map_or(1.0, |fade| fade.at(old.frame));
+            let there = before.fade.map_or(1.0, |fade| fade.value(old.frame));
             route.fade(self.rate, there, 0.0);
             *place = Some(route);
         }

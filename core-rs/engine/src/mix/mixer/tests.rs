@@ -3,7 +3,7 @@ mod repeated_routes;
 use super::route::DELAY_MAX;
 use super::*;
 use crate::maths;
-use crate::mix::curve::{Pan, Point, Side, Way};
+use crate::mix::curve::{Pan, Point, Segment, Side};
 use crate::mix::delay::Echo;
 
 /// Three outputs: noise, a small offset with noise (a hand that leans), and a constant with one broken sample.
@@ -159,7 +159,7 @@ fn hall() -> Mixer {
     let point = |frame: i64, value: f64| Point {
         frame,
         value,
-        way: Way::Smooth,
+        segment: Segment::Smooth,
     };
     let curve = Curve::new(vec![point(100, 0.1), point(3000, 1.0)]);
     let treatment = Treatment {
@@ -283,11 +283,11 @@ fn a_route_that_comes_fades_in_one_that_goes_fades_out_and_a_gain_glides() {
 }
 
 fn level(frame: i64, value: f64) -> Point {
-    let method = Way::Line;
+    let method = Segment::Line;
     Point {
         frame,
         value,
-        way: method,
+        segment: method,
     }
 }
 
@@ -334,7 +334,7 @@ fn a_fade_that_is_taken_back_returns_in_20_ms_without_a_jump() {
             }
             let end = *gains.last().unwrap();
             let curve = Curve::new(after.to_vec());
-            assert!((end - curve.at(2999)).abs() < 1e-12, "{end}");
+            assert!((end - curve.value(2999)).abs() < 1e-12, "{end}");
             assert!(
                 gains[999..].iter().all(|x| (0.0..1.001).contains(x)),
                 "no overshoot"

@@ -31,7 +31,7 @@ pub struct Facets {
 
 impl Facets {
     /// Most triangles of a surface.
-    pub const MOST: usize = 200_000;
+    pub const TRIANGLES_MAX: usize = 200_000;
 
     /// The surface of triangles, each given by the numbers of its corners [m]; points are detected up to the distance
     /// `reach` [m].
@@ -51,7 +51,7 @@ impl Facets {
                 "points that touch a surface need a gap above 0: the distance at which they touch",
             );
         }
-        if triangles.len() > Self::MOST {
+        if triangles.len() > Self::TRIANGLES_MAX {
             return Err("its surface has more than 200,000 triangles");
         }
         let mut valid = Vec::with_capacity(triangles.len());

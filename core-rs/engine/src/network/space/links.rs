@@ -39,7 +39,7 @@ impl SpaceLink {
     }
 
     /// The same link at the frame rate `new_rate` [Hz].
-    pub(crate) fn at_rate(&self, new_rate: f64) -> Self {
+    pub(crate) fn resampled(&self, new_rate: f64) -> Self {
         let mut stepped = self.clone();
         if let SpaceLaw::Lnl { rate, .. } = &mut stepped.law {
             *rate = new_rate;
@@ -65,7 +65,7 @@ impl SpaceLink {
         ends: (usize, usize),
         x: impl Fn(usize) -> f64,
     ) -> (f64, [f64; AXES_MAX]) {
-        self.measure.of(self.between(ends, x))
+        self.measure.length_and_direction(self.between(ends, x))
     }
 
     /// Position of the second end minus that of the first, axis by axis.

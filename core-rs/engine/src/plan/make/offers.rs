@@ -29,7 +29,7 @@ impl Maker<'_> {
         slow: Solved,
     ) -> Solved {
         let is_within = slow.is_within(self.budget);
-        let is_doubtful = !is_within || slow.found.island.island_plan.oversampling > 1;
+        let is_doubtful = !is_within || slow.chosen.island.island_plan.oversampling > 1;
         if slow.growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
             return slow;
         }
@@ -140,7 +140,7 @@ impl Maker<'_> {
         }
         let times = pin.oversampling.max(1);
         let mut each = vec![1];
-        for numbers in &pin.kept {
+        for numbers in &pin.body_methods {
             if let [steps] = numbers[..]
                 && steps > times
                 && !each.contains(&(steps / times))
@@ -171,7 +171,7 @@ impl Maker<'_> {
 
 impl Solved {
     fn cost(&self) -> f64 {
-        self.found.island.island_plan.cost()
+        self.chosen.island.island_plan.cost()
     }
 
     /// Whether its error, and the one that slow parts add, are known to be within the budget.
@@ -181,7 +181,7 @@ impl Solved {
             Budget::Error(_) | Budget::Method(_) => error.db <= budget.asked(),
         };
         let is_known = |error: Measured| error.spectral.is_none() && is_within(error);
-        self.found.error.is_some_and(is_known) && self.slow_error.is_none_or(is_known)
+        self.chosen.error.is_some_and(is_known) && self.slow_error.is_none_or(is_known)
     }
 
     /// Whether the error that slow parts add stays within their share of what is allowed.
@@ -200,7 +200,7 @@ impl Solved {
 
     /// The same as [`Self::is_as_exact`], but by audible errors if both are known.
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let audible = |solved: &Self| solved.found.error.and_then(|error| error.audible);
+        let audible = |solved: &Self| solved.chosen.error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
             (Some(island_timeline), Some(other)) => {
                 island_timeline.excess(budget) <= other.excess(budget).max(1.0)
@@ -211,7 +211,7 @@ impl Solved {
 
     /// Whether the error is within the budget, or not larger than that of `other`.
     fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
-        let db = |solved: &Self| solved.found.error.map(|error| error.db);
+        let db = |solved: &Self| solved.chosen.error.map(|error| error.db);
         match (db(self), db(other)) {
             (Some(island_timeline), Some(other)) => island_timeline <= other.max(budget.asked()),
             (island_timeline, other) => island_timeline.is_none() == other.is_none(),

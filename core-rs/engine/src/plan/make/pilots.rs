@@ -54,7 +54,7 @@ impl Maker<'_> {
             let also = format_args!("pilot {budget:?}");
             Series::new(
                 store,
-                IslandContent::of(&subset.network, &island_timeline.timeline, also),
+                IslandContent::new(&subset.network, &island_timeline.timeline, also),
             )
         });
         let recalled = series.as_ref().and_then(|series| {

@@ -13,7 +13,7 @@ use crate::plan::passes::ported::{self, Cut, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
-use crate::plan::{IslandPlan, Whole};
+use crate::plan::{IslandPlan, NetworkIndices};
 use crate::scheme::{Certificate, Refusal, Scheme};
 use crate::timeline::{Timeline, greatest};
 
@@ -68,7 +68,7 @@ impl Shape {
     /// In the order of their numbers in records.
     pub(in crate::plan) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
 
-    fn of(choice: MethodChoice<'_>) -> Self {
+    fn from_choice(choice: MethodChoice<'_>) -> Self {
         match choice {
             MethodChoice::Stepped => Self::Stepped,
             MethodChoice::Meshes(_) => Self::Meshes,
@@ -122,7 +122,7 @@ impl Assembled {
                 BodyPlan::Modal(_) | BodyPlan::Slow(_) => false,
             };
             let once = cut.bodies.iter().any(steps_over).then_some(1);
-            let timeline = &cut.own.timeline;
+            let timeline = &cut.timeline.timeline;
             let by = |steps_max| hub(&cut.hub.network, timeline, budget, steps_max, Refusal::Bare);
             match once
                 .map_or_else(|| by(steps_max), by)
@@ -141,16 +141,19 @@ impl Assembled {
                     _ => Refusal::Bare,
                 };
                 let stable = hub(&subset.network, &timeline, budget, steps_max, refusal)?;
-                (ported::whole(subset, island_timeline, timeline), stable)
+                (
+                    ported::uncut_island(subset, island_timeline, timeline),
+                    stable,
+                )
             }
         };
         let Cut {
             hub,
-            own: inner,
+            timeline: inner,
             bodies,
         } = cut;
         let island_plan = IslandPlan {
-            to_whole: Whole {
+            to_whole: NetworkIndices {
                 mats: Some(through(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
                 keys: Some(through(&island_timeline.keys, &inner.keys)),
@@ -174,7 +177,7 @@ impl Assembled {
             certificate,
             because,
             may_collocate,
-            shape: Shape::of(choice),
+            shape: Shape::from_choice(choice),
             is_plain,
         })
     }
@@ -233,7 +236,7 @@ impl Assembled {
             if let BodyPlan::Modal(modal) = &body.inside {
                 body.inside = BodyPlan::Modal(modal.only(&modes_kept.modes));
                 body.left_out = modes_kept.left_out;
-                body.kept = modes_kept.numbers();
+                body.computed_modes = modes_kept.numbers();
                 ported::set_free(&mut hub, &body.inside);
             }
         }

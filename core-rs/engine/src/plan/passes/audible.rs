@@ -27,7 +27,7 @@ pub(in crate::plan) struct Body {
     /// What outputs hear of its rest position   (its n_out)
     pub(in crate::plan) rest: Vec<f64>,
     pub(in crate::plan) modes: usize,
-    pub(in crate::plan) kept: KeptModes,
+    pub(in crate::plan) computed: KeptModes,
     pub(in crate::plan) kind: ModeKind,
 }
 
@@ -77,7 +77,7 @@ pub(in crate::plan) fn keep(
     let outputs: Vec<u32> = (0..network.outputs().len() as u32).collect();
     let loudness = |some: &[usize]| {
         let bank = body.bank(some, &outputs);
-        Loudness::of(bank, network, rate, first.unwrap_or(0))
+        Loudness::new(bank, network, rate, first.unwrap_or(0))
     };
     let mut all = None;
     loop {

@@ -81,7 +81,7 @@ fn normal(
     let normal = Normal {
         modes: &modes,
         seen,
-        felt: excited,
+        struck_modes: excited,
         strikes,
         budget,
         rate,
@@ -112,7 +112,7 @@ fn normal(
         },
         rest,
         modes: modes.len(),
-        kept: chosen,
+        computed: chosen,
         kind: ModeKind::Normal,
     })
 }
@@ -123,7 +123,7 @@ struct Normal<'a> {
     /// (n_out, n_modes)
     seen: &'a [Vec<f64>],
     /// (n_struck, n_modes)
-    felt: &'a [Vec<f64>],
+    struck_modes: &'a [Vec<f64>],
     strikes: &'a Blows,
     budget: &'a Budget,
     rate: Rate,
@@ -144,7 +144,7 @@ impl ModalBody for Normal<'_> {
     }
 
     fn loudest(&self, allowed: Option<f64>) -> KeptModes {
-        let (seen, excited, impulse_rows) = (self.seen, self.felt, impulses(self.strikes));
+        let (seen, excited, impulse_rows) = (self.seen, self.struck_modes, impulses(self.strikes));
         truncate::keep(
             self.modes,
             seen,
@@ -157,7 +157,7 @@ impl ModalBody for Normal<'_> {
     }
 
     fn bank(&self, some: &[usize], outputs: &[u32]) -> BankPlan {
-        let seen_and_felt = [self.seen, self.felt];
+        let seen_and_felt = [self.seen, self.struck_modes];
         bank_of(
             self.modes,
             some,
@@ -190,7 +190,7 @@ fn bank_of(
             b: 1.0 - ratios.zeta,
             now: modes.x0[mode] - modes.rest[mode],
             before: modes.before(mode, rate),
-            heard: weights,
+            outputs: weights,
             blows: Vec::new(),
         });
     }

@@ -65,7 +65,7 @@ pub(in crate::plan) fn oscillators(
                 b: 1.0 - scheme.zeta[i],
                 now,
                 before: now - steps[i],
-                heard: Vec::new(),
+                outputs: Vec::new(),
                 blows: Vec::new(),
             }
         })
@@ -83,7 +83,7 @@ pub(in crate::plan) fn oscillators(
                 if !is_force {
                     still[index as usize] += weight * mats.rest[i];
                 }
-                add_weight(&mut cell.heard, index, weight);
+                add_weight(&mut cell.outputs, index, weight);
             }
         }
     }
@@ -97,7 +97,7 @@ pub(in crate::plan) fn oscillators(
     for ergon in &timeline.ergons {
         let mat = ergon.mat as usize;
         all[mat].blows.push(Blow {
-            frame: frame(ergon.at, rate.hertz()),
+            frame: frame(ergon.instant, rate.hertz()),
             kick: Kick::Ergon {
                 mass: ergon.mass,
                 speed: ergon.speed,
@@ -107,7 +107,7 @@ pub(in crate::plan) fn oscillators(
     }
     let mut sizes = HashMap::new();
     for (part, cell) in mats.part.iter().zip(&all) {
-        *sizes.entry(*part).or_insert(0) += usize::from(!cell.heard.is_empty());
+        *sizes.entry(*part).or_insert(0) += usize::from(!cell.outputs.is_empty());
     }
     let mut banks: Vec<BankPlan> = Vec::new();
     // In reverse, so that memory of moved oscillators can be given back: millions of them are not held twice.
@@ -119,7 +119,7 @@ pub(in crate::plan) fn oscillators(
         let Some(mut oscillator) = all.pop() else {
             break;
         };
-        if oscillator.heard.is_empty() {
+        if oscillator.outputs.is_empty() {
             continue;
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);

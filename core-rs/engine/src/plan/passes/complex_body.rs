@@ -56,7 +56,7 @@ pub(in crate::plan) fn bank(
         bank,
         rest: modes.rest.iter().zip(held).map(|(a, b)| a + b).collect(),
         modes: modes.len(),
-        kept: chosen,
+        computed: chosen,
         kind: ModeKind::Complex,
     })
 }
@@ -174,7 +174,7 @@ pub(in crate::plan) fn parts(modes: &ComplexModes, some: &[usize], rate: Rate) -
 
 /// The response of a part to an impulse at a point.
 pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
-    let gain = modes.felt[point][part.mode];
+    let gain = modes.struck_modes[point][part.mode];
     match modes.poles[part.mode] {
         // Im z = Re(−i·z).
         Pole::Pair { decay, omega } => Response::Pair {
@@ -241,23 +241,20 @@ impl ModalBody for Complex<'_> {
         let modes = self.modes;
         let impulse_rows = impulses(self.strikes);
         let square = |[re, im]: [f64; 2]| re * re + im * im;
-        let energy = |mode: usize| {
-            let blows = modes
-                .felt
-                .iter()
-                .zip(&impulse_rows)
-                .flat_map(|(felt, impulse_rows)| {
-                    impulse_rows.iter().map(|p| p * p * square(felt[mode]))
-                });
-            let (_, decay) = modes.pitch(mode);
-            // ∫ e^(−2σt) over the first moments.
-            let time = if decay * FIRST > 1e-9 {
-                -expm1(-2.0 * decay * FIRST) / (2.0 * decay)
-            } else {
-                FIRST
+        let energy =
+            |mode: usize| {
+                let blows = modes.struck_modes.iter().zip(&impulse_rows).flat_map(
+                    |(felt, impulse_rows)| impulse_rows.iter().map(|p| p * p * square(felt[mode])),
+                );
+                let (_, decay) = modes.pitch(mode);
+                // ∫ e^(−2σt) over the first moments.
+                let time = if decay * FIRST > 1e-9 {
+                    -expm1(-2.0 * decay * FIRST) / (2.0 * decay)
+                } else {
+                    FIRST
+                };
+                (square(modes.start[mode]) + blows.sum::<f64>()) * time
             };
-            (square(modes.start[mode]) + blows.sum::<f64>()) * time
-        };
         let energies: Vec<f64> = (0..modes.len()).map(energy).collect();
         let size = |row: &Vec<[f64; 2]>| row.iter().map(|&c| square(c).sqrt()).collect();
         let rows: Vec<Vec<f64>> = modes.seen.iter().map(size).collect();
@@ -287,7 +284,7 @@ impl ModalBody for Complex<'_> {
                 b,
                 now: part.now,
                 before: part.before,
-                heard: weights,
+                outputs: weights,
                 blows: Vec::new(),
             });
         }

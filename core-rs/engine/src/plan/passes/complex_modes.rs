@@ -12,7 +12,7 @@ use std::ops::Range;
 use crate::network::Network;
 use crate::plan::passes::linear::{Damper, Linear, NoModes};
 use crate::plan::passes::modes::{ANGLE_MIN, Row};
-use crate::spectrum::whole;
+use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
 
 /// Most undamped modes that damping may couple. An eigenvalue problem of 256 states takes 0.06 s, one of 512 half a
@@ -50,7 +50,7 @@ pub(in crate::plan) struct Sum {
 
 impl Sum {
     /// Of positions alone.
-    pub(in crate::plan) fn of(positions: Row) -> Self {
+    pub(in crate::plan) fn from_positions(positions: Row) -> Self {
         Self {
             positions,
             velocities: Row::new(),
@@ -69,7 +69,7 @@ pub(in crate::plan) struct ComplexModes {
     /// position and velocity each with their own factor   (n_out, n_modes)
     pub(in crate::plan) seen: Vec<Vec<Complex>>,
     /// What 1 N·s at each struck point adds to each mode   (n_struck, n_modes)
-    pub(in crate::plan) felt: Vec<Vec<Complex>>,
+    pub(in crate::plan) struck_modes: Vec<Vec<Complex>>,
     /// What each output hears when the body is at rest   (n_out)
     pub(in crate::plan) rest: Vec<f64>,
 }
@@ -109,7 +109,7 @@ impl ComplexModes {
         let coordinates = Coordinates::new(network, outputs, struck, rate)?;
         let mut modes = Self {
             seen: vec![Vec::new(); outputs.len()],
-            felt: vec![Vec::new(); struck.len()],
+            struck_modes: vec![Vec::new(); struck.len()],
             rest: coordinates.rests(),
             ..Self::default()
         };
@@ -161,7 +161,7 @@ impl ComplexModes {
         }
         self.poles = sorted(&self.poles, &order);
         self.start = sorted(&self.start, &order);
-        for row in self.seen.iter_mut().chain(&mut self.felt) {
+        for row in self.seen.iter_mut().chain(&mut self.struck_modes) {
             *row = sorted(row, &order);
         }
     }
@@ -189,7 +189,7 @@ impl ComplexModes {
         for (output, row) in self.seen.iter_mut().enumerate() {
             row.push(seen(output));
         }
-        for (point, row) in self.felt.iter_mut().enumerate() {
+        for (point, row) in self.struck_modes.iter_mut().enumerate() {
             row.push(excitation(point));
         }
     }
@@ -248,7 +248,8 @@ impl Coordinates {
                     .map(|damper| damper_row(damper, &linear.root)),
             );
         }
-        let (mut lambda, mut rows) = whole(linear.stiffness, &rows).ok_or(NoModes::NotFinite)?;
+        let (mut lambda, mut rows) =
+            all_eigenvalues(linear.stiffness, &rows).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
         let least = 1e-13 * top * n as f64;
         if lambda.first().is_some_and(|lowest| *lowest < -least) {
@@ -338,7 +339,7 @@ fn rotate_group(
     let all: Vec<Vec<f64>> = rows.iter().map(part).collect();
     let dampers = rows[n_first..].iter().flatten();
     let largest = dampers.fold(0.0_f64, |most, x| most.max(x.abs()));
-    let (values, turned) = whole(coupling(&all[n_first..], signs, modes.len()), &all)?;
+    let (values, turned) = all_eigenvalues(coupling(&all[n_first..], signs, modes.len()), &all)?;
     for (row, turned) in rows.iter_mut().zip(turned) {
         row[modes.clone()].copy_from_slice(&turned);
     }

@@ -66,7 +66,7 @@ impl NoModes {
     ];
 
     /// The reason with this text; `None` if there is none.
-    pub(crate) fn of(text: &str) -> Option<Self> {
+    pub(crate) fn from_text(text: &str) -> Option<Self> {
         Self::ALL
             .iter()
             .find(|reason| reason.why() == text)

@@ -41,14 +41,14 @@ pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
-    pub(in crate::plan) fn of(
+    pub(in crate::plan) fn new(
         mut bank: BankPlan,
         network: &Network,
         rate: Rate,
         from: u64,
     ) -> Self {
         let n_out = network.outputs().len();
-        let mut derivatives = Derivatives::of(network, rate.hertz());
+        let mut derivatives = Derivatives::new(network, rate.hertz());
         for strikes in &mut bank.strikes {
             for blow in &mut strikes.blows {
                 blow.0 -= from;

@@ -121,10 +121,10 @@ pub(in crate::plan) fn mesh(
         .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));
     Some(Mesh {
         rate,
-        way: method,
+        method,
         substeps,
         ports: ports.collect::<Option<_>>()?,
-        heard: subset.outputs.iter().copied().zip(outputs.rows).collect(),
+        outputs: subset.outputs.iter().copied().zip(outputs.rows).collect(),
         strikes: strikes.collect::<Option<_>>()?,
         network: Arc::new(subset.network),
         leads,
@@ -166,7 +166,7 @@ pub(in crate::plan) const REPLACES_MODES: u32 = 0;
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
     let method = MeshMethod::ALL
         .iter()
-        .position(|&method| method == mesh.way);
+        .position(|&method| method == mesh.method);
     vec![method.unwrap_or(0) as u32, mesh.substeps]
 }
 

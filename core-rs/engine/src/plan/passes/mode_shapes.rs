@@ -83,7 +83,10 @@ impl ModeShapes {
         let kinds = network.mats().kind.iter().enumerate();
         let moving = kinds.filter(|(_, kind)| kind.moves());
         let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
-        let sums: Vec<Sum> = mats.iter().map(|&mat| Sum::of(vec![(mat, 1.0)])).collect();
+        let sums: Vec<Sum> = mats
+            .iter()
+            .map(|&mat| Sum::from_positions(vec![(mat, 1.0)]))
+            .collect();
         let modes = ComplexModes::new(network, &sums, &[], rate).ok()?;
         if parts.iter().any(|own| own.mode >= modes.len()) {
             return None;

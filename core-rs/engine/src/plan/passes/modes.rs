@@ -4,7 +4,7 @@ use crate::cell::{Cell, Ratios};
 use crate::network::Network;
 use crate::plan::passes::linear::{Linear, NoModes};
 use crate::plan::passes::viscosity::{PROBES, Viscosity, probe};
-use crate::spectrum::whole;
+use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
 
 /// A mode whose pole turns by less than this angle a step is stepped as written instead: the two-term recurrence would
@@ -73,7 +73,8 @@ impl Modes {
             seen.extend(probes);
             seen.extend(images);
         }
-        let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
+        let (lambda, mut seen) =
+            all_eigenvalues(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
         // A body that nothing holds has a mode at 0, up to rounding; a mode clearly below 0 grows.
         let least = 1e-13 * top * n as f64;
@@ -87,7 +88,7 @@ impl Modes {
             None => {
                 let images = seen.split_off(seen.len() - PROBES);
                 let probes = seen.split_off(seen.len() - PROBES);
-                let mut zeta = Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?;
+                let mut zeta = Viscosity::mode_damping(&probes, &images).ok_or(NoModes::Damping)?;
                 let zeta_max = zeta
                     .iter()
                     .fold(0.0_f64, |zeta_max, zeta| zeta_max.max(*zeta));

@@ -35,7 +35,7 @@ const TIES_MAX: usize = 8;
 pub(in crate::plan) struct Cut {
     /// The rest, which is stepped; ports of bodies are masses in it.
     pub(in crate::plan) hub: Subset,
-    pub(in crate::plan) own: OwnTimeline,
+    pub(in crate::plan) timeline: OwnTimeline,
     pub(in crate::plan) bodies: Vec<PortedBody>,
 }
 
@@ -48,8 +48,8 @@ pub(in crate::plan) struct PortedBody {
     pub(in crate::plan) links: usize,
     pub(in crate::plan) parts: Vec<String>,
     /// If it has modes: how many, which are computed, and how loud the others would be together [dB].
-    pub(in crate::plan) of: usize,
-    pub(in crate::plan) kept: Vec<u32>,
+    pub(in crate::plan) n_modes: usize,
+    pub(in crate::plan) computed_modes: Vec<u32>,
     pub(in crate::plan) left_out: Option<f64>,
     /// It is stepped as a mesh although it could go by modes.
     pub(in crate::plan) replaces_modes: bool,
@@ -71,9 +71,9 @@ pub(in crate::plan) fn cut(
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // An island that was decided to have no bodies but its slow ones gets no others.
     let are_apart = !matches!(choice, MethodChoice::Stepped);
-    let has_bodies = are_apart && pin.is_none_or(|pin| pin.kept.len() > slow_bodies.len());
+    let has_bodies = are_apart && pin.is_none_or(|pin| pin.body_methods.len() > slow_bodies.len());
     let are_meshes = match pin {
-        Some(pin) => pin.kept.iter().any(|own| replaces_modes(own)),
+        Some(pin) => pin.body_methods.iter().any(|own| replaces_modes(own)),
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
     for (body, slow) in slow_bodies {
@@ -114,7 +114,11 @@ pub(in crate::plan) fn cut(
             Wanted::Meshes
         };
         for body in wiring.bodies(network, wanted) {
-            let pin = pin.map(|pin| pin.kept.get(inside.len()).map_or(&[][..], Vec::as_slice));
+            let pin = pin.map(|pin| {
+                pin.body_methods
+                    .get(inside.len())
+                    .map_or(&[][..], Vec::as_slice)
+            });
             if let Some(mesh) = mesh::mesh(
                 network,
                 timeline,
@@ -169,7 +173,7 @@ impl PortedBody {
     /// What was decided for the body, as numbers of a [`Choice`].
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
-            BodyPlan::Modal(_) => self.kept.clone(),
+            BodyPlan::Modal(_) => self.computed_modes.clone(),
             BodyPlan::Mesh(mesh) if self.replaces_modes => {
                 [mesh::numbers(mesh), vec![mesh::REPLACES_MODES]].concat()
             }
@@ -180,7 +184,7 @@ impl PortedBody {
 }
 
 /// An island that no body is cut out of.
-pub(in crate::plan) fn whole(
+pub(in crate::plan) fn uncut_island(
     island: &Subset,
     island_timeline: &OwnTimeline,
     timeline: Timeline,
@@ -199,7 +203,7 @@ pub(in crate::plan) fn whole(
     };
     Cut {
         hub,
-        own: island_timeline,
+        timeline: island_timeline,
         bodies: Vec::new(),
     }
 }
@@ -249,7 +253,7 @@ fn modal(
         .map(|row| rest(n_ports + row) + outputs.held[row])
         .collect();
     Ok(Modal {
-        kept: (0..n as u32).collect(),
+        computed: (0..n as u32).collect(),
         turned,
         modes: (0..n).map(|mode| mode_plan(&modes, mode, rate)).collect(),
         ports: body
@@ -262,7 +266,7 @@ fn modal(
                 shape: modes.shapes[row].clone(),
             })
             .collect(),
-        heard: subset
+        outputs: subset
             .outputs
             .iter()
             .enumerate()
@@ -278,7 +282,7 @@ fn modal(
             })
             .collect(),
         rate,
-        of: Arc::new(subset.network),
+        network: Arc::new(subset.network),
         answers: None,
     })
 }
@@ -316,7 +320,7 @@ fn complex(
         .chain(strikes.keys().map(local))
         .collect();
     let rows = ports.iter().map(|&mat| vec![(mat, 1.0)]);
-    let sums: Vec<Sum> = rows.chain(outputs.rows).map(Sum::of).collect();
+    let sums: Vec<Sum> = rows.chain(outputs.rows).map(Sum::from_positions).collect();
     let modes = memo.complex(&subset.network, &sums, &points, rate)?;
     let every: Vec<usize> = (0..modes.len()).collect();
     let (n_ports, all) = (ports.len(), complex_body::parts(&modes, &every, rate));
@@ -334,7 +338,7 @@ fn complex(
     };
     let still = modes.rest[n_ports..].iter().zip(&outputs.held);
     let modal = Modal {
-        kept: (0..all.len() as u32).collect(),
+        computed: (0..all.len() as u32).collect(),
         turned: None,
         modes: all.iter().map(part_plan).collect(),
         ports: (0..n_ports)
@@ -344,7 +348,7 @@ fn complex(
                 shape: shape(row),
             })
             .collect(),
-        heard: (0..)
+        outputs: (0..)
             .zip(&subset.outputs)
             .map(|(row, &output): (usize, _)| (output, shape(n_ports + row)))
             .collect(),
@@ -357,7 +361,7 @@ fn complex(
             })
             .collect(),
         rate,
-        of: Arc::new(subset.network),
+        network: Arc::new(subset.network),
         answers: Some(Answers {
             n_modes: modes.len(),
             places: complex_body::places(&all),
@@ -367,7 +371,7 @@ fn complex(
     };
     // The largest cost allowed: the same masses stepped module by module, times `COST_RATIO_MAX`. A few masses that contacts touch
     // would create energy if they were stepped.
-    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal.of, &Timeline::new(rate));
+    let stepped = COST_RATIO_MAX * cost::stepped_cost(&modal.network, &Timeline::new(rate));
     let modal = BodyPlan::Modal(modal);
     let is_cheap = body.is_small() || cost::body_cost(&modal) <= stepped;
     is_cheap.then_some(modal).ok_or(NoModes::Ports)
@@ -467,8 +471,8 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
             links: body.links.len(),
             parts: network.parts_of(&body.mats),
             left_out: None,
-            of: inner_network,
-            kept: (0..inner_network as u32).collect(),
+            n_modes: inner_network,
+            computed_modes: (0..inner_network as u32).collect(),
             replaces_modes: false,
             inside,
         });
@@ -477,7 +481,7 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
     let (hub, hub_island) = hub_island.unwrap_or_else(|| unreachable!("one subset in, one out"));
     Cut {
         hub,
-        own: hub_island,
+        timeline: hub_island,
         bodies,
     }
 }

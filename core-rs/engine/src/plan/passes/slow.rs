@@ -295,7 +295,7 @@ impl Solution {
             is_inner: (0..n)
                 .map(|weights| f64::from(u8::from(!is_port(weights))))
                 .collect(),
-            heard: subset.outputs.iter().copied().zip(rows).collect(),
+            outputs: subset.outputs.iter().copied().zip(rows).collect(),
             w: self.w,
             springs: self.springs,
             is_discrete: self.is_discrete,

@@ -33,7 +33,7 @@ struct SolvedComplex {
 #[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
-    found: RefCell<Vec<Arc<Solved>>>,
+    solved: RefCell<Vec<Arc<Solved>>>,
     complex: RefCell<Vec<SolvedComplex>>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
@@ -46,7 +46,7 @@ impl<'a> Memo<'a> {
     pub(in crate::plan) fn new(known: &'a [Arc<Solved>]) -> Self {
         Self {
             known,
-            found: RefCell::default(),
+            solved: RefCell::default(),
             complex: RefCell::default(),
             counted: RefCell::default(),
             work: Cell::default(),
@@ -54,8 +54,8 @@ impl<'a> Memo<'a> {
     }
 
     /// The solved bodies, for the next plan.
-    pub(in crate::plan) fn found(self) -> Vec<Arc<Solved>> {
-        self.found.into_inner()
+    pub(in crate::plan) fn into_solved(self) -> Vec<Arc<Solved>> {
+        self.solved.into_inner()
     }
 
     /// Begins another island.
@@ -90,7 +90,7 @@ impl<'a> Memo<'a> {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
-        let solved_here = self.found.borrow().iter().find(is_ours).cloned();
+        let solved_here = self.solved.borrow().iter().find(is_ours).cloned();
         let known = solved_here.or_else(|| self.known.iter().find(is_ours).cloned());
         let place = |solved: &Solved, row: &Row| {
             solved
@@ -159,7 +159,7 @@ impl<'a> Memo<'a> {
     }
 
     fn keep(&self, solved: Arc<Solved>) {
-        let mut memory = self.found.borrow_mut();
+        let mut memory = self.solved.borrow_mut();
         memory.retain(|other| !solved.network.is_same_from_start(&other.network));
         memory.push(solved);
     }

@@ -84,7 +84,7 @@ impl Viscosity {
     }
 
     /// ζ of each mode, from the mode's part in each [`probe`] and in Z times the probe; `None` if the probes disagree.
-    pub(crate) fn of_modes(probes: &[Vec<f64>], images: &[Vec<f64>]) -> Option<Vec<f64>> {
+    pub(crate) fn mode_damping(probes: &[Vec<f64>], images: &[Vec<f64>]) -> Option<Vec<f64>> {
         let n = probes.first()?.len();
         let mut zeta = vec![0.0; n];
         let largest = images

@@ -16,11 +16,11 @@ pub(crate) struct BankContent {
 }
 
 impl BankContent {
-    pub(crate) fn of(bank: &BankPlan, rate: Rate) -> Self {
+    pub(crate) fn new(bank: &BankPlan, rate: Rate) -> Self {
         let weights = bank
             .oscillators
             .iter()
-            .flat_map(|oscillator| &oscillator.heard);
+            .flat_map(|oscillator| &oscillator.outputs);
         let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
         let outputs = Vec::from_iter(outputs);
         let mut sink = Sink::new();
@@ -35,8 +35,8 @@ impl BankContent {
             ] {
                 sink.add(number.to_le_bytes());
             }
-            sink.add((oscillator.heard.len() as u64).to_le_bytes());
-            for (output, weight) in &oscillator.heard {
+            sink.add((oscillator.outputs.len() as u64).to_le_bytes());
+            for (output, weight) in &oscillator.outputs {
                 let rank = outputs.partition_point(|other| other < output);
                 sink.add((rank as u64).to_le_bytes());
                 sink.add(weight.to_le_bytes());

@@ -60,7 +60,7 @@ struct Events {
 
 impl Events {
     /// `also`: what else the hash has to include; `order`: the parts of the island.
-    fn of(network: &Network, order: &PartOrder, timeline: &Timeline, also: Arguments<'_>) -> Self {
+    fn new(network: &Network, order: &PartOrder, timeline: &Timeline, also: Arguments<'_>) -> Self {
         let network = network.anonymous(order);
         let keys = timeline.keys.iter();
         let rest = Timeline {
@@ -80,7 +80,7 @@ impl Events {
             gestures: timeline
                 .gestures
                 .iter()
-                .map(|own| of_gesture(own))
+                .map(|own| gesture_content(own))
                 .collect(),
         }
     }
@@ -96,7 +96,7 @@ impl Events {
         }
         // Where a strike stands in the score does not affect the sound.
         for &Strike {
-            at: instant,
+            instant,
             mat,
             frames,
             impulse,
@@ -112,7 +112,7 @@ impl Events {
         }
         sink.0.update(b"ergons");
         for &Ergon {
-            at: instant,
+            instant,
             mat,
             mass,
             speed,
@@ -134,7 +134,7 @@ impl Events {
 pub(crate) struct Content(Events);
 
 impl Content {
-    pub(crate) fn of(island: &IslandPlan) -> Self {
+    pub(crate) fn new(island: &IslandPlan) -> Self {
         let IslandPlan {
             network,
             timeline,
@@ -147,10 +147,10 @@ impl Content {
             to_whole: _,
         } = island;
         let networks = bodies.iter().map(BodyPlan::network);
-        let order = PartOrder::of(networks.chain([&**network]));
+        let order = PartOrder::new(networks.chain([&**network]));
         let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&order)).collect();
         let numbers = (contact_substeps, oversampling, sleeps);
-        Self(Events::of(
+        Self(Events::new(
             network,
             &order,
             timeline,
@@ -201,7 +201,7 @@ pub(in crate::plan) struct IslandContent<'a> {
 
 impl<'a> IslandContent<'a> {
     /// `also`: what else its plan depends on.
-    pub(in crate::plan) fn of(
+    pub(in crate::plan) fn new(
         network: &Network,
         timeline: &'a Timeline,
         also: Arguments<'_>,
@@ -227,9 +227,9 @@ impl<'a> IslandContent<'a> {
         let manners: BTreeSet<String> = gestures
             .map(|own| format!("{} {:?}", own.key, (own.manner.touch, own.manner.limit)))
             .collect();
-        let events = Events::of(
+        let events = Events::new(
             network,
-            &PartOrder::of([network]),
+            &PartOrder::new([network]),
             timeline,
             format_args!("{places:?} {manners:?}\n{also}"),
         );
@@ -254,7 +254,7 @@ impl<'a> IslandContent<'a> {
 }
 
 /// When a gesture begins to act, and a hash of it.
-fn of_gesture(gesture: &Gesture) -> (f64, [u8; 32]) {
+fn gesture_content(gesture: &Gesture) -> (f64, [u8; 32]) {
     let Gesture {
         key,
         stretches,

@@ -49,12 +49,12 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             oversampling,
             choice.contact_substeps,
             choice.counted_cost.map_or(0, |ns| ns as usize + 1),
-            choice.kept.len(),
+            choice.body_methods.len(),
         ];
         numbers
             .iter()
             .for_each(|&number| sha.update((number as u64).to_le_bytes()));
-        for modes in &choice.kept {
+        for modes in &choice.body_methods {
             sha.update((modes.len() as u64).to_le_bytes());
             modes.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
         }

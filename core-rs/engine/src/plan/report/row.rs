@@ -34,9 +34,9 @@ pub enum Computed {
         /// Normal or complex.
         kind: ModeKind,
         /// All modes of the body.
-        of: usize,
+        total: usize,
         /// The modes that are computed.
-        kept: usize,
+        computed: usize,
         /// How loud the others would be together, relative to all [dB].
         left_out: Option<f64>,
     },
@@ -191,7 +191,11 @@ impl Row {
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
         let ns = island_plan.hub_cost();
         let timeline = &island_plan.timeline;
-        Self::of(&island_plan.network, Computed::Stepped).costing(ns, timeline, certificate.word)
+        Self::for_network(&island_plan.network, Computed::Stepped).costing(
+            ns,
+            timeline,
+            certificate.word,
+        )
     }
 
     /// The row of a body inside an island.
@@ -200,18 +204,18 @@ impl Row {
             BodyPlan::Modal(modal) => match &modal.answers {
                 Some(answers) => Computed::Modes {
                     kind: ModeKind::Complex,
-                    of: answers.n_modes,
-                    kept: answers.n_modes,
+                    total: answers.n_modes,
+                    computed: answers.n_modes,
                     left_out: None,
                 },
                 None => Computed::Modes {
                     kind: ModeKind::Normal,
-                    of: ported.of,
-                    kept: modal.modes.len(),
+                    total: ported.n_modes,
+                    computed: modal.modes.len(),
                     left_out: ported.left_out,
                 },
             },
-            BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
+            BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.method.facts().name, mesh.substeps),
             BodyPlan::Slow(slow) => Computed::Slow {
                 every: slow.macrostep,
                 is_exact: slow.is_linear(),
@@ -228,16 +232,16 @@ impl Row {
     pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
         let what = Computed::Modes {
             kind: body.kind,
-            of: body.modes,
-            kept: body.kept.modes.len(),
-            left_out: body.kept.left_out,
+            total: body.modes,
+            computed: body.computed.modes.len(),
+            left_out: body.computed.left_out,
         };
         let ns = cost::bank_cost(&body.bank);
-        Self::of(&subset.network, what).costing(ns, timeline, StabilityGuarantee::Proved)
+        Self::for_network(&subset.network, what).costing(ns, timeline, StabilityGuarantee::Proved)
     }
 
     /// The row of a whole network.
-    fn of(network: &Network, what: Computed) -> Self {
+    fn for_network(network: &Network, what: Computed) -> Self {
         let counts = [network.n_moving(), network.n_lia()];
         Self::new(network.moving_parts(), counts, what)
     }
@@ -257,7 +261,7 @@ pub(in crate::plan) fn cells(
     parts
         .filter(|(_, count)| *count > 0)
         .map(|(part, count)| {
-            let ns = Costs::of("oscillator") * count as f64;
+            let ns = Costs::nanoseconds("oscillator") * count as f64;
             Row::new(vec![part.name.clone()], [count, 0], Computed::Oscillators).costing(
                 ns,
                 timeline,
@@ -273,7 +277,7 @@ fn guarantee(inside: &BodyPlan) -> StabilityGuarantee {
         // For a slow body, the certificate of the whole island decides.
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
         BodyPlan::Mesh(mesh) => {
-            let certificate = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
+            let certificate = certify(&mesh.network, mesh.rate, mesh.method, mesh.substeps);
             certificate.map_or(StabilityGuarantee::Tried, |certificate| certificate.word)
         }
     }

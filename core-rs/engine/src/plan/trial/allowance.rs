@@ -87,12 +87,12 @@ impl Allowance {
         };
         Self {
             total: share * seconds,
-            ..Self::of(0.0)
+            ..Self::with_total(0.0)
         }
     }
 
     /// An allowance of `total` work [s].
-    fn of(total: f64) -> Self {
+    fn with_total(total: f64) -> Self {
         Self {
             total,
             drawn_before: Cell::new(0.0),
@@ -205,7 +205,7 @@ impl Allowance {
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
     pub(in crate::plan) fn fraction(&self, share: f64) -> Self {
-        Self::of((share * (self.left() - self.drawn.get())).max(0.0))
+        Self::with_total((share * (self.left() - self.drawn.get())).max(0.0))
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
@@ -222,7 +222,7 @@ impl Allowance {
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        Self::of(RESERVE * self.total - self.drawn_reserve.get())
+        Self::with_total(RESERVE * self.total - self.drawn_reserve.get())
     }
 
     /// Takes work [s] from the reserve.

@@ -35,7 +35,7 @@ const SILENCE: f64 = 1e-6;
 impl Audible {
     /// The error of a run against a finer one, with partials up to `upto` [Hz]. Both are compared from where the finer
     /// one begins to sound.
-    fn of(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
+    fn new(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
         let n_out = spans.n_out.max(1);
         (0..n_out).fold(Self::default(), |worst, output| {
             let [ours, theirs] = [run, finer].map(|sound| -> Vec<f64> {
@@ -57,13 +57,13 @@ impl Audible {
     }
 
     /// The same if the budget is one of pitch, else `None`; both sounds are equally long.
-    pub(in crate::plan) fn of_budget(
+    pub(in crate::plan) fn for_budget(
         budget: &Budget,
         (run, finer): (&[f64], &[f64]),
         spans: &Spans,
     ) -> Option<Self> {
         match *budget {
-            Budget::Cents { upto, .. } => Some(Self::of(run, finer, spans, upto)),
+            Budget::Cents { upto, .. } => Some(Self::new(run, finer, spans, upto)),
             Budget::Error(_) | Budget::Method(_) => None,
         }
     }
@@ -161,7 +161,7 @@ mod tests {
             let value = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
             (0..9_600).map(value).collect()
         };
-        let audible = |ulp: f64| Audible::of(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
+        let audible = |ulp: f64| Audible::new(&rests(ulp), &rests(2.0 * ulp), &spans, 5_000.0);
         assert_eq!(audible(1e-20), Audible::default());
         assert!(audible(1e-9).level > 5.0);
     }

@@ -42,7 +42,7 @@ pub(in crate::plan) struct Family {
 
 impl Family {
     /// The families among which a reference is looked for, those of the highest order first.
-    pub(in crate::plan) const OF_REFERENCE: [Self; 4] = [
+    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
         Self::fine(MethodChoice::ByBudget),
         Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
         Self::fine(MethodChoice::Stepped),
@@ -135,7 +135,7 @@ impl Candidate {
         plan.contact_substeps = substeps;
         if let Some((other, run)) = played.filter(|_| substeps > 1) {
             let counted = if plan.bodies.is_empty() {
-                run.counted_cost.own
+                run.counted_cost.contacts
             } else {
                 run.counted_cost.all()
             };

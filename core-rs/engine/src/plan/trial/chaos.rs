@@ -69,7 +69,7 @@ pub(in crate::plan) struct Pair<'a> {
 
 impl Stretches {
     /// Stretches from the first sound after the event.
-    pub(in crate::plan) fn of(sound: &[f64], spans: &Spans) -> Self {
+    pub(in crate::plan) fn new(sound: &[f64], spans: &Spans) -> Self {
         let (n_out, from) = (spans.n_out.max(1), spans.event());
         let start = &sound[(from * n_out).min(sound.len())..];
         let size = |frame: &[f64], output: usize| (frame[output] - start[output]).abs();

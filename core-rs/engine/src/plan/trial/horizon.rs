@@ -60,7 +60,7 @@ pub(in crate::plan) fn harder_event(
     let gestures = timeline.gestures.iter();
     let harder = [
         first_harder(
-            strikes.map(|strike| (strike.at, strike.impulse.abs())),
+            strikes.map(|strike| (strike.instant, strike.impulse.abs())),
             over,
         ),
         first_harder(
@@ -126,7 +126,7 @@ pub(in crate::plan) fn extend_error(
     let left = reserve.begin();
     let extended = extend_over(measured, budget, [run, other], (longest, look), &reserve)?;
     if let Some((store, key)) = stored {
-        let record = TrialRecord::of_error(Some(extended));
+        let record = TrialRecord::from_error(Some(extended));
         record::keep(store, key, (&reserve, left), record);
     }
     allowance.spend_reserve(reserve.spent().0);
@@ -136,7 +136,7 @@ pub(in crate::plan) fn extend_error(
 /// A hash of all that the result of [`extend_over`] depends on.
 fn key(measured: Measured, budget: &Budget, played: [Played<'_>; 2], n_frames: usize) -> String {
     let [run, other] = played.map(|(island_plan, contact_substeps)| {
-        let content = Content::of(island_plan).key(island_plan, (0, n_frames as u64), "");
+        let content = Content::new(island_plan).key(island_plan, (0, n_frames as u64), "");
         (content, contact_substeps)
     });
     hex_of(format_args!(
@@ -174,14 +174,14 @@ fn extend_over(
         Err(TrialError::AllowanceSpent) => return Ok(measured),
         Err(error) => return Err(error),
     };
-    let spans = Spans::of(coarse.0, n_frames);
+    let spans = Spans::new(coarse.0, n_frames);
     let changes = changes(&run.sound, &other.sound, spans.n_out, look);
     let change = |n: usize| changes[n.div_ceil(look).min(changes.len()) - 1];
     // By how much the measured error exceeds the change between the two runs [dB].
     let beyond = measured.db - change(pilot);
     // The first run may have been played further.
     let sounds = (&run.sound[..other.sound.len()], &*other.sound);
-    let audible = Audible::of_budget(budget, sounds, &spans);
+    let audible = Audible::for_budget(budget, sounds, &spans);
     let by_ear = measured.audible.zip(audible).map(|(pilots, audible)| {
         // The finer run has up to as large an error as the change.
         Measured {
@@ -259,8 +259,8 @@ pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
     let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
-    let strikes = timeline.strikes.iter().map(|strike| strike.at);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let strikes = timeline.strikes.iter().map(|strike| strike.instant);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.instant);
     gestures.chain(strikes).chain(ergons).fold(0.0, f64::max) + RINGS
 }
 

@@ -150,7 +150,7 @@ impl Offered {
             Self::OnlySeen => {
                 let mut parts: BTreeSet<usize> = (0..network.n_mat()).map(part).collect();
                 let driven = timeline.drives.iter().map(|drive| part(drive.mat));
-                for played in keys.into_iter().chain(driven).chain(heard(network)) {
+                for played in keys.into_iter().chain(driven).chain(audible_parts(network)) {
                     parts.remove(&played);
                 }
                 parts
@@ -160,7 +160,7 @@ impl Offered {
 }
 
 /// Parts that outputs hear.
-fn heard(network: &Network) -> BTreeSet<usize> {
+fn audible_parts(network: &Network) -> BTreeSet<usize> {
     let mut parts = BTreeSet::new();
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
@@ -262,7 +262,7 @@ pub(in crate::plan) fn error(
         let also = format_args!("slow {budget:?} {oversampling} {contact_substeps} {methods:?}");
         Series::new(
             store,
-            IslandContent::of(&subset.network, &island_timeline.timeline, also),
+            IslandContent::new(&subset.network, &island_timeline.timeline, also),
         )
     });
     let assembled = measured(series, allowance, || {
@@ -290,7 +290,7 @@ fn compare_with_every_frame(
     let Some(excerpt) = excerpt else {
         return Ok(None);
     };
-    let spans = Spans::of(&slow.island_plan, excerpt.n_frames);
+    let spans = Spans::new(&slow.island_plan, excerpt.n_frames);
     let played = |island: &Assembled| {
         let run = play(&island.island_plan, contact_substeps, excerpt, allowance);
         unless_spent(run)
@@ -303,7 +303,7 @@ fn compare_with_every_frame(
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::of_budget(budget, (&slowly.sound, &plainly.sound), &spans)
+        audible: Audible::for_budget(budget, (&slowly.sound, &plainly.sound), &spans)
             .filter(|_| !slowly.is_lost),
     }))
 }

@@ -118,7 +118,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         let Some(reference) = unless_spent(outcome)?.flatten() else {
             return Ok(None);
         };
-        let stretches = Stretches::of(&reference.run.sound, &self.spans);
+        let stretches = Stretches::new(&reference.run.sound, &self.spans);
         let tried = self.search(&reference, None).find_plain()?;
         tried
             .map(|tried| self.finished(tried, &stretches))
@@ -156,7 +156,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         let Some(reference) = unless_spent(outcome)?.flatten() else {
             return Ok(Some(self.unmeasured(first, run)?));
         };
-        let stretches = Stretches::of(&reference.run.sound, &self.spans);
+        let stretches = Stretches::new(&reference.run.sound, &self.spans);
         let growth = unless_spent(self.growth(&reference, &stretches))?.flatten();
         let is_unknown = !reference.is_sure(self.budget) && reference.error > PARTED;
         if growth.is_none() && is_unknown {
@@ -229,7 +229,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             },
             long_run: finer.map(|finer| LongRunPair {
                 contact_substeps: [tried.candidate.substeps; 2],
-                own: coarse,
+                full: coarse,
                 finer,
             }),
         };
@@ -320,7 +320,7 @@ fn choose_runs(
     excerpt: Excerpt,
     allowance: &Allowance,
 ) -> Result<(Runs, Spans), TrialError> {
-    let (runs, spans) = (Runs::new(excerpt), Spans::of(played.0, excerpt.n_frames));
+    let (runs, spans) = (Runs::new(excerpt), Spans::new(played.0, excerpt.n_frames));
     let (before, _) = allowance.spent();
     let share = Cell::new(1.0);
     // A run that was stopped early is not kept: the shorter excerpt is played again as a whole.

@@ -65,10 +65,10 @@ impl ChosenIsland {
 
 /// The island with what an earlier plan decided; `None` if that does not fit it.
 pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenIsland> {
-    if pin.kept.len() != island.bodies.len() {
+    if pin.body_methods.len() != island.bodies.len() {
         return None;
     }
-    let pairs = pin.kept.iter().zip(&island.island_plan.bodies);
+    let pairs = pin.body_methods.iter().zip(&island.island_plan.bodies);
     let modes_kept = pairs.map(|(modes_kept, body)| match body {
         BodyPlan::Modal(modal) => KeptModes::pinned(modes_kept, modal.modes.len()),
         BodyPlan::Mesh(_) => Some(KeptModes::none()),
@@ -90,7 +90,7 @@ pub(in crate::plan) struct PilotResult {
 
 /// The island with all its modes and the same at half its step, to be played and compared.
 pub(in crate::plan) struct LongRunPair {
-    pub(in crate::plan) own: Assembled,
+    pub(in crate::plan) full: Assembled,
     pub(in crate::plan) finer: Assembled,
     /// Contact substeps a step of each.
     pub(in crate::plan) contact_substeps: [usize; 2],
@@ -110,7 +110,7 @@ impl PilotResult {
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
             let [coarse, finer] = long_run.contact_substeps;
             let played = [
-                (&long_run.own.island_plan, coarse),
+                (&long_run.full.island_plan, coarse),
                 (&long_run.finer.island_plan, finer),
             ];
             chosen.error = unless_spent(horizon::extend_error(measured, budget, played, known))?;
@@ -191,7 +191,7 @@ impl PilotResult {
             oversampling,
             contact_substeps: contact_substeps as usize,
             counted_cost,
-            kept: body_counts.to_vec(),
+            body_methods: body_counts.to_vec(),
             ..Choice::default()
         };
         let how = How {
@@ -209,14 +209,14 @@ impl PilotResult {
             body.left_out = *left_out;
         }
         island.because = match &record.reason {
-            Some(why) => Some(NoModes::of(why)?),
+            Some(why) => Some(NoModes::from_text(why)?),
             None => None,
         };
         let long_run = if coarse > 0 {
             let methods = island.mesh_methods();
             let assembled = |times| assemble(island.again(times, &methods), None).ok();
             Some(LongRunPair {
-                own: assembled(oversampling)?,
+                full: assembled(oversampling)?,
                 finer: assembled(2 * oversampling)?,
                 contact_substeps: [coarse, finer].map(|substeps| substeps as usize),
             })

@@ -87,24 +87,24 @@ impl Created {
 /// Work that depends on the motion: that of contacts and laws [ns a frame].
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct CountedCost {
-    pub(in crate::plan) own: u32,
+    pub(in crate::plan) contacts: u32,
     /// Of the modes of the bodies that they touch.
     pub(in crate::plan) bodies: u32,
 }
 
 impl CountedCost {
     /// The mean over `n_frames`.
-    fn of(island: &Island, n_frames: usize) -> Self {
+    fn new(island: &Island, n_frames: usize) -> Self {
         let mean = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
         let [island_cost, bodies] = cost::counted_cost(island).map(mean);
         Self {
-            own: island_cost,
+            contacts: island_cost,
             bodies,
         }
     }
 
     pub(in crate::plan) fn all(self) -> u32 {
-        self.own.saturating_add(self.bodies)
+        self.contacts.saturating_add(self.bodies)
     }
 }
 
@@ -213,8 +213,8 @@ fn find_length(
 fn next_event(island_plan: &IslandPlan, from: f64, rate: f64) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
-    let strikes = timeline.strikes.iter().map(|strike| strike.at);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let strikes = timeline.strikes.iter().map(|strike| strike.instant);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.instant);
     let bodies = island_plan.bodies.iter();
     let inside = bodies.map(|body| body.next_strike(from * rate) / rate);
     let events = gestures.chain(strikes).chain(ergons).chain(inside);
@@ -380,7 +380,7 @@ fn run(
     meter.play_rest(&mut island, excerpt.from)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
-    let mut derivatives = Derivatives::of(&island_plan.network, frames_a_second(island_plan));
+    let mut derivatives = Derivatives::new(&island_plan.network, frames_a_second(island_plan));
     let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
         .iter()
@@ -420,7 +420,7 @@ fn run(
         created,
         sound,
         squares,
-        counted_cost: CountedCost::of(&island, n_frames - touched_from.unwrap_or(0)),
+        counted_cost: CountedCost::new(&island, n_frames - touched_from.unwrap_or(0)),
         has_diverged: island.n_muted() > 0,
         is_lost: island.n_muted() > 0 || island.has_risen(),
     }))

@@ -61,7 +61,7 @@ pub(in crate::plan) fn prune(
         };
         run.sound
     };
-    let spans = Spans::of(&island.island_plan, excerpt.n_frames);
+    let spans = Spans::new(&island.island_plan, excerpt.n_frames);
     let mut allowed = error_max;
     for _ in 0..TRIES {
         let mut fewer = with(Some(allowed));
@@ -100,7 +100,7 @@ fn keep(
         };
     }
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
-    let listened = body.heard.iter().map(|(_, shape)| shape.as_slice());
+    let listened = body.outputs.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(listened).collect();
     let mut modes_kept = choose(
         &excitations(body, squares),

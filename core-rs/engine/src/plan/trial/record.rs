@@ -82,7 +82,7 @@ impl TrialRecord {
     }
 
     /// A record of an error and nothing else.
-    pub(in crate::plan) fn of_error(error: Option<Measured>) -> Self {
+    pub(in crate::plan) fn from_error(error: Option<Measured>) -> Self {
         Self {
             numbers: Self::numbers_of(error),
             ..Self::default()
@@ -187,7 +187,7 @@ pub(in crate::plan) fn measured(
     let left = allowance.begin();
     let measurement = measure()?;
     if let Some(series) = &series {
-        series.keep(allowance, left, TrialRecord::of_error(measurement));
+        series.keep(allowance, left, TrialRecord::from_error(measurement));
     }
     Ok(measurement)
 }

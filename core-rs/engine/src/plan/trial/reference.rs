@@ -141,7 +141,7 @@ pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error
         budget,
     };
     let part = allowance.fraction(SHARE);
-    let [.., plain] = Family::OF_REFERENCE;
+    let [.., plain] = Family::REFERENCE_FAMILIES;
     let reached = climb.family((plain, 1), 1..=2 * TIMES_MAX, &part);
     allowance.spend_fraction(&part, SHARE);
     match reached {
@@ -179,8 +179,8 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
 
 impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
     /// The families in the order in which they are tried.
-    fn families(&self, first: &Candidate) -> [Family; Family::OF_REFERENCE.len()] {
-        let mut families = Family::OF_REFERENCE;
+    fn families(&self, first: &Candidate) -> [Family; Family::REFERENCE_FAMILIES.len()] {
+        let mut families = Family::REFERENCE_FAMILIES;
         if is_plain_first(&first.island) {
             families.rotate_right(1);
         } else if matches!(self.budget, Budget::Error(_)) && self.has_meshes() {
@@ -191,7 +191,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
 
     /// Whether bodies are meshes that a method of order 4 computes.
     fn has_meshes(&self) -> bool {
-        let [_, by_bm4, ..] = Family::OF_REFERENCE;
+        let [_, by_bm4, ..] = Family::REFERENCE_FAMILIES;
         let methods = (self.assemble)(by_bm4.with_steps(1)).map(|island| island.mesh_methods());
         methods.is_ok_and(|methods| methods.iter().any(Option::is_some))
     }
@@ -241,7 +241,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             let reached = Reference {
                 candidate: candidate.counted(&run),
                 error: error_of_finer(change, before),
-                audible: Audible::of_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
+                audible: Audible::for_budget(self.budget, (&coarser.sound, &run.sound), self.spans),
                 run,
             };
             let is_idle = before.is_some_and(|before| change > before - GAIN);

@@ -34,7 +34,7 @@ struct BodyKey {
 /// Runs of one excerpt of an island.
 pub(in crate::plan) struct Runs {
     excerpt: Excerpt,
-    kept: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
+    played: RefCell<Vec<(RunKey, Rc<PilotRun>)>>,
 }
 
 impl Runs {
@@ -42,7 +42,7 @@ impl Runs {
     pub(in crate::plan) fn new(excerpt: Excerpt) -> Self {
         Self {
             excerpt,
-            kept: RefCell::default(),
+            played: RefCell::default(),
         }
     }
 
@@ -52,7 +52,7 @@ impl Runs {
     }
 
     fn keep(&self, (island_plan, contact_substeps): (&IslandPlan, usize), run: &Rc<PilotRun>) {
-        let mut runs = self.kept.borrow_mut();
+        let mut runs = self.played.borrow_mut();
         let samples: usize = runs.iter().map(|(_, run)| run.sound.len()).sum();
         if samples + run.sound.len() <= SAMPLES_MAX {
             runs.push((run_key(island_plan, contact_substeps), run.clone()));
@@ -87,7 +87,7 @@ impl Runs {
     ) -> Result<Option<Rc<PilotRun>>, TrialError> {
         let key = run_key(island_plan, contact_substeps);
         let known = |kept: &(RunKey, Rc<PilotRun>)| (kept.0 == key).then(|| kept.1.clone());
-        if let Some(run) = self.kept.borrow().iter().find_map(known) {
+        if let Some(run) = self.played.borrow().iter().find_map(known) {
             return Ok(Some(run));
         }
         let played = (island_plan, contact_substeps);

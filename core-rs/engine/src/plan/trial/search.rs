@@ -221,7 +221,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             pair.compare(growth)
         });
         let audible =
-            Audible::of_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
+            Audible::for_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
             error: amplitude_sum([apart, reference.error]),

@@ -32,7 +32,7 @@ pub(in crate::plan) fn error(
     let series = store.map(|store| {
         let often = (slow.every, slow.oversampling, slow.contact_substeps);
         let also = format_args!("seen {budget:?} {often:?}");
-        let content = IslandContent::of(&subset.network, &slower.timeline, also);
+        let content = IslandContent::new(&subset.network, &slower.timeline, also);
         Series::new(store, content)
     });
     measured(series, allowance, || {
@@ -70,7 +70,7 @@ fn compare_rates(
     let (Some(slowly), Some(plainly)) = (played(slow, 1)?, played(each, every)?) else {
         return Ok(None);
     };
-    let spans = Spans::of(slow, excerpt.n_frames);
+    let spans = Spans::new(slow, excerpt.n_frames);
     let frames = plainly.sound.chunks(spans.n_out).step_by(every);
     let plainly: Vec<f64> = frames.flatten().copied().collect();
     let db = difference(&slowly.sound, &plainly, &spans);

@@ -92,7 +92,8 @@ impl<'a> Silence<'a> {
             return 0.0;
         }
         let output_plan = &self.island_plan.network.outputs()[output];
-        let reach = self.masses * weight(output_plan) + of_modes(output, self.island_plan, squares);
+        let reach =
+            self.masses * weight(output_plan) + uncancelled_sum(output, self.island_plan, squares);
         (high - low) / reach
     }
 }
@@ -107,14 +108,14 @@ fn weight(output: &Output) -> f64 {
 }
 
 /// What an output would hear of modal bodies if no modes cancelled each other.
-fn of_modes(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]) -> f64 {
+fn uncancelled_sum(output: usize, island_plan: &IslandPlan, squares: &[Vec<f64>]) -> f64 {
     let mut reach = 0.0;
     for (body, squares) in island_plan.bodies.iter().zip(squares) {
         let BodyPlan::Modal(modal) = body else {
             continue;
         };
         let listened = modal
-            .heard
+            .outputs
             .iter()
             .filter(|(own, _)| *own as usize == output);
         for (_, shape) in listened {

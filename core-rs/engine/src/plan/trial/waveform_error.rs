@@ -52,7 +52,7 @@ pub(in crate::plan) struct Spans {
 }
 
 impl Spans {
-    pub(in crate::plan) fn of(island_plan: &IslandPlan, n_frames: usize) -> Self {
+    pub(in crate::plan) fn new(island_plan: &IslandPlan, n_frames: usize) -> Self {
         let rate = frames_a_second(island_plan);
         // Rounded up: the frame of the event belongs to the spans.
         let third = (AFTER / 3.0 * rate).ceil() as usize;

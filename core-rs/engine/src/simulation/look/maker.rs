@@ -7,7 +7,7 @@ use super::{Contact, How, Look, NOWHERE, Oscillation, Point, SeenBody, Source};
 use crate::bank::Oscillator;
 use crate::island::inside::BodyPlan;
 use crate::network::{MatKind, Network};
-use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, Plan, whole};
+use crate::plan::{BankPlan, IslandPlan, ModalTransform, ModeShapes, Plan, to_network_index};
 use crate::units::Rate;
 
 /// Largest number of modes of a body that are looked at: the lowest, whose displacements are large enough to be seen.
@@ -17,7 +17,7 @@ const MODES_MAX: usize = 256;
 struct TrackSource {
     how: How,
     rest: f64,
-    at: usize,
+    index: usize,
     from: Origin,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Maker<'a> {
     rate: f64,
     by_name: HashMap<String, usize>,
     /// (n_mat)
-    found: Vec<Option<TrackSource>>,
+    sources: Vec<Option<TrackSource>>,
     bodies: Vec<FoundBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<u32>)>,
@@ -91,7 +91,7 @@ impl<'a> Maker<'a> {
             network,
             rate,
             by_name: (0..n).map(|mat| (network.mat_name(mat), mat)).collect(),
-            found: (0..n).map(|_| None).collect(),
+            sources: (0..n).map(|_| None).collect(),
             bodies: Vec::new(),
             contacts: contacts.collect(),
             touched: Vec::new(),
@@ -99,13 +99,13 @@ impl<'a> Maker<'a> {
         }
     }
 
-    fn whole(&self, network: &Network, mat: usize) -> Option<usize> {
+    fn network_index(&self, network: &Network, mat: usize) -> Option<usize> {
         self.by_name.get(&network.mat_name(mat)).copied()
     }
 
     fn record(&mut self, mat: Option<usize>, source: TrackSource) {
         if let Some(mat) = mat {
-            self.found[mat] = Some(source);
+            self.sources[mat] = Some(source);
         }
     }
 
@@ -125,7 +125,7 @@ impl<'a> Maker<'a> {
             TrackSource {
                 how,
                 rest,
-                at: unit,
+                index: unit,
                 from,
             },
         );
@@ -135,8 +135,8 @@ impl<'a> Maker<'a> {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
-            let global = whole(&island.to_whole.mats, mat);
-            if !kind.is_held() || self.found[global].is_none() {
+            let global = to_network_index(&island.to_whole.mats, mat);
+            if !kind.is_held() || self.sources[global].is_none() {
                 self.record_sampled(Some(global), unit, Origin::Mass(mat));
             }
         }
@@ -144,33 +144,34 @@ impl<'a> Maker<'a> {
             match inside {
                 BodyPlan::Mesh(mesh) => {
                     for mesh_mat in moving(&mesh.network) {
-                        let mat = self.whole(&mesh.network, mesh_mat);
+                        let mat = self.network_index(&mesh.network, mesh_mat);
                         self.record_sampled(mat, unit, Origin::Mesh(body, mesh_mat));
                     }
                 }
                 BodyPlan::Slow(slow) => {
                     for (mesh_mat, &mat) in slow.free.iter().enumerate() {
-                        let mat = self.whole(&slow.network, mat);
+                        let mat = self.network_index(&slow.network, mat);
                         self.record_sampled(mat, unit, Origin::Slow(body, mesh_mat));
                     }
                 }
                 BodyPlan::Modal(modal) => {
                     let seen = match &modal.answers {
                         Some(answers) => {
-                            ModeShapes::complex(&modal.of, &answers.places, modal.rate)
+                            ModeShapes::complex(&modal.network, &answers.places, modal.rate)
                         }
                         None => ModeShapes::new(
-                            &modal.of,
-                            (&modal.kept, modal.turned.as_deref()),
+                            &modal.network,
+                            (&modal.computed, modal.turned.as_deref()),
                             modal.rate,
                             ModalTransform::ToPositions,
                         ),
                     };
                     let modes = modal.modes.iter();
-                    let modes =
-                        modes.map(|mode| Oscillation::of(mode.a, mode.b, modal.rate.hertz()));
+                    let modes = modes.map(|mode| {
+                        Oscillation::from_recurrence(mode.a, mode.b, modal.rate.hertz())
+                    });
                     if let Some(seen) = seen {
-                        self.body((unit, Some(body)), &modal.of, &seen, modes.collect());
+                        self.body((unit, Some(body)), &modal.network, &seen, modes.collect());
                     }
                 }
             }
@@ -192,15 +193,17 @@ impl<'a> Maker<'a> {
             let mats = island.to_whole.mats.clone();
             self.played.push((unit, mats));
         }
-        let breaking: Vec<(u32, u32)> = may_break(network, |mat| whole(&island.to_whole.mats, mat))
-            .filter_map(|(mesh_mat, ends)| Some((mesh_mat as u32, *self.by_ends.get(&ends)?)))
-            .collect();
+        let breaking: Vec<(u32, u32)> =
+            may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
+                .filter_map(|(mesh_mat, ends)| Some((mesh_mat as u32, *self.by_ends.get(&ends)?)))
+                .collect();
         self.breaking.push((unit, breaking));
     }
 
     pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
-        let oscillation =
-            |oscillator: &Oscillator| Oscillation::of(oscillator.a, oscillator.b, self.rate);
+        let oscillation = |oscillator: &Oscillator| {
+            Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate)
+        };
         let all: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
         if bank.mats.len() == all.len() && !all.is_empty() {
             for (oscillator, (&(mat, rest), &free)) in bank.mats.iter().zip(&all).enumerate() {
@@ -211,7 +214,7 @@ impl<'a> Maker<'a> {
                     TrackSource {
                         how,
                         rest,
-                        at: unit,
+                        index: unit,
                         from,
                     },
                 );
@@ -219,9 +222,9 @@ impl<'a> Maker<'a> {
             return;
         }
         let rate = Rate::new(self.rate).ok();
-        let (network, seen) = match (&bank.of, &bank.complex, rate) {
+        let (network, seen) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
-                let modes_kept = (&bank.kept[..], bank.turned.as_deref());
+                let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
                 let seen =
                     ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
                 (bank_network.clone(), seen)
@@ -248,12 +251,12 @@ impl<'a> Maker<'a> {
         let mats: Vec<Option<usize>> = seen
             .mats
             .iter()
-            .map(|&mat| self.whole(network, mat))
+            .map(|&mat| self.network_index(network, mat))
             .collect();
         let known = mats
             .iter()
             .flatten()
-            .find_map(|&mat| match self.found[mat].as_ref()?.how {
+            .find_map(|&mat| match self.sources[mat].as_ref()?.how {
                 How::Modal(body) => Some(body),
                 _ => None,
             });
@@ -266,7 +269,7 @@ impl<'a> Maker<'a> {
                     TrackSource {
                         how,
                         rest,
-                        at: place.0,
+                        index: place.0,
                         from,
                     },
                 );
@@ -299,7 +302,7 @@ impl<'a> Maker<'a> {
             if mats.kind[mat] == MatKind::Sol && !holds {
                 continue;
             }
-            let (how, rest) = match &self.found[mat] {
+            let (how, rest) = match &self.sources[mat] {
                 Some(found) => (found.how, found.rest),
                 None => {
                     let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
@@ -330,7 +333,7 @@ impl<'a> Maker<'a> {
             let modes = &body.modes;
             let rows = body.mats.iter();
             bodies.push(SeenBody {
-                of: mode_count,
+                n_modes: mode_count,
                 modes: modes.iter().map(|mode| mode.oscillation).collect(),
                 first: n_modes,
                 points: body.mats.iter().map(|(mat, _)| number[mat]).collect(),
@@ -359,14 +362,14 @@ impl<'a> Maker<'a> {
         type Key = (usize, u8, usize);
         let mut by_key: BTreeMap<Key, Source> = BTreeMap::new();
         for (point_index, point) in points.iter().enumerate() {
-            let (Some(recorded), track) = (&self.found[point.mat], point_index as u32) else {
+            let (Some(recorded), track) = (&self.sources[point.mat], point_index as u32) else {
                 continue;
             };
             let (key, index) = match recorded.from {
-                Origin::Mass(index) => ((recorded.at, 0, 0), index),
-                Origin::Mesh(body, index) => ((recorded.at, 1, body), index),
-                Origin::Slow(body, index) => ((recorded.at, 2, body), index),
-                Origin::Bank(index) => ((recorded.at, 3, 0), index),
+                Origin::Mass(index) => ((recorded.index, 0, 0), index),
+                Origin::Mesh(body, index) => ((recorded.index, 1, body), index),
+                Origin::Slow(body, index) => ((recorded.index, 2, body), index),
+                Origin::Bank(index) => ((recorded.index, 3, 0), index),
                 Origin::Body => continue,
             };
             let source = by_key.entry(key).or_insert_with(|| match recorded.from {

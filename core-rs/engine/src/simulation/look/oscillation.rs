@@ -14,7 +14,7 @@ pub struct Oscillation {
 
 impl Oscillation {
     /// The oscillation of x[n+1] = a·x[n] − b·x[n−1].
-    pub(super) fn of(a: f64, b: f64, rate: f64) -> Self {
+    pub(super) fn from_recurrence(a: f64, b: f64, rate: f64) -> Self {
         if b <= 0.0 {
             let fall = if a > 0.0 && a < 1.0 {
                 maths::log(a)

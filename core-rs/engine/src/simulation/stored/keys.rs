@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::plan::{BankContent, Content, Plan, Unit, whole};
+use crate::plan::{BankContent, Content, Plan, Unit, to_network_index};
 use crate::simulation::Simulation;
 use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
@@ -39,9 +39,9 @@ impl Simulation {
     fn content(&self, unit: usize) -> &UnitContent {
         self.contents.0[unit].get_or_init(|| match &self.plan.units[unit] {
             Unit::IslandPlan(island_plan) => {
-                UnitContent::Island(Box::new(Content::of(island_plan)))
+                UnitContent::Island(Box::new(Content::new(island_plan)))
             }
-            Unit::Bank(bank) => UnitContent::Bank(BankContent::of(bank, self.plan.timeline_rate)),
+            Unit::Bank(bank) => UnitContent::Bank(BankContent::new(bank, self.plan.timeline_rate)),
         })
     }
 
@@ -109,7 +109,9 @@ impl Simulation {
             (Unit::IslandPlan(island_plan), _) => {
                 let n_out = island_plan.network.outputs().len();
                 let outputs = &island_plan.to_whole.outputs;
-                (0..n_out).map(|local| whole(outputs, local)).collect()
+                (0..n_out)
+                    .map(|local| to_network_index(outputs, local))
+                    .collect()
             }
             (Unit::Bank(_), UnitContent::Bank(content)) => {
                 content.outputs.iter().map(|&own| own as usize).collect()

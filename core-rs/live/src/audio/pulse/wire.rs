@@ -110,7 +110,7 @@ impl Wire {
 
     /// The next whole message, if one comes in time.
     pub(super) fn message(&mut self, wait: Duration) -> Result<Option<Message>, String> {
-        if let Some(message) = self.whole()? {
+        if let Some(message) = self.complete_message()? {
             return Ok(Some(message));
         }
         let wait = wait.max(Duration::from_millis(1));
@@ -120,7 +120,7 @@ impl Wire {
             Ok(0) => Err("the server closed the connection".into()),
             Ok(n) => {
                 self.received.extend_from_slice(&self.buffer[..n]);
-                self.whole()
+                self.complete_message()
             }
             Err(error)
                 if matches!(
@@ -134,7 +134,7 @@ impl Wire {
         }
     }
 
-    fn whole(&mut self) -> Result<Option<Message>, String> {
+    fn complete_message(&mut self) -> Result<Option<Message>, String> {
         let Some(header) = self.received.get(..protocol::DESCRIPTOR_SIZE) else {
             return Ok(None);
         };

@@ -25,7 +25,7 @@ fn odd(device: Emulated) -> Calibrated<Emulated> {
 #[test]
 fn a_pulse_tells_the_direction() {
     let mut straight = device(Hand::Resting);
-    let pulse = Pulse::of(straight.spec());
+    let pulse = Pulse::from_spec(straight.spec());
     assert_eq!(direction(&mut straight, 0, pulse, PERIOD, &GO), Ok(1.0));
     let mut wired = odd(device(Hand::Resting));
     assert_eq!(direction(&mut wired, 0, pulse, PERIOD, &GO), Ok(-1.0));
@@ -41,7 +41,7 @@ fn a_pulse_tells_the_direction() {
 #[test]
 fn a_pulse_is_small() {
     let mut straight = device(Hand::Resting);
-    let pulse = Pulse::of(straight.spec());
+    let pulse = Pulse::from_spec(straight.spec());
     direction(&mut straight, 0, pulse, PERIOD, &GO).unwrap();
     let range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
@@ -61,7 +61,7 @@ fn an_axis_that_is_held_is_not_guessed() {
         pos_lsb: 1e-3,
         ..held.spec().clone()
     };
-    let pulse = Pulse::of(&sensor);
+    let pulse = Pulse::from_spec(&sensor);
     let mut coarse = Calibrated::new(&mut held, vec![]);
     coarse.spec.pos_lsb = 1e-3;
     assert_eq!(

@@ -205,7 +205,7 @@ mod loopback {
         }
 
         #[test]
-        fn one_that_died_is_not_waited_for() {
+        fn dead_service_is_not_awaited() {
             let (meeting, _) = Rendezvous::new().unwrap();
             assert!(meeting.wait(|| false).is_err());
         }

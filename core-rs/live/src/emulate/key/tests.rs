@@ -119,7 +119,7 @@ fn a_key_with_a_model_goes_as_the_model() {
     let row = [
         0.38, 60.0, 1.2, 0.15, 0.05, -2.5e-3, 1e-3, 0.0, 0.0, 0.0, 0.02, 180.0, 0.02,
     ];
-    let model = KeyModel::of_row(&row).unwrap();
+    let model = KeyModel::from_row(&row).unwrap();
     let forces: Vec<f64> = (0..500u32).map(|n| f64::from(n % 37) * 0.02).collect();
     let path = model.path(&forces, 1000.0, None).unwrap();
     let mut key = keys(Key::default(), 1000.0, vec![])

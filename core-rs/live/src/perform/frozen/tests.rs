@@ -43,9 +43,9 @@ fn stem(name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (TempFile
     (TempFile(path), stem)
 }
 
-fn until_ready(frozen: &Frozen, at: u64, n: usize) {
+fn until_ready(frozen: &Frozen, start: u64, n: usize) {
     let asked = Instant::now();
-    while !frozen.is_ready(at, n) && asked.elapsed() < Duration::from_secs(60) {
+    while !frozen.is_ready(start, n) && asked.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(1));
     }
 }

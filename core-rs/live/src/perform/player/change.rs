@@ -42,7 +42,7 @@ pub struct Change {
 
 /// A change that waits for its frame.
 pub(crate) struct ScheduledChange {
-    pub(in crate::perform) at: u64,
+    pub(in crate::perform) frame: u64,
     pub(in crate::perform) ticket: u64,
     pub(in crate::perform) change: Change,
     /// Buffer for the outputs of the new simulation   (tick_frames · n_out)
@@ -57,13 +57,16 @@ impl Player {
             self.give_back(due);
             return;
         }
-        let index = self.waiting.partition_point(|other| other.at <= due.at);
+        let index = self
+            .waiting
+            .partition_point(|other| other.frame <= due.frame);
         self.waiting.insert(index, due);
     }
 
     /// Withdraw the changes of the simulation that are due at `frame` or later, by rising tickets.
     pub(super) fn revoke(&mut self, frame: u64) {
-        let is_revoked = |due: &ScheduledChange| due.at >= frame && due.change.simulation.is_some();
+        let is_revoked =
+            |due: &ScheduledChange| due.frame >= frame && due.change.simulation.is_some();
         loop {
             let waiting = self.waiting.iter().enumerate();
             let revoked = waiting.filter(|(_, due)| is_revoked(due));
@@ -78,9 +81,13 @@ impl Player {
 
     /// Make the changes that are due at the first frame of this tick. Changes of earlier frames are late, and not made.
     pub(super) fn make_changes(&mut self) {
-        while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
+        while self
+            .waiting
+            .first()
+            .is_some_and(|due| due.frame <= self.frame)
+        {
             let mut due = self.waiting.remove(0);
-            let done = due.at == self.frame && self.change(&mut due);
+            let done = due.frame == self.frame && self.change(&mut due);
             self.report(due.ticket, done);
             self.give_back(due);
         }
@@ -192,7 +199,7 @@ impl Player {
             let waiting = self.waiting.iter().flat_map(|due| {
                 let bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
                 bounds.flatten().map(|bound| Bound {
-                    at: bound.at.saturating_add(due.at / tick_frames),
+                    frame: bound.frame.saturating_add(due.frame / tick_frames),
                     ..*bound
                 })
             });

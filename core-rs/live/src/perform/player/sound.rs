@@ -58,7 +58,7 @@ impl Player {
             limit(stage, mixed, &mut self.folded);
         }
         for (hand, own) in stage.hands.iter().enumerate() {
-            self.piece_forces[hand] = stage.simulation.felt(hand) * own.reach;
+            self.piece_forces[hand] = stage.simulation.hand_force(hand) * own.reach;
         }
         self.tick += 1;
         self.frame += n as u64;

@@ -76,7 +76,7 @@ fn a_key_is_led_and_let_go() {
         Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
     player.begin();
     let step = |position, share| GuidanceStep {
-        at: position,
+        frame: position,
         share,
     };
     let all = GuidanceShare { k: 1.0, z: 1.0 };
@@ -140,7 +140,10 @@ fn a_tick_does_not_allocate() {
     let (mut this, mut player) = Performance::prepare(stage(), boards, config).unwrap();
     player.begin();
     // From here on the second key gets no force, and nor does the device that comes back in its place.
-    let none = vec![Bound { at: 0, scale: 0.0 }];
+    let none = vec![Bound {
+        frame: 0,
+        scale: 0.0,
+    }];
     let change = Change {
         bounds: Some(vec![Vec::new(), none]),
         ..Change::default()

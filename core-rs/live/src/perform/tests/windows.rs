@@ -102,7 +102,7 @@ fn strikes_before_the_first_picture_of_a_version_are_told() {
             assert!(shown.this.open(window));
             shown
                 .coming
-                .send((scene, shown.this.heard_times()))
+                .send((scene, shown.this.output_times()))
                 .unwrap();
         }
         shown.tick(1);
@@ -212,7 +212,7 @@ fn pages_that_come_late_are_told_what_broke() {
     assert!(shown.this.open(window));
     shown
         .coming
-        .send((scene, shown.this.heard_times()))
+        .send((scene, shown.this.output_times()))
         .unwrap();
     ticks(&mut shown, second / 2);
     let mut last = shown.server.hub().join();
@@ -448,7 +448,7 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
         assert!(shown.this.open(window));
         shown
             .coming
-            .send((scene, shown.this.heard_times()))
+            .send((scene, shown.this.output_times()))
             .unwrap();
     };
     shown.tick(300);
@@ -497,7 +497,7 @@ fn a_version_that_takes_over_is_shown_from_then_on() {
 
 /// A page's WebSocket.
 fn page(server: &Server) -> WebSocket<TcpStream> {
-    let port = server.at().port();
+    let port = server.address().port();
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
     let path = server.url();

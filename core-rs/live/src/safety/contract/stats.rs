@@ -92,7 +92,7 @@ const SHARED: u32 = 32;
 /// When the latest requests were sent, by their numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Sent {
-    at: [Option<Instant>; 256],
+    instants: [Option<Instant>; 256],
     next: u16,
     /// Twice the number of replies to requests of others, less the number of replies to our own, at least 0; `None`
     /// before our first reply.
@@ -102,7 +102,7 @@ pub(crate) struct Sent {
 impl Default for Sent {
     fn default() -> Self {
         Self {
-            at: [None; 256],
+            instants: [None; 256],
             next: 0,
             foreign_balance: None,
         }
@@ -113,7 +113,7 @@ impl Sent {
     /// Number a request that is sent now.
     pub(crate) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
         let number = self.next;
-        let slot = &mut self.at[usize::from(number % 256)];
+        let slot = &mut self.instants[usize::from(number % 256)];
         stats.lost += u64::from(slot.is_some());
         *slot = Some(now);
         stats.sent += 1;
@@ -134,7 +134,7 @@ impl Sent {
                 .map(|foreign_balance| foreign_balance.saturating_add(2));
             return false;
         }
-        let Some(sent_at) = self.at[usize::from(number % 256)].take() else {
+        let Some(sent_at) = self.instants[usize::from(number % 256)].take() else {
             return false;
         };
         stats.received += 1;

@@ -17,14 +17,14 @@ pub(super) struct Grip {
     /// [N·s/m]
     pub(super) z: f64,
     /// Position of the hand at an instant [m].
-    pub(super) at: fn(f64) -> f64,
+    pub(super) position: fn(f64) -> f64,
 }
 
 /// The hand of `tests/support/simulated_board.py`.
 pub(super) const HAND: Grip = Grip {
     k: 400.0,
     z: 4.0,
-    at: |_| 0.0,
+    position: |_| 0.0,
 };
 
 /// A board of one key: 50 g, 1 N·s/m, 20 N, 50 mm to either side.
@@ -79,7 +79,7 @@ impl Key {
         let (m, b, h) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
         for _ in 0..SUBSTEPS {
             let pull = self.grip.map_or(0.0, |grip| {
-                let (now, before) = ((grip.at)(self.time), (grip.at)(self.time - h));
+                let (now, before) = ((grip.position)(self.time), (grip.position)(self.time - h));
                 grip.k * (now - self.x) + grip.z * ((now - before) / h - self.v)
             });
             let push = force * self.motor + pull - b * self.v;
@@ -139,7 +139,7 @@ pub(super) struct Play {
 
 impl Play {
     pub(super) fn new(key: Key, scene: Scene) -> Self {
-        let limits = Limits::of(key.spec());
+        let limits = Limits::from_spec(key.spec());
         Self {
             guarded: Guarded::new(key, limits, PERIOD).watched(),
             scene,

@@ -33,7 +33,7 @@ fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
 }
 
 fn grip(k: f64, z: f64, at: fn(f64) -> f64) -> Option<Grip> {
-    Some(Grip { k, z, at })
+    Some(Grip { k, z, position: at })
 }
 
 /// A stiff wall that begins at 5 mm.

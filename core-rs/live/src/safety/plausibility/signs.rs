@@ -130,7 +130,7 @@ pub(super) struct Signs {
     /// Number of steps at a stop, the side of the stop, and the position there.
     dwell: u32,
     side: f64,
-    at: f64,
+    time: f64,
     run: Option<Run>,
 }
 
@@ -164,11 +164,11 @@ impl Signs {
             [self.smooth; 2]
         };
         let side = axis.side(x);
-        let rests = (x - self.at).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
+        let rests = (x - self.time).abs() <= REST_TOLERANCE.max(2.0 * axis.resolution);
         if side.is_some() && rests && self.dwell > 0 {
             self.dwell = self.dwell.saturating_add(1);
         } else {
-            (self.dwell, self.at) = (u32::from(side.is_some()), x);
+            (self.dwell, self.time) = (u32::from(side.is_some()), x);
         }
         self.side = side.unwrap_or(0.0);
         self.follow_run(x, sent, axis);

@@ -17,11 +17,11 @@ struct FaultOutcome {
 
 /// The effect of a fault at an instant, by comparison with the same play without the fault, and without any force from
 /// that instant on.
-fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> FaultOutcome {
+fn harm(fault: fn(&mut Key), start: f64, grip: Option<Grip>, scene: Scene) -> FaultOutcome {
     let play = || {
         let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
         play.key().grip = grip;
-        play.until(at);
+        play.until(start);
         assert!(play.trips.is_empty(), "{:?}", play.trips);
         play
     };
@@ -29,12 +29,12 @@ fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Fault
     fault(faulty.key());
     free.key().motor = 0.0;
     let (mut lasted, mut travel) = (0.0, 0.0_f64);
-    while faulty.time() < at + 1.5 && (lasted == 0.0 || faulty.time() < at + lasted + 0.3) {
+    while faulty.time() < start + 1.5 && (lasted == 0.0 || faulty.time() < start + lasted + 0.3) {
         for play in [&mut complete, &mut free, &mut faulty] {
             play.tick();
         }
         if faulty.sent != 0.0 {
-            lasted = faulty.time() - at;
+            lasted = faulty.time() - start;
         }
         let (a, b, x) = (complete.key().x, free.key().x, faulty.key().x);
         travel = travel.max(x - a.max(b)).max(a.min(b) - x);
@@ -48,7 +48,7 @@ fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Fault
 }
 
 const SINE: Grip = Grip {
-    at: |t| 5e-3 * libm::sin(std::f64::consts::TAU * t),
+    position: |t| 5e-3 * libm::sin(std::f64::consts::TAU * t),
     ..HAND
 };
 
@@ -134,7 +134,7 @@ fn a_sensor_that_freezes_lets_go() {
 }
 
 #[test]
-fn one_wired_wrongly_from_the_start_is_off_at_its_first_movement() {
+fn wrong_wiring_stops_at_first_movement() {
     for (grip, scene) in [
         (SINE, SPRINGS[0].1),
         (SINE, SPRINGS[2].1),
@@ -191,7 +191,7 @@ fn after_three_trips_only_the_player_lets_it_push() {
     play.key().grip = Some(Grip {
         k: 3e3,
         z: 30.0,
-        at: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
+        position: |t| 0.055 * (t % 8.0 / 0.1).min((4.0 - t % 8.0) / 0.1).clamp(0.0, 1.0),
     });
     let on_stop = |play: &Play| {
         play.trips

@@ -8,7 +8,7 @@ impl Fade {
     /// No force passes.
     pub(in crate::safety) const ZERO: Self = Self(0.0);
     /// The whole force passes.
-    pub(in crate::safety) const WHOLE: Self = Self(1.0);
+    pub(in crate::safety) const FULL: Self = Self(1.0);
 
     /// Advance by a tick of `period`; the whole rise takes `length` [s].
     pub(in crate::safety) fn rise(&mut self, period: f64, length: f64) {

@@ -29,7 +29,7 @@ impl Ages {
             limit: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
             last_position: None,
             last_call: None,
-            fade: Fade::WHOLE,
+            fade: Fade::FULL,
             must_send_zero: false,
         }
     }

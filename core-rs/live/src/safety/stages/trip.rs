@@ -19,7 +19,7 @@ impl Trip {
         left: 0.0,
         why: None,
         is_latched: false,
-        fade: Fade::WHOLE,
+        fade: Fade::FULL,
     };
 
     /// Hold the axis at zero for `hold` [s] from now on; count it if the axis was not held before.

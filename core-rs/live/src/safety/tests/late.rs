@@ -22,7 +22,7 @@ struct Board {
     sample: Sample,
     answers: bool,
     /// The force of the motor after each packet [N].
-    felt: Vec<f64>,
+    forces: Vec<f64>,
 }
 
 const WATCHDOG: u64 = 50_000_000;
@@ -42,7 +42,7 @@ impl Board {
             stop: 0,
             sample: Sample::default(),
             answers: true,
-            felt: Vec::new(),
+            forces: Vec::new(),
         }
     }
 
@@ -50,7 +50,7 @@ impl Board {
         let now = self.time.load(Ordering::Relaxed);
         self.sample.let_go = self.reports_let_go && now - self.last_force > WATCHDOG;
         self.last_force = now;
-        self.felt.push(force);
+        self.forces.push(force);
     }
 }
 
@@ -79,7 +79,7 @@ impl Device for Board {
 fn limits(board: &Board) -> Limits {
     Limits {
         ramp: 0.0,
-        ..Limits::of(&board.spec)
+        ..Limits::from_spec(&board.spec)
     }
 }
 
@@ -127,18 +127,18 @@ impl Host {
         self.look();
     }
 
-    fn felt(&self) -> &[f64] {
-        &self.guarded.device().felt
+    fn forces(&self) -> &[f64] {
+        &self.guarded.device().forces
     }
 
     fn last(&self) -> f64 {
-        *self.felt().last().unwrap()
+        *self.forces().last().unwrap()
     }
 
     /// From packet `from` on the force begins at zero and returns in small steps.
     fn fades_in(&mut self, from: usize, force: f64) {
         (0..400).for_each(|_| self.tick(force));
-        let forces = &self.felt()[from..];
+        let forces = &self.forces()[from..];
         assert!(forces[0].abs() <= 0.05, "{:?}", &forces[..5]);
         let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let greatest = steps.fold(0.0, f64::max);
@@ -157,9 +157,9 @@ fn a_host_that_was_stopped_between_ticks_fades_in() {
         for force in FORCES {
             let mut host = Host::new(Board::new(), force);
             host.wait(stop);
-            let from = host.felt().len();
+            let from = host.forces().len();
             host.fades_in(from, force);
-            assert_eq!(host.felt()[from], 0.0);
+            assert_eq!(host.forces()[from], 0.0);
             assert_eq!(host.guarded.counts().stalls, 1);
         }
     }
@@ -175,9 +175,9 @@ fn a_host_that_was_stopped_before_the_reply_fades_in() {
             host.put(force);
             host.wait(stop);
             host.look();
-            let from = host.felt().len();
+            let from = host.forces().len();
             host.fades_in(from, force);
-            assert_eq!(host.felt()[from], 0.0);
+            assert_eq!(host.forces()[from], 0.0);
             assert_eq!(host.guarded.counts().stalls, 1);
         }
     }
@@ -190,9 +190,9 @@ fn a_force_that_was_stopped_at_the_write_is_taken_back_at_once() {
         let mut host = Host::new(Board::new(), 4.0);
         host.guarded.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
         host.wait(PERIOD);
-        let from = host.felt().len() + 1;
+        let from = host.forces().len() + 1;
         host.put(4.0);
-        assert_eq!(host.felt()[from..], [0.0], "in the same call");
+        assert_eq!(host.forces()[from..], [0.0], "in the same call");
         host.look();
         host.fades_in(from, 4.0);
     }
@@ -203,7 +203,7 @@ fn a_host_that_is_a_little_late_changes_nothing() {
     let mut host = Host::new(Board::new(), 4.0);
     host.wait(0.015);
     (0..50).for_each(|_| host.tick(4.0));
-    assert!(host.felt()[1000..].iter().all(|force| *force == 4.0));
+    assert!(host.forces()[1000..].iter().all(|force| *force == 4.0));
 }
 
 #[test]
@@ -221,7 +221,7 @@ fn a_position_grows_old_by_the_clock() {
     assert_eq!(forces, [4.0, 4.0, 0.0, 0.0]);
     host.guarded.device.answers = true;
     host.tick(4.0);
-    let from = host.felt().len() - 1;
+    let from = host.forces().len() - 1;
     host.fades_in(from, 4.0);
 }
 
@@ -234,9 +234,9 @@ fn a_board_that_let_go_is_faded_in() {
         host.put(force);
         host.guarded.device.sample.let_go = true;
         host.look();
-        let from = host.felt().len();
+        let from = host.forces().len();
         host.fades_in(from, force);
-        assert_eq!(host.felt()[from], 0.0);
+        assert_eq!(host.forces()[from], 0.0);
         let counts = host.guarded.counts();
         assert_eq!((counts.let_go, counts.stalls), (1, 0));
     }
@@ -314,7 +314,7 @@ fn a_position_that_is_no_number_trips_and_passes() {
     host.tick(4.0);
     assert_eq!(host.last(), 0.0);
     (0..500).for_each(|_| host.tick(4.0));
-    let from = host.felt().len() - 1;
+    let from = host.forces().len() - 1;
     host.fades_in(from, 4.0);
     assert_eq!(host.guarded.counts().trips_not_finite, 1);
     // The velocity is finite again: a key that jumps trips.

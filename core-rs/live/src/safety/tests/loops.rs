@@ -48,7 +48,7 @@ pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
     let limits = Limits {
         ramp: 0.0,
         velocity: f64::INFINITY,
-        ..Limits::of(key.spec())
+        ..Limits::from_spec(key.spec())
     };
     let time = Arc::new(AtomicU64::new(0));
     let mut guarded = Guarded::new(&mut key, limits, setup.period);

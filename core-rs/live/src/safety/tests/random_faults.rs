@@ -17,7 +17,7 @@ const MASS: f64 = 0.05;
 const FRICTION: f64 = 1.0;
 const END: f64 = 0.05;
 /// A force that is felt [N]: its time is bounded.
-const FELT: f64 = 0.3;
+const NOTICEABLE_FORCE: f64 = 0.3;
 /// How long a key is watched after the fault [s].
 const WATCHED: f64 = 4.0;
 /// Number of ticks that a channel can be late.
@@ -300,7 +300,11 @@ impl Device for Key {
             self.t += h;
         }
         if since.is_some() {
-            self.force_time += if motor.abs() >= FELT { TICK } else { 0.0 };
+            self.force_time += if motor.abs() >= NOTICEABLE_FORCE {
+                TICK
+            } else {
+                0.0
+            };
             self.greatest = self.greatest.max(motor.abs());
         }
         let since = self.since();
@@ -340,7 +344,7 @@ struct Outcome {
 
 fn play(case: Case, until: f64) -> Outcome {
     let key = Key::new(case);
-    let limits = Limits::of(key.spec());
+    let limits = Limits::from_spec(key.spec());
     let mut guarded = Guarded::new(key, limits, TICK).watched();
     // A performance scales a piece that is too stiff for the device.
     let border = 2.0 * FRICTION / (TICK * (1.0 + 2.0 * case.delay as f64));
@@ -381,9 +385,9 @@ const ALLOWED: f64 = 1.0 + 0.5 * WATCHED;
 /// The work of a channel that is late [J]. An answer that comes 22 to 34 ms late may be taken for one in time: of 2,472
 /// cases two pass the allowance, by 0.27 J (24 ms) and 0.002 J (100 ms).
 const WORK_IF_LATE: f64 = 1.25 * ALLOWED;
-/// A late channel that does more work than this [J] is felt for at most `FELT_IF_LATE` [s].
+/// A late channel that does more work than this [J] is felt for at most `NOTICEABLE_TIME_IF_LATE` [s].
 const HARMLESS_IF_LATE: f64 = 2.0;
-const FELT_IF_LATE: f64 = 2.0;
+const NOTICEABLE_TIME_IF_LATE: f64 = 2.0;
 
 /// A kind of fault, drawn at random, and what is promised of it.
 fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
@@ -459,7 +463,7 @@ fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
             Promise {
                 work: WORK_IF_LATE,
                 harmless: HARMLESS_IF_LATE,
-                ..promise("position late", FELT_IF_LATE)
+                ..promise("position late", NOTICEABLE_TIME_IF_LATE)
             }
         }
         _ => {
@@ -467,7 +471,7 @@ fn faulty(kind: usize, mut case: Case, draw: &mut Draw) -> (Case, Promise) {
             Promise {
                 work: WORK_IF_LATE,
                 harmless: HARMLESS_IF_LATE,
-                ..promise("motor late", FELT_IF_LATE)
+                ..promise("motor late", NOTICEABLE_TIME_IF_LATE)
             }
         }
     };

@@ -69,7 +69,7 @@ fn too_fast(ticks: u64, seed: u64) -> u64 {
         fade: 0.02,
         ramp: 0.02,
         heat: 0.5,
-        ..Limits::of(&board.spec)
+        ..Limits::from_spec(&board.spec)
     };
     let step = limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
     let mut guarded = Guarded::new(&mut board, limits, PERIOD);

@@ -4,7 +4,7 @@
 pub(super) struct Dice(u64);
 
 impl Dice {
-    pub(super) fn of(case: u64) -> Self {
+    pub(super) fn seeded(case: u64) -> Self {
         Self(case.wrapping_mul(0xD134_2543_DE82_EF95))
     }
 
@@ -19,7 +19,7 @@ impl Dice {
         (self.next() % n as u64) as usize
     }
 
-    pub(super) fn one_of<'a, T: ?Sized>(&mut self, all: &[&'a T]) -> &'a T {
+    pub(super) fn pick<'a, T: ?Sized>(&mut self, all: &[&'a T]) -> &'a T {
         all[self.below(all.len())]
     }
 
@@ -55,7 +55,7 @@ pub(super) fn damaged(dice: &mut Dice, complete: &[u8]) -> Vec<u8> {
                 drop(bytes.splice(position..position, part));
             }
             6 => {
-                for (to, from) in bytes[position..].iter_mut().zip(dice.one_of(&EDGES)) {
+                for (to, from) in bytes[position..].iter_mut().zip(dice.pick(&EDGES)) {
                     *to = *from;
                 }
             }
@@ -71,8 +71,8 @@ pub(super) fn damaged(dice: &mut Dice, complete: &[u8]) -> Vec<u8> {
 /// Words in random order, or a line with damaged bytes.
 pub(super) fn text(dice: &mut Dice, lines: &[&str], words: &[&str]) -> String {
     if dice.below(2) == 0 {
-        let line = dice.one_of(lines);
+        let line = dice.pick(lines);
         return String::from_utf8_lossy(&damaged(dice, line.as_bytes())).into_owned();
     }
-    (0..dice.below(24)).map(|_| dice.one_of(words)).collect()
+    (0..dice.below(24)).map(|_| dice.pick(words)).collect()
 }

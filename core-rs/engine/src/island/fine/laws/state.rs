@@ -41,8 +41,8 @@ pub(in crate::island::fine) struct LawState {
     pub(super) elongation: [f64; STAGES],
     pub(super) rate: [f64; STAGES],
     /// Bend of its bristles at the start of a part, at its end, and before a step that may be repeated [m].
-    pub(super) bend: f64,
-    pub(super) bend_at_end: f64,
+    pub(super) bristle: f64,
+    pub(super) bristle_at_end: f64,
     pub(super) saved_bend: f64,
     /// Elongation and its rate at the start of the frame [m, m/s], and the force there [N].
     pub(super) start: [f64; 2],
@@ -60,7 +60,7 @@ crate::archive::state!(LawState {
     before,
     elongation,
     rate,
-    bend,
+    bristle,
     begin,
     largest,
 });
@@ -75,7 +75,7 @@ pub(super) struct LawNow<'a> {
     pub(super) k: f64,
     pub(super) z: f64,
     /// Bend of its bristles [m].
-    pub(super) bend: f64,
+    pub(super) bristle: f64,
 }
 
 impl LawNow<'_> {
@@ -93,10 +93,10 @@ impl LawNow<'_> {
     }
 
     /// Its force at an elongation and a rate [N].
-    pub(super) fn at(&self, e: f64, v: f64) -> f64 {
+    pub(super) fn force(&self, e: f64, v: f64) -> f64 {
         let force = match self.kind {
             Kind::Lnl { law, .. } => law.force(e, v),
-            Kind::Bristle { by, .. } => by.with(self.k, self.z).force(self.bend, v),
+            Kind::Bristle { by, .. } => by.with(self.k, self.z).force(self.bristle, v),
             Kind::Hardening(q) => self.k * e + q * e * e * e + self.z * v,
             _ => 0.0,
         };
@@ -115,14 +115,10 @@ impl LawNow<'_> {
     pub(super) fn halfway(&self, e: f64, v: f64, h: f64) -> f64 {
         match self.bristle() {
             Some(by) => {
-                let bristle = by.halfway(self.bend, v, h / self.rate());
-                Self {
-                    bend: bristle,
-                    ..*self
-                }
-                .at(e, v)
+                let bristle = by.halfway(self.bristle, v, h / self.rate());
+                Self { bristle, ..*self }.force(e, v)
             }
-            None => self.at(e, v),
+            None => self.force(e, v),
         }
     }
 }
@@ -147,17 +143,17 @@ impl LawState {
     /// Take over the state of the same law in another version.
     pub(in crate::island::fine) fn continue_from(&mut self, old: &Self) {
         (self.force, self.elongation, self.rate) = (old.force, old.elongation, old.rate);
-        (self.begin, self.largest, self.bend) = (old.begin, old.largest, old.bend);
+        (self.begin, self.largest, self.bristle) = (old.begin, old.largest, old.bristle);
         self.before = old.before;
     }
 
     /// Bend of its bristles at the start of a frame [m].
-    pub(in crate::island::fine) fn bend_at_start(&self) -> f64 {
-        self.bend
+    pub(in crate::island::fine) fn bristle_at_start(&self) -> f64 {
+        self.bristle
     }
 
     pub(in crate::island::fine) fn set_bend(&mut self, bend: f64) {
-        self.bend = bend;
+        self.bristle = bend;
     }
 
     /// Do not extrapolate from parts that were longer than those to come.
@@ -167,12 +163,12 @@ impl LawState {
 
     /// Save what a step changes, if it may be repeated.
     pub(in crate::island::fine) fn save(&mut self) {
-        self.saved_bend = self.bend;
+        self.saved_bend = self.bristle;
     }
 
     /// Undo the last step.
     pub(in crate::island::fine) fn restore(&mut self) {
-        self.bend = self.saved_bend;
+        self.bristle = self.saved_bend;
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
@@ -215,18 +211,18 @@ impl LawState {
     ) -> (Stages, Square) {
         let rate = now[0].rate();
         if let Some(bent) = Bent::new(now, v, h) {
-            self.bend_at_end = bent.at_end;
+            self.bristle_at_end = bent.bristle_at_end;
             // A rate at one instant bends the bristles at all later instants.
             let unmet = |stage: usize, column: usize| {
                 let by = |from: usize| bent.slopes[stage][from] * by_v[from][column];
-                one(stage, column) - rate * (0..STAGES).map(by).sum::<f64>()
+                identity_entry(stage, column) - rate * (0..STAGES).map(by).sum::<f64>()
             };
             return (bent.force, square(unmet));
         }
         let (force, k, z) = self.tangents(now, e, v);
         let unmet = |stage: usize, column: usize| {
             let (by_x, by_v) = (by_x[stage][column], by_v[stage][column]);
-            one(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
+            identity_entry(stage, column) - k[stage] * by_x - z[stage] * rate * by_v
         };
         (force, square(unmet))
     }
@@ -257,7 +253,7 @@ impl LawState {
                     let stage_law = &now[stage];
                     stage_law.open * (stage_law.k + 3.0 * q * e[stage] * e[stage])
                 };
-                let force = [0, 1, 2].map(|stage| now[stage].at(e[stage], v[stage]));
+                let force = [0, 1, 2].map(|stage| now[stage].force(e[stage], v[stage]));
                 let z = now.each_ref().map(|stage_law| stage_law.open * stage_law.z);
                 (force, [0, 1, 2].map(k), z)
             }
@@ -270,7 +266,7 @@ impl LawState {
 struct Bent {
     force: Stages,
     /// Bend at the end of the part [m].
-    at_end: f64,
+    bristle_at_end: f64,
     /// Derivatives of the forces by the rates of the ends at each instant [N·s/m].
     slopes: Square,
 }
@@ -280,11 +276,12 @@ impl Bent {
     /// laws.
     fn new(now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
         let by = [now[0].bristle()?, now[1].bristle()?, now[2].bristle()?];
-        let (start, h) = (now[0].bend, h / now[0].rate());
+        let (start, h) = (now[0].bristle, h / now[0].rate());
         let worn = [0, 1, 2].map(|stage: usize| by[stage].wear_and_slope(v[stage]));
         let wear = worn.map(|(wear, _)| wear);
-        let left =
-            square(|stage, column| one(stage, column) + h * MEANS[stage][column] * wear[column]);
+        let left = square(|stage, column| {
+            identity_entry(stage, column) + h * MEANS[stage][column] * wear[column]
+        });
         let left = inverse(&left);
         let moved = MEANS.map(|row| start + h * dot(&row, v));
         let bends = left.map(|row| dot(&row, &moved));
@@ -300,17 +297,17 @@ impl Bent {
             let by = &by[stage];
             let by_deflection = by.stiffness - by.damping * wear[stage];
             let by_rate = by.damping * gives[from] + by.viscosity;
-            now[stage].open * (by_deflection * deflection + one(stage, from) * by_rate)
+            now[stage].open * (by_deflection * deflection + identity_entry(stage, from) * by_rate)
         };
         Some(Self {
             force: std::array::from_fn(force),
-            at_end: start + h * dot(&WEIGHTS, &rates),
+            bristle_at_end: start + h * dot(&WEIGHTS, &rates),
             slopes: square(slope),
         })
     }
 }
 
-fn one(row: usize, column: usize) -> f64 {
+fn identity_entry(row: usize, column: usize) -> f64 {
     f64::from(u8::from(row == column))
 }
 

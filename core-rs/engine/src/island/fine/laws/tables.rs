@@ -2,7 +2,7 @@
 
 use super::{PARTS, POINTS, SMOOTH, STAGES, Square, Stages, WEIGHTS};
 use crate::island::fine::Script;
-use crate::island::fine::basis::{At, MOST, dot};
+use crate::island::fine::basis::{Instant, POLYNOMIALS_MAX, dot};
 use crate::scheme::Kind;
 
 /// Values at the three Gauss points of a part, slopes there, and value and slope at the start of the frame: one wide
@@ -47,7 +47,7 @@ pub(in crate::island::fine) struct LawScript {
     pub(super) ahead_by_before: Square,
     pub(super) ahead_by_last: Square,
     /// Weights of a part's forces in their extrapolation to both its ends.
-    pub(super) at_ends: [[f64; STAGES]; 2],
+    pub(super) end_weights: [[f64; STAGES]; 2],
 }
 
 impl LawScript {
@@ -65,11 +65,11 @@ impl LawScript {
             .map(|pair| [pair / links.len(), pair % links.len()].map(|law| script.ends[links[law]]))
             .collect();
         let divide = |parts: usize| Division::new(script, &pairs, parts);
-        let end = At::new(script.basis.n(), 1.0);
+        let end = Instant::new(script.basis.n(), 1.0);
         let end_basis = |ends: &[(usize, usize); 2]| {
             let mut stage_shares = [[0.0; STAGES]; 2];
             for stage in 0..STAGES {
-                let start = At::new(script.basis.n(), POINTS[stage]);
+                let start = Instant::new(script.basis.n(), POINTS[stage]);
                 let weight = WEIGHTS[stage] * script.rate.step();
                 let [x, v] = script.between(*ends, [&start, &end]);
                 (stage_shares[0][stage], stage_shares[1][stage]) = (weight * x, weight * v);
@@ -86,9 +86,9 @@ impl LawScript {
             end: [&end.value, &end.slope].map(|values| script.basis.weights(values)),
             moves_end: pairs.iter().map(end_basis).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),
-            ahead_by_before: POINTS.map(|c| of_two(1.0 + c, 0)),
-            ahead_by_last: POINTS.map(|c| of_two(1.0 + c, 1)),
-            at_ends: [0.0, 1.0].map(shares),
+            ahead_by_before: POINTS.map(|c| two_part_weights(1.0 + c, 0)),
+            ahead_by_last: POINTS.map(|c| two_part_weights(1.0 + c, 1)),
+            end_weights: [0.0, 1.0].map(shares),
             links,
         }
     }
@@ -100,11 +100,11 @@ impl Division {
         let s: Vec<f64> = (0..parts)
             .flat_map(|part| POINTS.map(|c| (part as f64 + c) * h))
             .collect();
-        let bases: Vec<At> = s.iter().map(|&s| At::new(n, s)).collect();
+        let bases: Vec<Instant> = s.iter().map(|&s| Instant::new(n, s)).collect();
         let mut later = Vec::new();
         if parts > 1 {
-            let instants: Vec<At> = (script.basis.instants.iter())
-                .map(|&s| At::new(n, s))
+            let instants: Vec<Instant> = (script.basis.instants.iter())
+                .map(|&s| Instant::new(n, s))
                 .collect();
             for &ends in pairs {
                 for start in &bases {
@@ -116,14 +116,14 @@ impl Division {
                 }
             }
         }
-        let weights = |of: fn(&At) -> &[f64; MOST]| -> Vec<Vec<f64>> {
+        let weights = |values: fn(&Instant) -> &[f64; POLYNOMIALS_MAX]| -> Vec<Vec<f64>> {
             bases
                 .iter()
-                .map(|bases| script.basis.weights(of(bases)))
+                .map(|bases| script.basis.weights(values(bases)))
                 .collect()
         };
         let (values, slopes) = (weights(|bases| &bases.value), weights(|bases| &bases.slope));
-        let start = At::new(n, 0.0);
+        let start = Instant::new(n, 0.0);
         let start = [&start.value, &start.slope].map(|values| script.basis.weights(values));
         let motion = |part: usize, instant: usize| {
             let mut motion = [0.0; 2 * STAGES + 2];
@@ -153,7 +153,7 @@ pub(in crate::island::fine) fn shares(s: f64) -> [f64; STAGES] {
 }
 
 /// The same for the Gauss points of two parts, -1 to 0 and 0 to 1: the weights of the first or of the second.
-fn of_two(s: f64, part: usize) -> Stages {
+fn two_part_weights(s: f64, part: usize) -> Stages {
     let points = [-1.0, 0.0].map(|start| POINTS.map(|c| start + c));
     let shares = lagrange::<6>(
         s,
@@ -180,12 +180,12 @@ impl Script {
         let n = self.basis.n();
         let mut coefficients = [[[0.0; STAGES]; STAGES]; 2];
         for (row, c) in POINTS.into_iter().enumerate() {
-            let end = At::new(n, c * h);
+            let end = Instant::new(n, c * h);
             // Gauss quadrature over each half of the time up to this point: of order 6.
             for half in 0..2 {
                 for (point, weight) in POINTS.into_iter().zip(WEIGHTS) {
                     let part = 0.5 * (half as f64 + point) * c;
-                    let start = At::new(n, part * h);
+                    let start = Instant::new(n, part * h);
                     let weight = 0.5 * weight * c * h * self.rate.step();
                     let [x, v] = self.between([to, from], [&start, &end]);
                     for (column, share) in shares(part).into_iter().enumerate() {
@@ -203,7 +203,7 @@ impl Script {
     pub(in crate::island::fine) fn between(
         &self,
         [to, from]: [(usize, usize); 2],
-        instants: [&At; 2],
+        instants: [&Instant; 2],
     ) -> [f64; 2] {
         let mut response = [0.0; 2];
         for (sign_to, to) in [(-1.0, to.0), (1.0, to.1)] {
@@ -217,7 +217,7 @@ impl Script {
     }
 
     /// Response of one joint's position [m/N·s] and velocity [m/frame per N·s] to an impulse on another.
-    fn answer(&self, [from, to]: [usize; 2], [start, end]: [&At; 2]) -> [f64; 2] {
+    fn answer(&self, [from, to]: [usize; 2], [start, end]: [&Instant; 2]) -> [f64; 2] {
         let n = self.basis.n();
         let mut response = [0.0; 2];
         let moves = &self.moves[from * self.joints.len() + to];
@@ -239,7 +239,10 @@ mod tests {
             let polynomial = |s: f64| (0..power).map(|_| s).product::<f64>();
             for s in POINTS.map(|c| 1.0 + c) {
                 let parts = [(0, -1.0), (1, 0.0)].map(|(part, start)| {
-                    dot(&of_two(s, part), &POINTS.map(|c| polynomial(start + c)))
+                    dot(
+                        &two_part_weights(s, part),
+                        &POINTS.map(|c| polynomial(start + c)),
+                    )
                 });
                 assert!(
                     (parts[0] + parts[1] - polynomial(s)).abs() < 1e-11 * polynomial(s).max(1.0)

@@ -2,7 +2,7 @@
 
 use super::script::Integrals;
 use super::{Fine, Frame};
-use crate::island::fine::basis::{At, dot};
+use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{POINTS, STAGES, WEIGHTS};
 
 /// Most Newton steps for the forces of a step; largest correction, as a share of the level, at which they end.
@@ -41,11 +41,11 @@ impl Fine {
         } else {
             let integrals = Integrals::new(script, h);
             for (moves, response) in frictions.moves.iter_mut().zip(&frame.slides.responses) {
-                *moves = integrals.of(response);
+                *moves = integrals.velocity_response(response);
             }
             self.work.products += (n_dry * n_dry * STAGES * STAGES * script.basis.n()) as u64;
         }
-        let points = POINTS.map(|c| At::new(script.basis.n(), s + c * h));
+        let points = POINTS.map(|c| Instant::new(script.basis.n(), s + c * h));
         for slide_index in 0..n_dry {
             let link = frame.slides.links[slide_index];
             self.frictions.slides[slide_index].free =
@@ -148,7 +148,7 @@ impl Fine {
     pub(super) fn finish_frame(&mut self, frame: Frame<'_>, s: f64) {
         let (script, n_dry, h) = (frame.script, frame.slides.links.len(), 1.0 - s);
         let n = script.basis.n();
-        let since = POINTS.map(|c| At::new(n, (1.0 - c) * h));
+        let since = POINTS.map(|c| Instant::new(n, (1.0 - c) * h));
         // The equations of a step are not needed any more: their room holds what the force of one link makes of the
         // velocity of each at the end of the frame.
         let mut compliances = std::mem::take(&mut self.frictions.system);
@@ -157,7 +157,7 @@ impl Fine {
             let parts = parts.map(|(weight, since)| weight * dot(response, &since.value));
             *compliance = h * script.rate.step() * parts.sum::<f64>();
         }
-        let end = At::new(n, 1.0);
+        let end = Instant::new(n, 1.0);
         for slide_index in 0..n_dry {
             let [_, v] = self.elongation(script, frame.slides.links[slide_index], &end);
             let slide = &mut self.frictions.slides[slide_index];
@@ -188,7 +188,7 @@ impl Fine {
     /// Push the ends of all links by their forces in a step of `h` from `s`.
     fn push_ends(&mut self, frame: Frame<'_>, (s, h): (f64, f64)) {
         for stage in 0..STAGES {
-            let instant = At::new(frame.script.basis.n(), s + POINTS[stage] * h);
+            let instant = Instant::new(frame.script.basis.n(), s + POINTS[stage] * h);
             let weight = WEIGHTS[stage] * h * frame.script.rate.step();
             for (slide, &link) in frame.slides.links.iter().enumerate() {
                 let (a, b) = frame.script.ends[link];

@@ -2,7 +2,7 @@
 
 use super::{SKIPPED, STEPS_MAX};
 use crate::island::fine::Script;
-use crate::island::fine::basis::{At, dot};
+use crate::island::fine::basis::{Instant, dot};
 use crate::island::fine::laws::{POINTS, STAGES, Square, WEIGHTS, shares};
 use crate::network::Dry;
 use crate::scheme::{Kind, Run};
@@ -69,7 +69,7 @@ impl SlideScript {
 impl Pace {
     fn new(script: &Script, parts: usize, responses: &[Vec<f64>]) -> Self {
         let integrals = Integrals::new(script, 1.0 / parts as f64);
-        let integral = |response: &Vec<f64>| integrals.of(response);
+        let integral = |response: &Vec<f64>| integrals.velocity_response(response);
         Self {
             parts,
             moves: responses.iter().map(integral).collect(),
@@ -91,9 +91,9 @@ impl Pace {
 /// Response of the velocity of a link to an impulse of another one, as [`SlideScript::responses`] holds it.
 fn velocity_response(script: &Script, ends: [(usize, usize); 2]) -> Vec<f64> {
     let n = script.basis.n();
-    let start = At::new(n, 0.0);
+    let start = Instant::new(n, 0.0);
     let values: Vec<f64> = (script.basis.instants.iter())
-        .map(|&s| script.between(ends, [&start, &At::new(n, s)])[1])
+        .map(|&s| script.between(ends, [&start, &Instant::new(n, s)])[1])
         .collect();
     if values.iter().all(|value| *value == 0.0) {
         return Vec::new();
@@ -106,7 +106,7 @@ fn velocity_response(script: &Script, ends: [(usize, usize); 2]) -> Vec<f64> {
 /// Integrals of a response over a step, up to each of its Gauss points; by Gauss quadrature, exact to order 6.
 pub(super) struct Integrals {
     /// Time from each inner point to the outer one   (outer, inner)
-    since: [[At; STAGES]; STAGES],
+    since: [[Instant; STAGES]; STAGES],
     /// Weight of the force at each Gauss point in that at each inner point [s]   (outer, inner, Gauss point)
     weights: [Square; STAGES],
 }
@@ -116,7 +116,7 @@ impl Integrals {
     pub(super) fn new(script: &Script, h: f64) -> Self {
         let (n, step) = (script.basis.n(), h * script.rate.step());
         Self {
-            since: POINTS.map(|c| POINTS.map(|point| At::new(n, c * (1.0 - point) * h))),
+            since: POINTS.map(|c| POINTS.map(|point| Instant::new(n, c * (1.0 - point) * h))),
             weights: POINTS.map(|c| {
                 std::array::from_fn(|inner| {
                     let weight = WEIGHTS[inner] * c * step;
@@ -127,7 +127,7 @@ impl Integrals {
     }
 
     /// Response of a velocity to the forces of the step, at its Gauss points [m/frame per N].
-    pub(super) fn of(&self, response: &[f64]) -> Square {
+    pub(super) fn velocity_response(&self, response: &[f64]) -> Square {
         let mut integrals = Square::default();
         if response.is_empty() {
             return integrals;

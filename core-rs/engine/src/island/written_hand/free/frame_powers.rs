@@ -61,7 +61,7 @@ impl FramePowers {
         self.state[..n].copy_from_slice(&motion.body.x);
         self.state[n..last].copy_from_slice(&motion.body.d);
         self.state[last] = 1.0;
-        self.one_frame(free, motion, laws, targets);
+        self.single_frame(free, motion, laws, targets);
         while frames > 0 {
             if frames % 2 == 1 {
                 self.apply();
@@ -76,7 +76,7 @@ impl FramePowers {
     }
 
     /// Set `change` to that of one frame: for each state variable the effect of 1 alone, less that of the zero state.
-    fn one_frame(
+    fn single_frame(
         &mut self,
         free: &FreeKey,
         motion: &mut FreeMotion,
@@ -165,7 +165,7 @@ mod tests {
                 mat: b,
                 kind: DriveKind::Force,
                 source: Source::Constant(-0.02),
-                own: true,
+                acts_on_free_key: true,
             }],
             slow: Vec::new(),
         }
@@ -173,7 +173,7 @@ mod tests {
 
     fn buffers(free: &FreeKey) -> Buffers {
         Buffers {
-            coast: free.at_rest(),
+            coast: free.motion_at_rest(),
             laws: Laws::new(&free.scheme),
             targets: Vec::new(),
             frame_powers: FramePowers::new(free),

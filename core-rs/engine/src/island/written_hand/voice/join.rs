@@ -91,7 +91,7 @@ impl Voice {
                 && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
         });
         let agrees = shared
-            || [path.at(from.t).0, gesture.gesture.entry.x]
+            || [path.evaluate(from.t).0, gesture.gesture.entry.x]
                 .iter()
                 .any(|x| (from.x - x).abs() <= AGREES);
         if agrees || gesture.gesture.manner.join == 0.0 {
@@ -101,7 +101,7 @@ impl Voice {
         let t = (from.t + gesture.gesture.manner.join)
             .min(path.stop())
             .min(last);
-        let (x, v, a) = path.at(t);
+        let (x, v, a) = path.evaluate(t);
         (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))
     }
 }

@@ -134,8 +134,8 @@ impl Matrices {
         let w: Vec<f64> = free.iter().map(|&i| scheme.w[i]).collect();
         let (mut k, mut z, mut force) = (Square::zero(n), Square::zero(n), vec![0.0; n]);
         for (local, &i) in free.iter().enumerate() {
-            *k.at(local, local) += scheme.kappa[i];
-            *z.at(local, local) += scheme.zeta[i];
+            *k.entry(local, local) += scheme.kappa[i];
+            *z.entry(local, local) += scheme.zeta[i];
             force[local] += scheme.kappa[i] / w[local] * scheme.rest[i];
         }
         for run in &scheme.runs {
@@ -143,13 +143,13 @@ impl Matrices {
                 let pair = [(run.a + i, run.b + i, 1.0), (run.b + i, run.a + i, -1.0)];
                 for (local, other, sign) in pair {
                     let Some(row) = slot(local) else { continue };
-                    *k.at(row, row) += w[row] * run.k;
-                    *z.at(row, row) += w[row] * run.z;
+                    *k.entry(row, row) += w[row] * run.k;
+                    *z.entry(row, row) += w[row] * run.z;
                     force[row] -= sign * run.k * run.rest;
                     match slot(other) {
                         Some(column) => {
-                            *k.at(row, column) -= w[row] * run.k;
-                            *z.at(row, column) -= w[row] * run.z;
+                            *k.entry(row, column) -= w[row] * run.k;
+                            *z.entry(row, column) -= w[row] * run.z;
                         }
                         None => force[row] += run.k * mats.x0[other],
                     }

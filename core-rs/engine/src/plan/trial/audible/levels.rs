@@ -30,7 +30,7 @@ pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     };
     let (ours, theirs) = (spectrum(a), spectrum(b));
     let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
-    let audible = heard(&centres, &theirs);
+    let audible = unmasked_bands(&centres, &theirs);
     let each = ours.iter().zip(&theirs).zip(audible);
     let audible = each.filter(|(_, is_heard)| *is_heard);
     audible.fold(0.0, |worst, ((ours, theirs), _)| {
@@ -51,7 +51,7 @@ fn faded(x: &[f64]) -> Vec<f64> {
 }
 
 /// Which bands are not masked, given their centres [Hz] and powers.
-fn heard(centres: &[f64], powers: &[f64]) -> Vec<bool> {
+fn unmasked_bands(centres: &[f64], powers: &[f64]) -> Vec<bool> {
     let strongest = powers.iter().fold(0.0_f64, |most, power| most.max(*power));
     let barks: Vec<f64> = centres.iter().map(|f| bark(*f)).collect();
     let masked = |masked_power: usize| -> f64 {

@@ -133,7 +133,7 @@ pub(super) fn window_on(
         .map(|run| {
             let modes = run.body.map(|body| {
                 let body = &look.bodies[body];
-                serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.of})
+                serde_json::json!({"first": body.first, "count": body.modes.len(), "of": body.n_modes})
             });
             serde_json::json!({"name": run.part.to_string(), "first": run.points.start,
                 "count": run.points.len(), "kind": run.kind, "modes": modes})
@@ -166,7 +166,7 @@ pub(super) fn a_stage(simulation: &Simulation, is_seen: bool) -> Stage {
 
 pub(super) fn served(limits: Limits) -> Arc<Server> {
     let options = ergon_view::serve::Options {
-        at: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        address: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
         key: ergon_view::serve::Key::new(&"0".repeat(32)).expect("a key"),
         file: None,
         sound: None,
@@ -205,7 +205,7 @@ impl Shown {
         assert!(this.open(window));
         let server = served(limits);
         let (coming, scenes) = channel();
-        coming.send((scene, this.heard_times())).unwrap();
+        coming.send((scene, this.output_times())).unwrap();
         let relay = Relay::new(server.clone(), scenes);
         Self {
             this,
@@ -273,9 +273,9 @@ pub(super) fn ergons(bytes: &[u8], look: &Look) -> Vec<(f64, usize, f64)> {
 }
 
 /// Instants must agree with those of the strikes to a hundredth of a frame.
-pub(super) fn assert_ergons(told: &[(f64, usize, f64)], wanted: &[(f64, usize, f64)]) {
-    assert_eq!(told.len(), wanted.len(), "{told:?}, {wanted:?}");
-    for (item, wanted) in told.iter().zip(wanted) {
+pub(super) fn assert_ergons(ergons: &[(f64, usize, f64)], wanted: &[(f64, usize, f64)]) {
+    assert_eq!(ergons.len(), wanted.len(), "{ergons:?}, {wanted:?}");
+    for (item, wanted) in ergons.iter().zip(wanted) {
         assert!((item.0 - wanted.0).abs() < 1e-7, "{item:?}, {wanted:?}");
         assert_eq!(item.1, wanted.1);
         assert!(

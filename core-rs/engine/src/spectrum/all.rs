@@ -14,7 +14,7 @@ const QL_ITERATIONS_MAX: usize = 60;
 /// (n,). `matrix` is (n, n), row after row, and is overwritten.
 ///
 /// `None` if a number is not finite or QL does not converge.
-pub(crate) fn whole(
+pub(crate) fn all_eigenvalues(
     mut matrix: Vec<f64>,
     vectors: &[Vec<f64>],
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
