@@ -23,7 +23,7 @@ _SHOWN = 40  # modes shown in the table
 
 @click.command()
 @click.argument("strokes", metavar="[PLACE=]STROKE...", nargs=-1, required=True)
-@click.option("--modes", type=click.IntRange(1, 500), help="Keep so many modes, the loudest.")
+@options.declared(BellOptions, "modes")
 @click.option(
     "--as",
     "form",

@@ -64,11 +64,7 @@ _OPTIONS = {
     help="Of daw: write two stems of what rooms hear: dry, and the answer of the rooms.",
 )
 @options.bits
-@click.option(
-    "--upto",
-    metavar="FREQUENCY",
-    help="Of modal and csound: the highest mode (20kHz). Of faust: banks of the modes up to it.",
-)
+@options.declared(ExportOptions, "upto")
 @options.force
 @options.trust
 @options.speaking

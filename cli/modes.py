@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ergon.api.errors import OptionError
-from ergon.api.modes import COUNT, ModesOptions, PartModes, mode_rows, mode_words, stave_picture
+from ergon.api.modes import ModesOptions, PartModes, mode_rows, mode_words, stave_picture
 from ergon.api.modes import modes as find_modes
 
 from . import options
@@ -27,15 +27,7 @@ if TYPE_CHECKING:
 @click.command()
 @options.score
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@click.option("--upto", metavar="FREQUENCY", help="All modes up to this frequency, such as 5kHz.")
-@click.option(
-    "--count",
-    type=click.IntRange(1),
-    help=f"So many modes of each part; without --upto and --count {COUNT}.",
-)
-@click.option(
-    "--around", metavar="FREQUENCY", help="The modes next to a frequency or note, such as A3."
-)
+@options.declared(ModesOptions, "upto count around")
 @click.option("--csv", "table", metavar="FILE", help="Write the table into a CSV file.")
 @click.option("--svg", metavar="FILE", help="Draw modes by pitch and cents into an SVG picture.")
 @click.option(

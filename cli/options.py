@@ -200,6 +200,7 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
         default = None if is_several else field.default
         more |= {"multiple": is_several, "default": default, "type": _type(option.accepts)}
         more |= {"metavar": option.metavar, "show_default": option.shown}
+        more["required"] = option.is_required
     return click.option(*flags, field.name, help=option.help, **more)
 
 

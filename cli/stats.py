@@ -26,13 +26,7 @@ _LARGEST = 3  # shares of modes that are printed for a point
 @click.command()
 @click.argument("score_path", metavar="SCORE|TAKE", type=ScorePath())
 @click.argument("parts", metavar="[PART]...", nargs=-1)
-@click.option(
-    "--upto",
-    metavar="FREQUENCY",
-    default="5kHz",
-    show_default=True,
-    help="Count modes up to this frequency.",
-)
+@options.declared(StatsOptions, "upto")
 @click.option(
     "--cutoff",
     metavar="FREQUENCY",

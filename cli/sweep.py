@@ -31,15 +31,7 @@ _SHOWN = {
 
 @click.command()
 @options.score
-@click.option(
-    "--vary",
-    multiple=True,
-    required=True,
-    metavar="TARGET=VALUES",
-    help="What varies: bell.m.K=1kN/m..9kN/m:32 (`..:32 log` by equal ratios), seed=1..16, "
-    "bell.m.f=A3,C4; repeatable, then all are combined.",
-)
-@click.option("--zip", is_flag=True, help="Take the values in pairs, not all combined.")
+@options.declared(SweepOptions, "vary zip")
 @click.option(
     "-o",
     "--output",
@@ -48,22 +40,11 @@ _SHOWN = {
     metavar="DIR",
     help="The folder of sounds, table and picture. Default: SCORE.sweep.",
 )
-@click.option("--sound/--no-sound", default=True, help="Whether sounds are written.")
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 1024),
-    default=1,
-    show_default=True,
-    help="Number of processes; the sounds are the same for any number.",
-)
+@options.declared(SweepOptions, "sound jobs")
 @options.on
 @options.bits
 @options.seed
-@click.option(
-    "--rate",
-    type=options.Number(1_000, 768_000, "RATE"),
-    help="Frames a second of all sounds [Hz], instead of the score's.",
-)
+@options.declared(SweepOptions, "rate")
 @options.accuracy
 @options.draft
 @options.force

@@ -24,17 +24,7 @@ _ARGUMENTS = {"parts": "PART", "part": "PART", "targets": "TARGET"}
 @options.score
 @click.argument("part")
 @click.argument("targets", metavar="TARGET...", nargs=-1, required=True)
-@click.option(
-    "--by",
-    multiple=True,
-    metavar="VALUE",
-    help="Tune by these: masses, springs, pitches, a field (M) or a value (m1.M); repeatable.",
-)
-@click.option(
-    "--base",
-    metavar="FREQUENCY",
-    help="The frequency of ratio 1, such as A3; without it the first mode stays.",
-)
+@options.declared(TuneOptions, "by base")
 @click.option("--write", is_flag=True, help="Write the values into the score.")
 @options.target("Write the score with the values into this file; - is stdout.")
 @options.force

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.decay import LN_1000
-from ergon.common.option import renamed
+from ergon.common.option import Integer, documented, option, renamed
 from ergon.common.report import Report
 
 from . import score as scores
@@ -31,19 +31,25 @@ COUNT = 20  # modes of each part, by default
 
 
 @renamed(to="upto")
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModesOptions(ReadOptions):
     """Which modes of which parts are computed.
 
-    `parts` are names of instruments and keys; without any, all are meant. The modes are the
-    lowest `count` (by default 20), all up to a frequency `upto`, or the `count` nearest to a
-    frequency `around`; both are numbers [Hz] or texts such as "5kHz" and "A3".
+    `parts` are names of instruments and keys; without any, all are meant. Frequencies are numbers
+    [Hz] or texts such as "5kHz" and "A3".
     """
 
     parts: Sequence[str] = ()
-    count: int | None = None
-    upto: float | str | None = None
-    around: float | str | None = None
+    upto: float | str | None = option(
+        None, "All modes up to this frequency, such as 5kHz.", metavar="FREQUENCY"
+    )
+    count: int | None = option(
+        None, f"So many modes of each part; without --upto and --count {COUNT}.", Integer(1)
+    )
+    around: float | str | None = option(
+        None, "The modes next to a frequency or note, such as A3.", metavar="FREQUENCY"
+    )
 
     def asked(self) -> dict[str, float | int]:
         """The arguments for the engine's search for modes. Raises OptionError."""

@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.common.option import renamed
+from ergon.common.option import documented, option, renamed
 from ergon.common.report import Report
 
 from . import score as scores
@@ -25,21 +25,23 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
 
-UPTO = 5000.0  # [Hz]
 _STATIC = 1e-5  # of the lowest frequency: there inertia changes the response by this squared
 _NOTHING = 1e-12  # of the energy of a blow
 
 
 @renamed(to="upto")
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatsOptions(ReadOptions):
     """Which parts are described; without names, all.
 
-    Modes count up to the frequency `upto`, a number [Hz] or a text such as "5kHz" and "A7".
+    A frequency is a number [Hz] or a text such as "5kHz" and "A7".
     """
 
     parts: Sequence[str] = ()
-    upto: float | str = UPTO
+    upto: float | str = option(
+        "5kHz", "Count modes up to this frequency.", metavar="FREQUENCY", shown=True
+    )
 
 
 @dataclass(frozen=True, slots=True)

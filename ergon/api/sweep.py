@@ -15,6 +15,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.option import Integer, Number, Switch, documented, option
 from ergon.common.report import Report
 from ergon.exchange.safe import check_target, open_for_writing
 from ergon.exchange.wave_header import Bits
@@ -35,23 +36,37 @@ if TYPE_CHECKING:
 _NAME_MAX = 150  # characters of a file's name without its number
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepOptions(AccuracyOptions):
     """What is varied, and what is made of it.
 
-    `vary` lists TARGET=VALUES, all combined or, with `zip`, taken in pairs. `out` is the folder,
-    by default SCORE.sweep. Without `sound` no sound files are written. `jobs` is the number of
-    processes, or `on` names others, as for a render. `rate` [Hz] and `bits` are those of every
-    render; with `force`, files that ergon did not write are overwritten.
+    `out` is the folder, by default SCORE.sweep. `on` names processes, as for a render; `bits` are
+    those of every render; with `force`, files that ergon did not write are overwritten.
     """
 
-    vary: Sequence[str] = ()
-    zip: bool = False
+    vary: Sequence[str] = option(
+        (),
+        "What varies: bell.m.K=1kN/m..9kN/m:32 (`..:32 log` by equal ratios), seed=1..16, "
+        "bell.m.f=A3,C4; repeatable, then all are combined.",
+        metavar="TARGET=VALUES",
+        is_required=True,
+    )
+    zip: bool = option(False, "Take the values in pairs, not all combined.")
     out: Path | str | None = None
-    sound: bool = True
-    jobs: int = 1
+    sound: bool = option(True, "Whether sounds are written.", Switch())
+    jobs: int = option(
+        1,
+        "Number of processes; the sounds are the same for any number.",
+        Integer(1, 1024),
+        shown=True,
+    )
     on: str | None = None
-    rate: float | None = None
+    rate: float | None = option(
+        None,
+        "Frames a second of all sounds [Hz], instead of the score's.",
+        Number(1_000, 768_000, "RATE"),
+    )
     bits: Bits | None = None
     force: bool = False
 

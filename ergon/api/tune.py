@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.option import documented, option
 from ergon.common.report import Report
 
 from . import score as scores
@@ -36,18 +37,25 @@ _FLAT = 1e-5  # a smaller slope is rounding, or tunes nothing
 _WORDS = {"masses": "M", "springs": "K", "pitches": "f"}
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneOptions(ReadOptions):
     """Which values are changed to tune modes.
 
-    `by` are fields of all modules of the part ("M", "K", "f"; "masses", "springs" and "pitches"
-    mean these) or of one module ("m1.M"); without any, all fields that move its modes. If
-    targets are ratios, `base` is the frequency of ratio 1 (440.0 [Hz], "A3"); without it the
-    first mode of the ratios stays where it is.
+    "masses", "springs" and "pitches" mean "M", "K" and "f" of all modules of the part; without
+    `by`, all fields that move its modes are changed. `base` is a number [Hz] or a text.
     """
 
-    by: Sequence[str] = ()
-    base: float | str | None = None
+    by: Sequence[str] = option(
+        (),
+        "Tune by these: masses, springs, pitches, a field (M) or a value (m1.M); repeatable.",
+        metavar="VALUE",
+    )
+    base: float | str | None = option(
+        None,
+        "The frequency of ratio 1, such as A3; without it the first mode stays.",
+        metavar="FREQUENCY",
+    )
 
 
 @dataclass(frozen=True, slots=True)

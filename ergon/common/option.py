@@ -76,13 +76,15 @@ Accepted = Integer | Number | Quantities | Choice | Path | Switch | Text
 class Option:
     """What a field of options means, and what it accepts.
 
-    `metavar` stands for the value in help. The default is shown there as `shown`.
+    `metavar` stands for the value in help. The default is shown there as `shown`. The command line
+    demands a required one.
     """
 
     help: str
     accepts: Accepted = Text()
     metavar: str | None = None
     shown: str | bool = False
+    is_required: bool = False
 
 
 def option(
@@ -92,12 +94,13 @@ def option(
     *,
     metavar: str | None = None,
     shown: str | bool = False,
+    is_required: bool = False,
 ) -> Any:
     """A field of a dataclass of options.
 
     One whose default is False is a flag, one whose default is empty may be given several times.
     """
-    declared = Option(help, accepts, metavar, shown)
+    declared = Option(help, accepts, metavar, shown, is_required)
     return field(default=default, metadata={"option": declared})
 
 

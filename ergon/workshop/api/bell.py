@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ergon.api.errors import OptionError
+from ergon.common.option import Integer, documented, option
 from ergon.common.report import Report
 from ergon.common.sound_files import is_sound
 
@@ -19,11 +20,12 @@ PLACE = "point"
 _MODES_MAX = 500
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BellOptions:
-    """How many modes a bell keeps: its loudest `modes`; by default all, up to 500."""
+    """How many modes a bell keeps; by default all, up to 500."""
 
-    modes: int | None = None
+    modes: int | None = option(None, "Keep so many modes, the loudest.", Integer(1, _MODES_MAX))
 
 
 def bell(

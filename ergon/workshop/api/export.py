@@ -13,6 +13,7 @@ from ergon.api import score as scores
 from ergon.api.modes import modes_of
 from ergon.api.options import ReadOptions
 from ergon.api.parts import hertz, selected_parts
+from ergon.common.option import documented, option
 from ergon.common.report import Report
 
 from .banks import bank_of, is_heard, left_out, swing, touched
@@ -31,17 +32,21 @@ if TYPE_CHECKING:
 HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
 
 
+@documented
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportOptions(ReadOptions):
     """Which parts are exported.
 
-    `parts` are names of instruments and keys; without any, all are exported. `upto` is the
-    highest frequency of the exported modes, a number [Hz] or a text such as "5kHz" (by default
-    20 kHz). With `upto`, a Faust program is a bank of modes.
+    `parts` are names of instruments and keys; without any, all are exported. A frequency is a
+    number [Hz] or a text such as "5kHz".
     """
 
     parts: Sequence[str] = ()
-    upto: float | str | None = None
+    upto: float | str | None = option(
+        None,
+        "Of modal and csound: the highest mode (20kHz). Of faust: banks of the modes up to it.",
+        metavar="FREQUENCY",
+    )
 
 
 @dataclass(frozen=True, slots=True)
