@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::AudioError;
 use super::ring::Drain;
-use super::sink::{Opened, PRIORITY, Sink, ThreadSink};
+use super::sink::{Opened, PRIORITY, RingThread, Sink};
 use super::{null, wave};
 use crate::realtime;
 
@@ -36,7 +36,7 @@ pub(super) fn open(
         remarks: Vec::new(),
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
-            let pump = ThreadSink::start("ergon file", drain, move |drain, stop| {
+            let pump = RingThread::start("ergon file", drain, move |drain, stop| {
                 let run = match clock {
                     Some(_) => recording.run_by_the_clock(drain, stop, block),
                     None => recording.run(drain, stop),

@@ -5,12 +5,12 @@ mod capture;
 mod client;
 mod input;
 
-use std::ffi::c_ulong;
+use std::ffi::{CStr, c_ulong};
 use std::sync::Arc;
 use std::time::Duration;
 
-use self::api::{Api, PLAYBACK_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT, PORT_IS_PHYSICAL};
-use self::client::{Active, Client, Port, Process};
+use self::api::{PLAYBACK_LATENCY, PORT_IS_INPUT, PORT_IS_OUTPUT, PORT_IS_PHYSICAL};
+use self::client::{Active, Client, Cycle, Process};
 use super::AudioError;
 use super::ring::Drain;
 use super::shared::Shared;
@@ -25,22 +25,34 @@ const SLICE: usize = 256;
 /// Longest wait of the callback for the physics while the server runs as fast as its clients (freewheel).
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Opens a client of the running server; starts no server.
+/// A client of the running server, the ports that it is to be connected to, and its description; starts no server.
+fn connect(
+    name: &CStr,
+    spec: &Spec,
+    shared: &Arc<Shared>,
+    direction: c_ulong,
+    preposition: &str,
+) -> Result<(Client, Vec<String>, String), AudioError> {
+    let client = Client::open(name, shared.clone())?;
+    let targets = targets(&client, spec.device.as_deref(), direction);
+    let device = match targets.first() {
+        Some(first) => format!("client {}, {preposition} {first} and on", client.name()),
+        None => format!("client {}, not connected", client.name()),
+    };
+    Ok((client, targets, device))
+}
+
+/// Opens a client that plays.
 pub(super) fn open(
     spec: &Spec,
     channels: usize,
     shared: &Arc<Shared>,
 ) -> Result<Opened, AudioError> {
-    let client = Client::open(c"ergon", shared.clone())?;
-    let targets = targets(&client, spec.device.as_deref(), PORT_IS_INPUT);
+    let (client, targets, device) = connect(c"ergon", spec, shared, PORT_IS_INPUT, "to")?;
     let mut remarks = Vec::new();
     if let Some(wanted) = spec.block.filter(|wanted| *wanted != client.block()) {
         remarks.push(format!("the server keeps its own block size, not {wanted}"));
     }
-    let device = match targets.first() {
-        Some(first) => format!("client {}, to {first} and on", client.name()),
-        None => format!("client {}, not connected", client.name()),
-    };
     if !targets.is_empty() && targets.len() < channels {
         let n_ports = targets.len();
         remarks.push(format!(
@@ -66,19 +78,14 @@ fn start(
     device: Option<&str>,
 ) -> Result<Box<dyn Sink>, StartFailure> {
     let channels = drain.channels();
-    let ports = match client.ports("out", channels, PORT_IS_OUTPUT) {
-        Ok(ports) => ports,
-        Err(error) => return Err((Some(Box::new(drain)), error)),
-    };
-    let playing = JackCallback {
+    let callback = OutputCallback {
         scratch: vec![0.0; SLICE * channels].into(),
-        ports: ports.clone().into(),
         drain,
     };
     let active = client
-        .activate(playing)
-        .map_err(|(playing, error)| (Some(Box::new(playing.drain)), error))?;
-    let mut playing = Playback { active, ports };
+        .activate("out", channels, PORT_IS_OUTPUT, callback)
+        .map_err(|(callback, error)| (Some(Box::new(callback.drain)), error))?;
+    let mut playing = Playback(active);
     playing.connect_ports(device);
     playing.alive();
     Ok(Box::new(playing))
@@ -96,77 +103,57 @@ fn targets(client: &Client, device: Option<&str>, direction: c_ulong) -> Vec<Str
 }
 
 /// The process callback, which runs in the server's thread.
-struct JackCallback {
+struct OutputCallback {
     drain: Drain,
-    ports: Box<[Port]>,
     scratch: Box<[f32]>,
 }
 
-impl Process for JackCallback {
-    fn cycle(&mut self, api: &Api, frames: u32) {
-        let channels = self.ports.len();
-        let total = frames as usize;
-        let mut done = 0;
-        while done < total {
-            let n = (total - done).min(SLICE);
+impl Process for OutputCallback {
+    fn cycle(&mut self, cycle: &Cycle<'_>) {
+        let channels = self.drain.channels();
+        for first in (0..cycle.frames()).step_by(SLICE) {
+            let n = (cycle.frames() - first).min(SLICE);
             if self.drain.shared().freewheeling() {
                 self.drain.wait_for(n, PATIENCE);
             }
             let slice = &mut self.scratch[..n * channels];
             self.drain.fill(slice);
-            for (channel, port) in self.ports.iter().enumerate() {
-                // SAFETY: a port of this client, in its process callback: `frames` floats, or null.
-                let buffer = unsafe { (api.port_get_buffer)(port.0, frames) }.cast::<f32>();
-                if buffer.is_null() {
-                    continue;
-                }
-                // SAFETY: as above, and done + n <= frames.
-                let out = unsafe { std::slice::from_raw_parts_mut(buffer.add(done), n) };
-                for (x, frame) in out.iter_mut().zip(slice.chunks_exact(channels)) {
-                    *x = frame[channel];
-                }
-            }
-            done += n;
+            cycle.write(first, slice);
         }
     }
 }
 
-struct Playback {
-    active: Active<JackCallback>,
-    ports: Vec<Port>,
-}
+struct Playback(Active<OutputCallback>);
 
 impl Playback {
     fn connect_ports(&self, device: Option<&str>) {
-        let client = self.active.client();
+        let client = self.0.client();
         let targets = targets(client, device, PORT_IS_INPUT);
-        for (port, target) in self.ports.iter().zip(&targets) {
-            client.connect(&client.port_name(*port), target);
+        let ports = self.0.port_names();
+        for (port, target) in ports.iter().zip(&targets) {
+            client.connect(port, target);
         }
         // A single channel is connected to the first two loudspeakers.
-        if let ([port], [_, other]) = (self.ports.as_slice(), targets.as_slice()) {
-            client.connect(&client.port_name(*port), other);
+        if let ([port], [_, other]) = (ports.as_slice(), targets.as_slice()) {
+            client.connect(port, other);
         }
     }
 }
 
 impl Sink for Playback {
     fn alive(&mut self) -> bool {
-        let client = self.active.client();
+        let client = self.0.client();
         if !client.alive() {
             return false;
         }
-        let latency = self
-            .ports
-            .first()
-            .map_or(0, |port| client.latency(*port, PLAYBACK_LATENCY));
+        let latency = self.0.latency(PLAYBACK_LATENCY);
         client.shared().set_timing(client.block(), latency);
         true
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
-        let gone = !self.active.client().alive();
-        let drain = self.active.close().drain;
+        let gone = !self.0.client().alive();
+        let drain = self.0.close().drain;
         let why = "the server ended or changed its rate";
         (Some(drain), gone.then(|| why.into()))
     }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::ring::Drain;
-use super::sink::{Opened, PRIORITY, Sink, ThreadSink};
+use super::sink::{Opened, PRIORITY, RingThread, Sink};
 use crate::realtime;
 
 pub(super) const BLOCK: u32 = 256;
@@ -24,7 +24,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
         remarks: Vec::new(),
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
-            let pump = ThreadSink::start("ergon null", drain, move |drain, stop| {
+            let pump = RingThread::start("ergon null", drain, move |drain, stop| {
                 drain
                     .shared()
                     .set_priority(realtime::set_priority(PRIORITY));
@@ -47,7 +47,7 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
         remarks: Vec::new(),
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
-            let pump = ThreadSink::start("ergon null", drain, move |drain, stop| {
+            let pump = RingThread::start("ergon null", drain, move |drain, stop| {
                 let mut out = vec![0.0; block as usize * drain.channels()];
                 while !stop.load(Ordering::Acquire) {
                     if drain.take(&mut out) == 0 {

@@ -9,7 +9,7 @@ use rubato::{Fft, FixedSync, Indexing, Resampler};
 
 use super::AudioError;
 use super::ring::{self, Drain, Feed};
-use super::sink::{PRIORITY, Sink, StartFailure, ThreadSink};
+use super::sink::{PRIORITY, RingThread, Sink, StartFailure};
 use crate::realtime;
 
 /// Frames that are converted at once. More frames: the filter's cutoff is nearer to half the rate, and the latency is
@@ -19,7 +19,7 @@ const POLL: Duration = Duration::from_micros(200);
 
 /// The converter's thread, and its latency [frames at the output rate].
 pub(super) struct Converter {
-    pump: ThreadSink,
+    pump: RingThread<Drain>,
     pub(super) latency: usize,
 }
 
@@ -44,7 +44,7 @@ pub(super) fn between(
     outer.count_from(shared.played(), from, to);
     inner.set_outermost(false);
     let latency = ahead + filter.delay;
-    let pump = ThreadSink::start("ergon rate", inner, move |inner, stop| {
+    let pump = RingThread::start("ergon rate", inner, move |inner, stop| {
         realtime::set_priority(PRIORITY);
         filter.run(inner, feed, stop)
     })?;

@@ -40,54 +40,64 @@ pub(super) trait Sink: Send {
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>);
 }
 
-/// A sink that is a thread.
-pub(super) struct ThreadSink {
+/// A thread that works on one end of a ring: a drain or a feed.
+pub(super) struct RingThread<R> {
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<(Drain, Option<String>)>,
+    thread: JoinHandle<(R, Option<String>)>,
 }
 
-impl ThreadSink {
+impl<R: Send + 'static> RingThread<R> {
     /// Run `body` until it returns or `stop` is set.
     pub(super) fn start(
         name: &str,
-        drain: Drain,
-        body: impl FnOnce(&mut Drain, &AtomicBool) -> Result<(), String> + Send + 'static,
-    ) -> Result<Self, StartFailure> {
+        ring: R,
+        body: impl FnOnce(&mut R, &AtomicBool) -> Result<(), String> + Send + 'static,
+    ) -> Result<Self, (Option<Box<R>>, AudioError)> {
         let stop = Arc::new(AtomicBool::new(false));
-        let (to, from) = mpsc::sync_channel::<Drain>(1);
+        let (to, from) = mpsc::sync_channel::<R>(1);
         let stopping = stop.clone();
         let main = move || {
-            // The sender is dropped only after it has sent the drain; if the spawn fails, this closure does not run.
-            let mut drain = from.recv().expect("the drain was sent");
-            let trouble = body(&mut drain, &stopping).err();
-            (drain, trouble)
+            // The sender is dropped only after it has sent the ring; if the spawn fails, this closure does not run.
+            let mut ring = from.recv().expect("the end of the ring was sent");
+            let trouble = body(&mut ring, &stopping).err();
+            (ring, trouble)
         };
         match std::thread::Builder::new()
             .name(name.to_owned())
             .spawn(main)
         {
             Ok(thread) => {
-                let _ = to.send(drain);
+                let _ = to.send(ring);
                 Ok(Self { stop, thread })
             }
-            Err(error) => Err((Some(Box::new(drain)), AudioError::Thread(error))),
+            Err(error) => Err((Some(Box::new(ring)), AudioError::Thread(error))),
+        }
+    }
+
+    /// Whether the body has not returned.
+    pub(super) fn runs(&self) -> bool {
+        !self.thread.is_finished()
+    }
+
+    /// Stop and give the ring back; the sentence says what went wrong, if anything.
+    pub(super) fn stop(self) -> (Option<R>, Option<String>) {
+        self.stop.store(true, Ordering::Release);
+        match self.thread.join() {
+            Ok((ring, trouble)) => (Some(ring), trouble),
+            Err(_) => (
+                None,
+                Some("the thread that passes the sound on panicked".into()),
+            ),
         }
     }
 }
 
-impl Sink for ThreadSink {
+impl Sink for RingThread<Drain> {
     fn alive(&mut self) -> bool {
-        !self.thread.is_finished()
+        self.runs()
     }
 
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
-        self.stop.store(true, Ordering::Release);
-        match self.thread.join() {
-            Ok((drain, trouble)) => (Some(drain), trouble),
-            Err(_) => (
-                None,
-                Some("the thread that writes the sound panicked".into()),
-            ),
-        }
+        RingThread::stop(*self)
     }
 }

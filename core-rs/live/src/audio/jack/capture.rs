@@ -5,19 +5,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use super::api::{Api, PORT_IS_INPUT, PORT_IS_OUTPUT};
-use super::client::{Active, Client, Port, Process};
+use super::api::{PORT_IS_INPUT, PORT_IS_OUTPUT};
+use super::client::{Active, Client, Cycle, Process};
 use crate::audio::AudioError;
 
 /// A running recording.
 pub struct Capture {
     active: Active<Recorder>,
-    ports: Vec<Port>,
+    channels: usize,
     recorded: Arc<AtomicUsize>,
 }
 
 struct Recorder {
-    ports: Box<[Port]>,
+    channels: usize,
     samples: Vec<f32>,
     recorded: Arc<AtomicUsize>,
     capacity: usize,
@@ -33,18 +33,19 @@ impl Capture {
     pub fn open(name: &str, channels: usize, frames: usize) -> Result<Self, AudioError> {
         let name = CString::new(name).unwrap_or_default();
         let client = Client::open(&name, Arc::default())?;
-        let ports = client.ports("in", channels, PORT_IS_INPUT)?;
         let recorded = Arc::new(AtomicUsize::new(0));
         let recorder = Recorder {
-            ports: ports.clone().into(),
+            channels,
             samples: vec![0.0; frames * channels],
             recorded: recorded.clone(),
             capacity: frames,
         };
-        let active = client.activate(recorder).map_err(|(_, error)| error)?;
+        let active = client
+            .activate("in", channels, PORT_IS_INPUT, recorder)
+            .map_err(|(_, error)| error)?;
         Ok(Self {
             active,
-            ports,
+            channels,
             recorded,
         })
     }
@@ -58,9 +59,10 @@ impl Capture {
         let pattern = format!("^{source}:");
         loop {
             let outputs = client.find(&pattern, PORT_IS_OUTPUT);
-            if outputs.len() >= self.ports.len() {
-                let mut pairs = outputs.iter().zip(&self.ports);
-                return pairs.all(|(from, to)| client.connect(from, &client.port_name(*to)));
+            if outputs.len() >= self.channels {
+                let ports = self.active.port_names();
+                let mut pairs = outputs.iter().zip(&ports);
+                return pairs.all(|(from, to)| client.connect(from, to));
             }
             if Instant::now() >= until {
                 return false;
@@ -83,8 +85,8 @@ impl Capture {
     /// End the recording; the interleaved frames.
     #[must_use]
     pub fn finish(self) -> Vec<f32> {
-        let channels = self.ports.len();
         let recorded = self.recorded.clone();
+        let channels = self.channels;
         let mut samples = self.active.close().samples;
         samples.truncate(recorded.load(Ordering::Acquire) * channels);
         samples
@@ -92,23 +94,11 @@ impl Capture {
 }
 
 impl Process for Recorder {
-    fn cycle(&mut self, api: &Api, frames: u32) {
-        let channels = self.ports.len();
+    fn cycle(&mut self, cycle: &Cycle<'_>) {
         let done = self.recorded.load(Ordering::Relaxed);
-        let n = (frames as usize).min(self.capacity - done);
-        let to = &mut self.samples[done * channels..(done + n) * channels];
-        for (channel, port) in self.ports.iter().enumerate() {
-            // SAFETY: a port of this client, in its process callback: `frames` floats, or null.
-            let buffer = unsafe { (api.port_get_buffer)(port.0, frames) }.cast::<f32>();
-            if buffer.is_null() {
-                continue;
-            }
-            // SAFETY: as above, and n <= frames.
-            let from = unsafe { std::slice::from_raw_parts(buffer, n) };
-            for (frame, x) in to.chunks_exact_mut(channels).zip(from) {
-                frame[channel] = *x;
-            }
-        }
+        let n = cycle.frames().min(self.capacity - done);
+        let to = &mut self.samples[done * self.channels..(done + n) * self.channels];
+        cycle.read(0, to);
         if done > 0 || to.iter().any(|x| *x != 0.0) {
             self.recorded.store(done + n, Ordering::Release);
         }

@@ -20,18 +20,19 @@ struct ServerEvents {
 
 /// A process callback.
 pub(super) trait Process: Send + 'static {
-    /// One cycle of `frames`. No allocation, lock or panic; waits only while the server freewheels.
-    fn cycle(&mut self, api: &Api, frames: u32);
+    /// One cycle of the server. No allocation, lock or panic; waits only while the server freewheels.
+    fn cycle(&mut self, cycle: &Cycle<'_>);
 }
 
 struct Callback<P> {
     api: &'static Api,
+    ports: Box<[Port]>,
     process: P,
 }
 
 /// An open client, closed when dropped.
 pub(super) struct Client {
-    pub(super) api: &'static Api,
+    api: &'static Api,
     raw: *mut RawClient,
     events: Arc<ServerEvents>,
     opened_at: u32,
@@ -44,12 +45,62 @@ unsafe impl Sync for Client {}
 
 /// A port of a client; valid while the client is open.
 #[derive(Clone, Copy)]
-pub(super) struct Port(pub(super) *mut RawPort);
+pub(super) struct Port(*mut RawPort);
 
 // SAFETY: libjack takes ports from any thread.
 unsafe impl Send for Port {}
 // SAFETY: as above.
 unsafe impl Sync for Port {}
+
+/// One cycle of the server, as the process callback sees it.
+pub(super) struct Cycle<'a> {
+    api: &'a Api,
+    ports: &'a [Port],
+    frames: u32,
+}
+
+impl Cycle<'_> {
+    /// Frames of the cycle.
+    pub(super) fn frames(&self) -> usize {
+        self.frames as usize
+    }
+
+    /// Writes interleaved frames to our ports, from frame `first` of the cycle on.
+    pub(super) fn write(&self, first: usize, frames: &[f32]) {
+        let channels = self.ports.len();
+        let n = (frames.len() / channels).min(self.frames() - first);
+        for (channel, buffer) in self.buffers() {
+            // SAFETY: an output port's buffer of as many floats as the cycle has frames, ours alone in this cycle.
+            let out = unsafe { std::slice::from_raw_parts_mut(buffer.add(first), n) };
+            for (x, frame) in out.iter_mut().zip(frames.chunks_exact(channels)) {
+                *x = frame[channel];
+            }
+        }
+    }
+
+    /// Fills interleaved frames from our ports, from frame `first` of the cycle on.
+    pub(super) fn read(&self, first: usize, frames: &mut [f32]) {
+        let channels = self.ports.len();
+        let n = (frames.len() / channels).min(self.frames() - first);
+        for (channel, buffer) in self.buffers() {
+            // SAFETY: an input port's buffer of as many floats as the cycle has frames, which nobody writes now.
+            let from = unsafe { std::slice::from_raw_parts(buffer.add(first), n) };
+            for (frame, x) in frames.chunks_exact_mut(channels).zip(from) {
+                frame[channel] = *x;
+            }
+        }
+    }
+
+    /// The channels whose port has a buffer in this cycle.
+    fn buffers(&self) -> impl Iterator<Item = (usize, *mut f32)> {
+        let buffer = |port: &Port| {
+            // SAFETY: a port of this client, in its process callback.
+            unsafe { (self.api.port_get_buffer)(port.0, self.frames) }.cast::<f32>()
+        };
+        let buffers = self.ports.iter().map(buffer).enumerate();
+        buffers.filter(|(_, buffer)| !buffer.is_null())
+    }
+}
 
 /// Attempts to open a client on a server that is too busy; each attempt waits some seconds.
 const ATTEMPTS: usize = 4;
@@ -143,12 +194,7 @@ impl Client {
     }
 
     /// Ports named `prefix_1` to `prefix_n`.
-    pub(super) fn ports(
-        &self,
-        prefix: &str,
-        n: usize,
-        direction: c_ulong,
-    ) -> Result<Vec<Port>, AudioError> {
+    fn ports(&self, prefix: &str, n: usize, direction: c_ulong) -> Result<Box<[Port]>, AudioError> {
         let port = |i| {
             let name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
             // SAFETY: the client is open, the strings live through the call.
@@ -165,22 +211,6 @@ impl Client {
             Ok(Port(port))
         };
         (1..=n).map(port).collect()
-    }
-
-    pub(super) fn port_name(&self, port: Port) -> String {
-        // SAFETY: the port is one of this open client.
-        unsafe { text((self.api.port_name)(port.0)) }
-    }
-
-    /// Frames from one of our ports to the loudspeaker, or from the microphone to one of our ports, as the server
-    /// reports.
-    pub(super) fn latency(&self, port: Port, direction: c_uint) -> u32 {
-        let mut range = LatencyRange::default();
-        // SAFETY: the port is one of this open client; the range lives through the call.
-        unsafe {
-            (self.api.port_get_latency_range)(port.0, direction, &raw mut range);
-        }
-        range.max
     }
 
     /// Names of the ports that match a pattern (empty: all) and have these properties.
@@ -219,10 +249,21 @@ impl Client {
         unsafe { (self.api.set_freewheel)(self.raw, on.into()) == 0 }
     }
 
-    /// Start: `process` is called for every cycle until the client is closed.
-    pub(super) fn activate<P: Process>(self, process: P) -> Result<Active<P>, (P, AudioError)> {
+    /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
+    pub(super) fn activate<P: Process>(
+        self,
+        prefix: &str,
+        n: usize,
+        direction: c_ulong,
+        process: P,
+    ) -> Result<Active<P>, (P, AudioError)> {
+        let ports = match self.ports(prefix, n, direction) {
+            Ok(ports) => ports,
+            Err(error) => return Err((process, error)),
+        };
         let callback = Box::new(Callback {
             api: self.api,
+            ports: ports.clone(),
             process,
         });
         let callback = Box::into_raw(callback);
@@ -233,6 +274,7 @@ impl Client {
         };
         let active = Active {
             client: Some(self),
+            ports,
             callback,
         };
         if done == 0 {
@@ -260,6 +302,7 @@ impl Drop for Client {
 /// A client with a running callback.
 pub(super) struct Active<P: Process> {
     client: Option<Client>,
+    ports: Box<[Port]>,
     callback: *mut Callback<P>,
 }
 
@@ -271,6 +314,26 @@ unsafe impl<P: Process> Sync for Active<P> {}
 impl<P: Process> Active<P> {
     pub(super) fn client(&self) -> &Client {
         self.client.as_ref().expect("it is open until it is closed")
+    }
+
+    /// The names of our ports.
+    pub(super) fn port_names(&self) -> Vec<String> {
+        let client = self.client();
+        // SAFETY: the ports are of this open client.
+        let name = |port: &Port| unsafe { text((client.api.port_name)(port.0)) };
+        self.ports.iter().map(name).collect()
+    }
+
+    /// Frames from our first port to the loudspeaker, or from the microphone to it, as the server reports.
+    pub(super) fn latency(&self, direction: c_uint) -> u32 {
+        let mut range = LatencyRange::default();
+        if let Some(port) = self.ports.first() {
+            // SAFETY: the port is one of this open client; the range lives through the call.
+            unsafe {
+                (self.client().api.port_get_latency_range)(port.0, direction, &raw mut range);
+            }
+        }
+        range.max
     }
 
     /// Close the client and return its `process`.
@@ -308,7 +371,11 @@ unsafe fn text(string: *const c_char) -> String {
 unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
     // SAFETY: `activate` gave this pointer; only this thread uses what it points to until the client is closed.
     let callback = unsafe { &mut *arg.cast::<Callback<P>>() };
-    callback.process.cycle(callback.api, frames);
+    callback.process.cycle(&Cycle {
+        api: callback.api,
+        ports: &callback.ports,
+        frames,
+    });
     0
 }
 

@@ -1,17 +1,15 @@
 //! A recording stream: the server sends bytes, and our thread writes them to the ring.
 
-use std::ffi::{CStr, CString};
-use std::sync::Arc;
+use std::ffi::CStr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use pulseaudio::protocol::{self, Command, Prop, SourceInfo};
 
-use super::stream::{BLOCK, missing, words};
+use super::stream::{BLOCK, device_name, floats, missing, words};
 use super::wire::Wire;
 use crate::audio::ring::Feed;
-use crate::audio::sink::PRIORITY;
+use crate::audio::sink::{PRIORITY, RingThread};
 use crate::audio::source::{InputFailure, OpenedInput, Source};
 use crate::audio::{AudioError, Spec};
 use crate::realtime;
@@ -38,16 +36,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<OpenedInput
 }
 
 fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError> {
-    let name = match device {
-        Some(device) => CString::new(device).unwrap_or_default(),
-        None => {
-            let server: protocol::ServerInfo =
-                wire.ask(&Command::GetServerInfo).map_err(missing)?;
-            server
-                .default_source_name
-                .ok_or_else(|| missing("the PulseAudio server has no source".into()))?
-        }
-    };
+    let name = device_name(wire, device, "source", |server| server.default_source_name)?;
     let asked = protocol::GetSourceInfo {
         index: None,
         name: Some(name.clone()),
@@ -66,29 +55,17 @@ fn start(
         Ok(begun) => begun,
         Err(why) => return Err((Some(Box::new(feed)), missing(why))),
     };
-    let stop = Arc::new(AtomicBool::new(false));
-    let stopping = stop.clone();
     let mut stream = RecordingStream {
         wire,
         channel,
         source_channels: usize::from(source.sample_spec.channels).max(1),
         samples: Vec::new(),
     };
-    let thread = std::thread::Builder::new()
-        .name("ergon pulse in".into())
-        .spawn(move || {
-            let mut feed = feed;
-            realtime::set_priority(PRIORITY);
-            // The error is not reported here: the supervisor sees that the thread has ended.
-            let _ = stream.run(&mut feed, &stopping);
-            feed
-        })
-        .map_err(|error| (None, AudioError::Thread(error)))?;
-    Ok(Box::new(Recording {
-        stop,
-        thread,
-        latency,
-    }))
+    let thread = RingThread::start("ergon pulse in", feed, move |feed, stop| {
+        realtime::set_priority(PRIORITY);
+        stream.run(feed, stop)
+    })?;
+    Ok(Box::new(Recording { thread, latency }))
 }
 
 /// Creates a stream of all channels of a source: its number, and its latency [frames].
@@ -102,11 +79,7 @@ fn begin(
     props.set(Prop::MediaName, name);
     let (rate, channels) = (source.sample_spec.sample_rate, source.sample_spec.channels);
     let params = protocol::RecordStreamParams {
-        sample_spec: protocol::SampleSpec {
-            format: protocol::SampleFormat::Float32Le,
-            channels,
-            sample_rate: rate,
-        },
+        sample_spec: floats(channels, rate),
         channel_map: source.channel_map,
         source_index: Some(source.index),
         buffer_attr: protocol::stream::BufferAttr {
@@ -171,14 +144,13 @@ impl RecordingStream {
 }
 
 struct Recording {
-    stop: Arc<AtomicBool>,
-    thread: JoinHandle<Feed>,
+    thread: RingThread<Feed>,
     latency: u32,
 }
 
 impl Source for Recording {
     fn alive(&mut self) -> bool {
-        !self.thread.is_finished()
+        self.thread.runs()
     }
 
     fn latency(&self) -> u32 {
@@ -186,7 +158,7 @@ impl Source for Recording {
     }
 
     fn stop(self: Box<Self>) -> Option<Feed> {
-        self.stop.store(true, Ordering::Release);
-        self.thread.join().ok()
+        // The error is not reported: the supervisor sees that the thread has ended.
+        self.thread.stop().0
     }
 }

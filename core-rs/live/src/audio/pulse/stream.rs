@@ -4,11 +4,14 @@ use std::ffi::{CStr, CString};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
-use pulseaudio::protocol::{self, ChannelMap, ChannelPosition, Command, Prop, SinkInfo};
+use pulseaudio::protocol::{
+    self, ChannelMap, ChannelPosition, Command, Prop, SampleFormat, SampleSpec, ServerInfo,
+    SinkInfo,
+};
 
 use super::wire::Wire;
 use crate::audio::ring::Drain;
-use crate::audio::sink::{Opened, PRIORITY, Sink, ThreadSink};
+use crate::audio::sink::{Opened, PRIORITY, RingThread, Sink};
 use crate::audio::{AudioError, Spec};
 use crate::realtime;
 
@@ -54,7 +57,7 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
         paced: true,
         remarks,
         start: Box::new(move |drain| {
-            let pump = ThreadSink::start("ergon pulse", drain, move |drain, stop| {
+            let pump = RingThread::start("ergon pulse", drain, move |drain, stop| {
                 drain
                     .shared()
                     .set_priority(realtime::set_priority(PRIORITY));
@@ -70,22 +73,36 @@ pub(super) fn words(text: &CStr) -> String {
 }
 
 fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
-    let name = match device {
-        Some(device) => CString::new(device).unwrap_or_default(),
-        None => {
-            let server: protocol::ServerInfo =
-                wire.ask(&Command::GetServerInfo).map_err(missing)?;
-            server
-                .default_sink_name
-                .ok_or_else(|| missing("the PulseAudio server has no sink".into()))?
-        }
-    };
+    let name = device_name(wire, device, "sink", |server| server.default_sink_name)?;
     let asked = protocol::GetSinkInfo {
         index: None,
         name: Some(name.clone()),
     };
     wire.ask(&Command::GetSinkInfo(asked))
         .map_err(|error| missing(format!("no sink {} ({error})", words(&name))))
+}
+
+/// The name of a device: as the user wrote it, or the server's default one.
+pub(super) fn device_name(
+    wire: &mut Wire,
+    device: Option<&str>,
+    kind: &str,
+    default: fn(ServerInfo) -> Option<CString>,
+) -> Result<CString, AudioError> {
+    if let Some(device) = device {
+        return Ok(CString::new(device).unwrap_or_default());
+    }
+    let server = wire.ask(&Command::GetServerInfo).map_err(missing)?;
+    default(server).ok_or_else(|| missing(format!("the PulseAudio server has no {kind}")))
+}
+
+/// Samples as they are sent and received.
+pub(super) fn floats(channels: u8, rate: u32) -> SampleSpec {
+    SampleSpec {
+        format: SampleFormat::Float32Le,
+        channels,
+        sample_rate: rate,
+    }
 }
 
 /// A stream that plays.
@@ -108,11 +125,7 @@ impl PlayingStream {
         let mut props = protocol::Props::new();
         props.set(Prop::MediaName, c"ergon");
         let params = protocol::PlaybackStreamParams {
-            sample_spec: protocol::SampleSpec {
-                format: protocol::SampleFormat::Float32Le,
-                channels: channels as u8,
-                sample_rate: rate,
-            },
+            sample_spec: floats(channels as u8, rate),
             channel_map: map(sink, channels),
             sink_index: Some(sink.index),
             buffer_attr: protocol::stream::BufferAttr {
@@ -232,7 +245,7 @@ const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
 /// What the running server would play on.
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
-    let server: protocol::ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
+    let server: ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
     let sinks: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
     let default = server.default_sink_name.unwrap_or_default();
     let texts: Vec<String> = sinks
