@@ -14,7 +14,7 @@ OLDER = {
     "benches": 14,
     "cli": 4,
     "core-rs/bridge": 38,
-    "core-rs/engine": 216,
+    "core-rs/engine": 214,
     "core-rs/live": 40,
     "core-rs/view": 6,
     "docs": 3,

@@ -6,7 +6,7 @@ use super::{Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
 use crate::network::forest::Forest;
-use crate::network::{Contact, Error, LinkKind, MatKind, Network, Run as LinkRun};
+use crate::network::{But, Contact, Error, LinkKind, MatKind, Network, Run as LinkRun};
 use crate::units::Rate;
 
 /// How κ and ζ of a CEL are computed.
@@ -19,9 +19,19 @@ pub(super) enum Ties {
 }
 
 pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme, Error> {
+    let mut scheme = without_numbers(network, rate);
+    set_masses(&mut scheme, network, rate, ties)?;
+    add_links(&mut scheme, network, rate)?;
+    scheme.exact_coupled = shares_moving_mass(&scheme);
+    scheme.alike = scheme.equal_ranges();
+    Ok(scheme)
+}
+
+/// What does not depend on the rate: MATs that do not move, no links.
+fn without_numbers(network: &Network, rate: Rate) -> Scheme {
     let n = network.n_mat();
     let mats = network.mats();
-    let mut scheme = Scheme {
+    Scheme {
         rate: rate.hertz(),
         kappa: vec![0.0; n],
         zeta: vec![0.0; n],
@@ -43,11 +53,16 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             .collect(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),
-        linear: true,
-    };
+        linear: (network.runs().iter()).all(|run| matches!(run.kind, LinkKind::Ref)),
+    }
+}
+
+/// The inverse masses, and κ and ζ of each CEL. Refuses those above half the rate, all at once.
+fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) -> Result<(), Error> {
     let cancels = cancelling(network);
+    let mats = network.mats();
     let mut too_high = Vec::new();
-    for i in (0..n).filter(|&i| mats.kind[i].moves()) {
+    for i in (0..network.n_mat()).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
         (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
@@ -80,126 +95,134 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
             (scheme.kappa[i], scheme.zeta[i]) = (ratios.kappa, ratios.zeta);
         }
     }
-    if let Some(refused) = Error::combined(too_high) {
-        return Err(refused);
-    }
-    let mut laws: Vec<Arc<Law>> = Vec::new();
-    let (mut dry_runs, mut n_pairwise, mut n_followed) = (Vec::new(), 0, 0);
+    Error::combined(too_high).map_or(Ok(()), Err)
+}
+
+/// The links: those whose force is explicit, and those whose force is solved for, friction last.
+fn add_links(scheme: &mut Scheme, network: &Network, rate: Rate) -> Result<(), Error> {
+    let mut scratch = Scratch::default();
+    let mut dry_runs = Vec::new();
     for run in network.runs() {
         let ca = ca_rate(network, run.part);
         // z = Z·T_ca under `ca`; then Z = z/T. Without `ca`, Z = z/T.
         let per_step = rate.hertz() / ca.map_or(1.0, Rate::hertz);
         let mut planned = Run {
-            kind: Kind::Ref,
+            kind: scratch.kind(&run.kind, per_step),
             a: run.a,
             b: run.b,
             len: run.len,
             first: run.first,
             k: run.k,
-            z: run.z * per_step,
+            z: match run.kind {
+                LinkKind::Bristle(_) | LinkKind::Dry(_) => run.z,
+                _ => run.z * per_step,
+            },
             rest: run.rest,
             gate: None,
         };
-        match &run.kind {
-            LinkKind::Ref => scheme.runs.push(planned),
-            LinkKind::Space(space) => {
-                scheme.linear = false;
-                planned.kind = Kind::Space(space.resampled(per_step));
-                scheme.runs.push(planned);
-            }
-            LinkKind::Pairwise(pairs) => {
-                scheme.linear = false;
-                planned.kind = Kind::Pairwise {
-                    by: pairs.clone(),
-                    room: n_pairwise,
-                };
-                n_pairwise += 1;
-                scheme.runs.push(planned);
-            }
-            LinkKind::Lnl(law) => {
-                scheme.linear = false;
-                // Runs that share a law share its scratch memory.
-                let known = laws.iter().position(|known| Arc::ptr_eq(known, law));
-                let room = known.unwrap_or_else(|| {
-                    laws.push(law.clone());
-                    laws.len() - 1
-                });
-                planned.kind = Kind::Lnl {
-                    law: law.clone(),
-                    rate: per_step,
-                    room,
-                };
-                scheme.runs.push(planned);
-            }
-            LinkKind::Followed(followed) => {
-                scheme.linear = false;
-                planned.kind = Kind::Followed {
-                    by: followed.clone(),
-                    rate: per_step,
-                    room: n_followed,
-                };
-                n_followed += 1;
-                scheme.runs.push(planned);
-            }
-            LinkKind::Bristle(bristle) => {
-                scheme.linear = false;
-                planned.z = run.z;
-                planned.kind = Kind::Bristle {
-                    by: *bristle,
-                    rate: per_step,
-                };
-                scheme.runs.push(planned);
-            }
-            LinkKind::Dry(dry) => {
-                if ends_on_proxy(network, run) {
-                    return Err(on_proxy(network, run));
+        let on_proxy = || ends_on_proxy(network, run);
+        let runs = match &run.kind {
+            LinkKind::Dry(_) if on_proxy() => return Err(refuse_proxy(network, run)),
+            LinkKind::Dry(_) => &mut dry_runs,
+            // With a proxy the force is explicit: it has no single mass for which it could be solved.
+            LinkKind::But(but) if but.contact == Contact::Exact && !on_proxy() => &mut scheme.exact,
+            LinkKind::But(but) if but.contact == Contact::Magic => {
+                if on_proxy() {
+                    return Err(refuse_proxy(network, run));
                 }
-                scheme.linear = false;
-                planned.z = run.z;
-                planned.kind = Kind::Dry {
-                    by: *dry,
-                    rate: per_step,
-                };
-                dry_runs.push(planned);
+                (planned.k, planned.z) = magic_numbers(scheme, network, run, *but)?;
+                &mut scheme.runs
             }
-            LinkKind::But(but) => {
-                scheme.linear = false;
-                planned.kind = Kind::But(*but);
-                match but.contact {
-                    Contact::Plain => scheme.runs.push(planned),
-                    // The same contact with an explicit force: a proxy has no single mass for which it could be solved.
-                    Contact::Exact if ends_on_proxy(network, run) => scheme.runs.push(planned),
-                    Contact::Exact => scheme.exact.push(planned),
-                    Contact::Magic if ends_on_proxy(network, run) => {
-                        return Err(on_proxy(network, run));
-                    }
-                    Contact::Magic => {
-                        check_no_other_link(network, run.a, run.first)?;
-                        check_no_other_link(network, run.b, run.first)?;
-                        if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
-                            return Err(Error::Refused {
-                                module: network.link_name(run.first),
-                                message: "a magic contact needs an end that moves".to_owned(),
-                            });
-                        }
-                        let mu = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
-                        let (k, z) = but.exact_restitution();
-                        planned.k = k * mu;
-                        planned.z = z * mu;
-                        scheme.runs.push(planned);
-                    }
-                }
-            }
+            _ => &mut scheme.runs,
+        };
+        runs.push(planned);
+    }
+    scheme.exact.extend(dry_runs);
+    Ok(())
+}
+
+/// Scratch memory that links share, numbered for each kind by itself.
+#[derive(Default)]
+struct Scratch {
+    laws: Vec<Arc<Law>>,
+    n_pairwise: usize,
+    n_followed: usize,
+}
+
+impl Scratch {
+    /// The kind of a link by its numbers for a step.
+    fn kind(&mut self, kind: &LinkKind, per_step: f64) -> Kind {
+        match kind {
+            LinkKind::Ref => Kind::Ref,
+            LinkKind::But(but) => Kind::But(*but),
+            LinkKind::Space(space) => Kind::Space(space.resampled(per_step)),
+            LinkKind::Pairwise(pairs) => Kind::Pairwise {
+                by: pairs.clone(),
+                room: next(&mut self.n_pairwise),
+            },
+            LinkKind::Lnl(law) => Kind::Lnl {
+                law: law.clone(),
+                rate: per_step,
+                room: self.room_of(law),
+            },
+            LinkKind::Followed(followed) => Kind::Followed {
+                by: followed.clone(),
+                rate: per_step,
+                room: next(&mut self.n_followed),
+            },
+            LinkKind::Bristle(bristle) => Kind::Bristle {
+                by: *bristle,
+                rate: per_step,
+            },
+            LinkKind::Dry(dry) => Kind::Dry {
+                by: *dry,
+                rate: per_step,
+            },
         }
     }
-    scheme.exact.extend(dry_runs); // friction is the last of the forces
+
+    /// Runs that share a law share its scratch memory.
+    fn room_of(&mut self, law: &Arc<Law>) -> usize {
+        let known = self.laws.iter().position(|known| Arc::ptr_eq(known, law));
+        known.unwrap_or_else(|| {
+            self.laws.push(law.clone());
+            self.laws.len() - 1
+        })
+    }
+}
+
+/// A number, counted up.
+fn next(count: &mut usize) -> usize {
+    *count += 1;
+    *count - 1
+}
+
+/// Stiffness and viscosity of a magic contact, by the masses of its two ends.
+fn magic_numbers(
+    scheme: &Scheme,
+    network: &Network,
+    run: &LinkRun,
+    but: But,
+) -> Result<(f64, f64), Error> {
+    check_no_other_link(network, run.a, run.first)?;
+    check_no_other_link(network, run.b, run.first)?;
+    if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
+        return Err(Error::Refused {
+            module: network.link_name(run.first),
+            message: "a magic contact needs an end that moves".to_owned(),
+        });
+    }
+    let mu = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
+    let (k, z) = but.exact_restitution();
+    Ok((k * mu, z * mu))
+}
+
+/// Whether a mass that moves is an end of several links that are solved for.
+fn shares_moving_mass(scheme: &Scheme) -> bool {
     let mut ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
     ends.sort_unstable();
-    scheme.exact_coupled = ends
-        .windows(2)
-        .any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0);
-    scheme.alike = scheme.equal_ranges();
-    Ok(scheme)
+    let pairs = &mut ends.windows(2);
+    pairs.any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0)
 }
 
 /// MATs of bodies in which some tie or spring has a negative stiffness, as in those of MODES. Such stiffnesses cancel
@@ -265,7 +288,8 @@ fn ends_on_proxy(network: &Network, run: &LinkRun) -> bool {
     !network.proxies().is_empty() && ends.any(|(a, b)| network.is_proxy(a) || network.is_proxy(b))
 }
 
-fn on_proxy(network: &Network, run: &LinkRun) -> Error {
+/// A link that cannot end on a proxy.
+fn refuse_proxy(network: &Network, run: &LinkRun) -> Error {
     Error::Refused {
         module: network.link_name(run.first),
         message:

@@ -1,0 +1,218 @@
+//! One frame: which contacts are near, the free paths of their points, and the impulses that links give.
+
+use super::basis::Instant;
+use super::script::Script;
+use super::slides::Frame;
+use super::{Fine, nearest};
+use crate::island::inside::RunningBody;
+use crate::kernel;
+use crate::scheme::Scheme;
+use crate::state::{Body, Target};
+
+impl Fine {
+    /// Compute one frame of all laws and of every contact that may be closed, once all other forces are summed.
+    pub(in crate::island) fn step(
+        &mut self,
+        scheme: &Scheme,
+        gates: &[f64],
+        targets: &[Target],
+        bodies: &mut [RunningBody],
+        body: &mut Body,
+    ) {
+        let next = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
+            Some(target) => target.x,
+            None => kernel::predict(scheme, body, mat),
+        };
+        let mut any = false;
+        for (contact, run) in self.script.links.iter().enumerate() {
+            let now = body.x[run.b] - body.x[run.a];
+            let then = next(run.b, body) - next(run.a, body);
+            let near = nearest(run, now - run.rest, then - run.rest) > 0.0;
+            self.near[contact] = near;
+            any |= near;
+            body.link[run.first] = 0.0;
+        }
+        if !any && self.frictions.is_empty() {
+            self.rests.fill(false);
+        }
+        if !any && self.laws.is_empty() && self.frictions.is_empty() {
+            return;
+        }
+        self.retune();
+        if any {
+            self.spread();
+        }
+        let (script, laws) = (self.script.clone(), self.law_script.clone());
+        self.work.products += script.ways;
+        self.pushed.fill(0.0);
+        self.begin_crowded();
+        self.ways(&script, scheme, bodies, body, &next);
+        let is_located = any || !self.frictions.is_empty() || self.has_glided.contains(&true);
+        self.start_laws(&script, &laws, gates, !is_located);
+        if is_located {
+            self.impulse_sums.fill(0.0);
+            let n = script.basis.n();
+            for (values, way) in self.values.chunks(n).zip(self.paths.chunks_mut(n)) {
+                script.basis.fit(values, way);
+            }
+            if self.frictions.is_empty() {
+                self.march(&script, &laws, gates, body);
+            } else {
+                let slides = self.frictions.script.clone();
+                let frame = Frame {
+                    script: &script,
+                    slides: &slides,
+                    gates,
+                };
+                self.slide(frame, body);
+            }
+            // Impulses at the instants of the frame that have the same effect on any smooth function as those between
+            // them.
+            for (impulses, pushed) in self.impulse_sums.chunks(n).zip(self.pushed.chunks_mut(n)) {
+                for (value, row) in impulses.iter().zip(script.basis.fit.chunks(n)) {
+                    for (impulse, weight) in pushed.iter_mut().zip(row) {
+                        *impulse += value * weight;
+                    }
+                }
+            }
+        } else {
+            self.collocate(&script, &laws, gates);
+        }
+        self.tell_laws(&script, &laws, body);
+        self.sprung.note(&script, &self.pushed, scheme);
+        self.give(&script, bodies, body);
+    }
+
+    /// Mark more contacts as near: a near contact may push points off their free paths, and with them other contacts.
+    fn spread(&mut self) {
+        let script = &*self.script;
+        let is_moved_by = |mover: usize, moved: usize| {
+            let n = script.joints.len();
+            let pairs = |(a, b): (usize, usize)| [a, b];
+            let is_coupled = |from: usize, to: usize| {
+                let place = |joint: usize| script.places[joint].map(|(body, _)| body);
+                let is_same = place(from).is_some() && place(from) == place(to);
+                is_same || !script.moves[from * n + to].is_empty()
+            };
+            let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
+            mover
+                .iter()
+                .any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
+        };
+        loop {
+            let is_reached = |link: &usize| {
+                let mut near = (0..script.links.len()).filter(|&other| self.near[other]);
+                !self.near[*link] && near.any(|near| is_moved_by(near, *link))
+            };
+            match (0..script.links.len()).find(is_reached) {
+                Some(link) => self.near[link] = true,
+                None => return,
+            }
+        }
+    }
+
+    /// Compute the paths of all joints in this frame if no contact pushes them.
+    fn ways(
+        &mut self,
+        script: &Script,
+        scheme: &Scheme,
+        bodies: &mut [RunningBody],
+        body: &Body,
+        next: &dyn Fn(usize, &Body) -> f64,
+    ) {
+        let (n, n_joints) = (script.basis.n(), script.joints.len());
+        for (joint_index, joint) in script.joints.iter().enumerate() {
+            let values = &mut self.values[joint_index * n..(joint_index + 1) * n];
+            // Lasting forces act throughout the frame, but are applied as impulses at its start. Both lead to the same
+            // end; the path between is corrected here.
+            let mut pull = 0.5 * self.steady[joint_index] * scheme.w[joint.mat];
+            match joint.port {
+                Some((owner, port)) => {
+                    if let Some(modal) = bodies[owner].modal_mut() {
+                        modal.port_positions(port, values);
+                    }
+                }
+                None => {
+                    let rest = joint.rest;
+                    let step = next(joint.mat, body) - body.x[joint.mat];
+                    let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
+                    for (x_at, (from, to)) in values.iter_mut().zip(&joint.frame_weights) {
+                        *x_at = rest + (x * from + then * to);
+                    }
+                    if joint.cell.is_some() {
+                        // The forces inside a mesh also bend the path of its port throughout the frame.
+                        pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
+                        self.sprung.note_free(joint_index, step, pull);
+                    } else {
+                        pull = 0.0;
+                    }
+                }
+            }
+            if pull != 0.0 {
+                for (x_at, s) in values.iter_mut().zip(&script.basis.instants) {
+                    *x_at -= pull * s * (1.0 - s);
+                }
+            }
+        }
+        // Other forces on a port act from the start of the frame.
+        for (joint_index, joint) in script.joints.iter().enumerate() {
+            let force = body.force[joint.mat];
+            if joint.port.is_none() || force == 0.0 {
+                continue;
+            }
+            let impulse = force * script.rate.step();
+            if self.push_crowded(script, joint_index, impulse) {
+                continue;
+            }
+            for (other, values) in self.values.chunks_mut(n).enumerate() {
+                for (x, by) in values
+                    .iter_mut()
+                    .zip(&script.begun[joint_index * n_joints + other])
+                {
+                    *x += impulse * by;
+                }
+            }
+        }
+    }
+
+    /// Push a joint [N·s].
+    pub(super) fn shove(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
+        let n = script.basis.n();
+        let impulses = &mut self.impulse_sums[joint * n..(joint + 1) * n];
+        for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
+            *impulses += impulse * value;
+        }
+        if !self.push_crowded(script, joint, impulse) {
+            script.add_impulse(joint, impulse, instant, &mut self.paths);
+            self.work.products += script.reached[joint];
+        }
+    }
+
+    /// Apply the impulses of a frame to bodies and MATs.
+    fn give(&mut self, script: &Script, bodies: &mut [RunningBody], body: &mut Body) {
+        let n = script.basis.n();
+        for (joint_index, joint) in script.joints.iter().enumerate() {
+            let pushed = &self.pushed[joint_index * n..(joint_index + 1) * n];
+            if pushed.iter().all(|impulse| *impulse == 0.0) {
+                continue;
+            }
+            match (joint.port, &joint.cell) {
+                (Some((owner, port)), _) => {
+                    if let Some(modal) = bodies[owner].modal_mut() {
+                        modal.take_impulses(port, pushed, body);
+                    }
+                }
+                (None, Some(_)) => {
+                    for (impulse, [now, later]) in pushed.iter().zip(&joint.split) {
+                        body.push(joint.mat, impulse * now);
+                        self.later[joint_index] += impulse * later;
+                    }
+                }
+                // The motion of such a MAT is imposed; a hand that holds it feels the force.
+                (None, None) => {
+                    body.push(joint.mat, pushed.iter().sum::<f64>() * script.rate.hertz());
+                }
+            }
+        }
+    }
+}
