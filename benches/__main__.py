@@ -32,6 +32,7 @@ from benches.laws import laws
 from benches.matter import matter
 from benches.measure import Row
 from benches.mesh import mesh
+from benches.mesh_methods import mesh_methods
 from benches.metrology import metrology
 from benches.mi_physics import mi_physics
 from benches.midi_clock import midi_clock
@@ -98,6 +99,8 @@ def main(arguments: list[str]) -> int:
         "stops": partial(stops, asked.runs),
     }
     # Each takes minutes, so it runs only if it is named.
+    if "mesh_methods" in wanted:
+        scenes["mesh_methods"] = mesh_methods
     if "pieces" in wanted:
         scenes["pieces"] = partial(pieces, asked.pieces.split(","))
     if "voices" in wanted:

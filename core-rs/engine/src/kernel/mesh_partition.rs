@@ -12,7 +12,7 @@ use crate::scheme::{Pull, Spring};
 /// Largest number of ranges.
 const RANGES_MAX: usize = 8;
 /// Smallest number of MATs in a range. In a mesh of fewer than 1,000 MATs two threads gain nothing: they wait for each
-/// other as long as they work (`integrate::tests::cost::of_a_crew`). From 2,000 MATs on they always gain.
+/// other as long as they work (`python -m benches mesh_methods`). From 2,000 MATs on they always gain.
 pub(crate) const RANGE_MATS_MIN: usize = 1_000;
 
 /// The ranges of a mesh, in order.
