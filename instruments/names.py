@@ -13,6 +13,7 @@ from ergon.instruments.module_kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.spread import size as n_links
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
+from ergon.notation.tables.quantities import note_slip
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import Reach
 from ergon.notation.tables.tuning import Tuning
@@ -486,6 +487,13 @@ class PartNames:
     def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:
         if self._is_broken(path, part):
             return
+        instrument, _, tail = name.written.rpartition(".")
+        family = self.family(instrument) if instrument else None
+        slip = None if family is None or tuning.is_pitch(tail) else note_slip(tail)
+        if slip is not None:
+            suggestion = slip.suggestion and f"{instrument}.{slip.suggestion}"
+            self._refuse(name, who, slip.message, "E201", suggestion=suggestion)
+            return
         names = list(part.modules) if part else []
         names += list(self.parts)
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
@@ -493,6 +501,9 @@ class PartNames:
             names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
         known = [known for known in names if known]  # a lone generator's module has no name
         problem = f"nothing is called {quote(name.written)}"
+        if family is not None:
+            notes = [full.rpartition(".")[2] for full in family[0].parts.values()]
+            problem += f"; the notes of {quote(instrument)} are {notes[0]} to {notes[-1]}"
         self._refuse(name, who, problem, "E301", word=name.written, names=known)
 
     def _refuse(self, name: Name, who: str, problem: str, code: str = "E304", **more: Any) -> None:

@@ -101,7 +101,7 @@ class Outputs(Shape):
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
         for word, (key, child) in node.entries.items():
-            if not isinstance(child, document.Mapping) and word.isupper():
+            if not isinstance(child, document.Mapping) and word.upper() in {word, *_LISTENERS}:
                 message = f"unknown output {quote(word)} of {context.owner}"
                 context.error("E101", message, key.place, word=word, names=tuple(_LISTENERS))
                 return MISSING

@@ -119,6 +119,17 @@ PLACING = Record(
 )
 
 
+_ROUTE = (
+    "how an instrument is heard stands in its route: "
+    "`mix: {route: [{from: bell, to: 1, gain: -6dB, pan: 0.3}]}`"
+)
+_SILENT = f"{_ROUTE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
+_IN_ROUTES = {
+    **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE),
+    **dict.fromkeys(("mute", "solo"), _SILENT),
+}
+
+
 def instrument_table(form: Form) -> Record:
     """The fields of an instrument of a form."""
     fields = (
@@ -150,7 +161,7 @@ def instrument_table(form: Form) -> Record:
         Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
     kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
-    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds)
+    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds, elsewhere=_IN_ROUTES)
 
 
 @dataclass(frozen=True)

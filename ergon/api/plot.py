@@ -89,7 +89,8 @@ def drawn_curves(
         if not known:
             raise ErgonError(
                 f"{path} has no gesture, take or player, which `ergon plot` draws; its sound "
-                f"is drawn from a file: `ergon render {path}`, then `ergon plot` of that file"
+                f"is drawn from a file: `ergon render {path}`, then `ergon plot` of it; "
+                f"`ergon plot {path} notes` draws what is struck"
             )
         raise ErgonError(f"say what is to be drawn: {known}")
     if key is not None and key not in piece.keys:

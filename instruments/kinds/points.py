@@ -42,7 +42,7 @@ def _check_cel(values: Values) -> None:
         message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
         message += "a CEL has K and Z, or f and t60"
         values.error("E111", message, tuned[0])
-    elif not values.written("f", "K"):
+    elif not values.written("f", "K") and values.misspelt.isdisjoint({"f", "K"}):
         values.error("E103", f"{values.context.of('')}: a CEL needs K (and Z), or f (and t60)")
 
 

@@ -504,7 +504,7 @@ def _route(values: Values) -> Route:
         v["highpass"],
         name.place,
         mixing.pan(v["pan"]),
-        mixing.sends(v["send"]),
+        mixing.sends(v["send"], v.nodes.get("send")),
         mixing.fade(v["fade"]),
         v["radiate"],
         v["level"],

@@ -38,6 +38,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
+from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 
 MAX_ROWS = 100_000  # of one melody
 _STILL = Length()
@@ -145,7 +146,15 @@ def _entry(position_kind: Text, doc: str) -> Record:
         Field("impulse", SWELLING, "how strongly", shown="that of the strike before"),
     )
     doc, foreign = "a strike of a melody: a note, a chord, a module", {"to": _HELP}
-    return Record("strike", doc, fields, _row, foreign=foreign)
+    return Record(
+        "strike",
+        doc,
+        fields,
+        _row,
+        foreign=foreign,
+        meant=MEANT["strike"],
+        elsewhere=ELSEWHERE["strike"],
+    )
 
 
 ENTRY = _entry(k.WHEN, "where in the piece")

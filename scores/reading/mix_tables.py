@@ -15,16 +15,19 @@ from ergon.notation.tables.shapes import (
     Text,
     choice,
 )
+from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading import mixing, tones
+from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 
 MAX_CHANNELS = 1024
-MUTE = (
-    "an instrument is silent without its route, or with `gain: x0` there; at the prompt "
-    "`mute bell` and `solo bell`"
-)
 
 
 def _channels(text: str) -> Any:
+    if text.strip()[:1].isalpha() and text != "nearest":
+        message = f"{quote(text)} is not a channel: channels are numbers from 1 (1 and 2 are left "
+        message += "and right of two), or `nearest`"
+        near = {"left": "1", "right": "2", "both": "[1, 2]", "stereo": "[1, 2]"}.get(text.strip())
+        raise TextError(message, length=len(text), suggestion=near, code="E201")
     return "nearest" if text == "nearest" else (CHANNEL.parse(text),)
 
 
@@ -58,7 +61,8 @@ ROUTE = Record(
         Field("fade", mixing.FADE, "levels at positions of the piece"),
         Field("radiate", mixing.RADIATION, "as a disc in a wall, heard at a distance"),
     ),
-    elsewhere={"mute": MUTE, "solo": MUTE},
+    meant=MEANT["route"],
+    elsewhere=ELSEWHERE["route"],
 )
 MASTER = Record(
     "master",
@@ -97,5 +101,7 @@ RENDER = Record(
         Field("tail", k.TAIL, "time after the last event; auto: until -80 dB", "auto"),
         Field("channels", CHANNEL, "as in the mix"),
     ),
+    meant=MEANT["render"],
+    elsewhere=ELSEWHERE["render"],
     lone={"file": r"(.+\.(?:wav|flac|mp3|WAV|FLAC))"},
 )

@@ -11,7 +11,9 @@ from ergon.instruments.bodies import Decays
 from ergon.notation.clock.positions import Position
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Either, ListOf, NamesOf, Shape, choice
+from ergon.notation.tables.shapes import MISSING, Either, ListOf, Name, NamesOf, Shape, choice
+from ergon.notation.text import document
+from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
 
 SOUND = 343.0  # [m/s]
@@ -171,9 +173,14 @@ def pan_path(value: Any) -> PanPath:
     return tuple(point for point in points if isinstance(point, PanPoint))
 
 
-def sends(value: Any) -> tuple[tuple[str, float], ...]:
+def sends(value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]:
     """Rooms by name, with the gain of what is sent there."""
-    return tuple((name, gain) for name, gain in (value or {}).items() if gain is not MISSING)
+    entries = node.entries if isinstance(node, document.Mapping) else {}
+    return tuple(
+        (Name(name, entries[name][0].place), gain)
+        for name, gain in (value or {}).items()
+        if gain is not MISSING
+    )
 
 
 def rooms(written: Any) -> tuple[Room, ...]:

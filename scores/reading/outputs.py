@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from ergon.instruments.model import Layout
+from ergon.notation.tables.shapes import Name
 from ergon.notation.text.values import Place
 from ergon.scores.reading.digest_marks import OMIT_EMPTY
 from ergon.scores.reading.mixing import Fade, PanPath, Radiation, Room
@@ -27,7 +28,7 @@ class Route:
     pan: tuple[float, float] | None = field(
         default=None, metadata=OMIT_EMPTY
     )  # gains of two channels
-    sends: tuple[tuple[str, float], ...] = field(default=(), metadata=OMIT_EMPTY)  # rooms, ratios
+    sends: tuple[tuple[Name, float], ...] = field(default=(), metadata=OMIT_EMPTY)  # rooms, ratios
     fade: Fade = field(default=(), metadata=OMIT_EMPTY)
     radiation: Radiation | None = field(default=None, metadata=OMIT_EMPTY)
     level: float | None = field(default=None, metadata=OMIT_EMPTY)  # of a stroke at mf [LUFS]

@@ -93,7 +93,7 @@ def _check_route(
     for name, _ in route.sends:
         if name not in known:
             message = f"route: no room is called {quote(name)}"
-            part_names.collector.error("E301", message, route.place, word=name, names=known)
+            part_names.collector.error("E301", message, name.place, word=name, names=known)
     outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
     wrong = next((out for out in outputs_routed if not out.traits.radiates), None)
     if route.radiation is not None and wrong is not None:

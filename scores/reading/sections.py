@@ -19,14 +19,15 @@ from ergon.notation.tables.shapes import (
 from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.foreign_words import ELSEWHERE, OTHER_METER
 from ergon.scores.reading.gesture_tables import TAKE, GestureShape, Raw
 from ergon.scores.reading.include import INCLUDE
 from ergon.scores.reading.key_tables import COUPLING, KEY, PLAYER
 from ergon.scores.reading.measured_tables import CALIBRATION, LAYOUT, distinct_fields, version
-from ergon.scores.reading.mix_tables import MIX, MUTE, RENDER
+from ergon.scores.reading.mix_tables import MIX, RENDER
 from ergon.scores.reading.outputs import METHODS
 from ergon.scores.reading.part import PART
-from ergon.scores.reading.strike_tables import PEDAL, PHRASE, STRIKES, MelodyShape
+from ergon.scores.reading.strike_tables import PHRASE, STRIKES, MelodyShape
 
 RATE = 44100.0  # default frames a second
 MAX_SEED = 2**64 - 1  # the random generator's key has 64 bits
@@ -49,12 +50,14 @@ TEMPO = Record(
         ),
     ),
     refused={"link": _LINK},
+    elsewhere=ELSEWHERE["tempo entry"],
     lone={"bpm": r"(\d+(?:\.\d+)?|\d+(?:\.\d+)? *-> *\d+(?:\.\d+)?) *(?:bpm)?"},
 )
 METERS = Record(
     "meter map",
     "the meters of a MIDI or MusicXML file",
     (Field("from", k.PATH, "a MIDI or MusicXML file whose meters hold", required=True),),
+    otherwise=OTHER_METER,
 )
 RATES = Record(
     "rates",
@@ -161,7 +164,7 @@ SCORE = Record(
         Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
     refused={"link": _LINK},
-    elsewhere={"mute": MUTE, "solo": MUTE, "pedal": PEDAL},
+    elsewhere=ELSEWHERE["score"],
     foreign={
         **dict.fromkeys(
             distinct_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"

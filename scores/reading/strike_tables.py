@@ -25,6 +25,7 @@ from ergon.notation.text.document import Mapping, Node, Scalar
 from ergon.scores.gesture.transforms import MEANINGS as OF_GESTURES
 from ergon.scores.pattern.cycle_table import MEANINGS as OF_RHYTHMS
 from ergon.scores.reading import phrase_do
+from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
 from ergon.scores.reading.patterns import PATTERN_TABLE
 from ergon.scores.reading.rhythms import RHYTHM
@@ -57,13 +58,6 @@ class StrikesDo(Shape):
 
 
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
-_MUTE_STRIKES = (
-    "to leave strikes out, put '#' before their lines; at the prompt `mute NAME` and `solo NAME`"
-)
-PEDAL = (
-    "a score has no pedal: strokes of a rhythm last as `do: legato 1` says, notes of a MIDI file "
-    "until its pedal (controller 64) comes up, and other strokes have no end"
-)
 STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
@@ -104,8 +98,8 @@ STRIKES = Record(
         ),
         Field("along", DIRECTION, "direction of the push on points in space, axis by axis"),
     ),
-    meant={"repeat": "times"},
-    elsewhere={"pedal": PEDAL, "sustain": PEDAL, "mute": _MUTE_STRIKES, "solo": _MUTE_STRIKES},
+    meant=MEANT["strikes"],
+    elsewhere=ELSEWHERE["strikes"],
 )
 
 
@@ -130,6 +124,7 @@ PHRASE = Record(
         Field("do", phrase_do.DO, "transformations, left to right (after those of `like`)"),
     ),
     _phrase,
+    elsewhere=ELSEWHERE["phrase"],
 )
 
 

@@ -81,7 +81,7 @@ def test_line_of_strengths_over_eight():
         ("100", 0, "100mNs", "100mNs or 100Ns"),
         ("f 100", 2, "100mNs", "from 0 to 1"),
         ("1.5", 0, "1.5mNs", "has no unit"),
-        ("loud", 0, None, "neither an impulse"),
+        ("loud", 0, "f", "neither an impulse"),
         ("fffff", 0, "fff", "neither an impulse"),
         ("v128", 0, None, "from v1 to v127"),
         ("2mNs..f", 0, None, "one end is an impulse"),

@@ -82,7 +82,7 @@ class Values:
 
 
 def _integer_keys(
-    entries: Mapping[str, tuple[Scalar, Node]], context: Context
+    entries: Mapping[str, tuple[Scalar, Node]], values: Values
 ) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
     """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
     reported.
@@ -94,10 +94,11 @@ def _integer_keys(
             text = value.text if isinstance(value, Scalar) else ""
             if text[-1:].isdigit() and word[:1].isdigit() and value.end + 1 == key.start:
                 number = f"{text}.{word}"
-                message = f"{context.of(pending[0])}: a comma ends a value here; "
+                message = f"{values.context.of(pending[0])}: a comma ends a value here; "
                 message += "write '.' as the decimal point"
                 place = replace(value.place, length=key.end - value.start)
-                context.error("E201", message, place, suggestion=number)
+                values.context.error("E201", message, place, suggestion=number)
+                values.misspelt.add(pending[0])
                 pending = None
                 continue
             yield pending
@@ -127,6 +128,7 @@ class Record(Shape):
     elsewhere: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
     # Fields that a lone value in place of the group may mean, each by the pattern of its texts.
     lone: Mapping[str, str] = field(default_factory=dict)
+    otherwise: str = ""  # the help for what is not such a group
     by_name: dict[str, Field] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -143,14 +145,14 @@ class Record(Shape):
                 line.node.document.let, line.node.document.lets = node.document.let, None
         else:
             names = ", ".join([*self.by_name, *self.kinds][:12])
-            help = f"a group of fields is written: {names}"
+            help = self.otherwise or f"a group of fields is written: {names}"
             return wrong_shape(self, node, name, context, help, self._as_group(node))
         nameless = not context.name and self.noun not in ("score", "module")
         if nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         values = Values(self, node, context)
         is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
-        numbered = _integer_keys(entries, context) if is_cut else entries.items()
+        numbered = _integer_keys(entries, values) if is_cut else entries.items()
         lost = lost_indentation(entries, self._is_lost)
         for word, (key, child) in numbered:
             if lost is not None and word == lost[0]:

@@ -28,6 +28,9 @@ _FRACTION = re.compile(r"([+-]?\d{1,15})/(\d{1,15})")
 _FOREIGN_NOTE = re.compile(r"([A-Ha-h])(is|es|s|[#♯b♭])?(-?\d)([#♯b♭])?")
 _SYLLABLES = {"do": "C", "ut": "C", "re": "D", "ré": "D", "mi": "E", "fa": "F", "sol": "G"}
 _SYLLABLES |= {"la": "A", "si": "B", "ti": "B"}
+_RESTS = ("r", "rest", "pause", "~", "_")
+_CHORD = re.compile(r"([A-Ga-g])([#b♯♭]?)(maj7?|min7?|m7b5|m7?|dim7?|aug|sus2|sus4|°)")
+_LILYPOND = re.compile(r"([A-Ga-g])(is|es|s|#|b|)('+|,+)\d*\.*")
 _SOLFEGE = re.compile(rf"({'|'.join(_SYLLABLES)})([#♯b♭]?)(-?\d)?", re.IGNORECASE)
 _FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
 _STEPS = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
@@ -315,9 +318,25 @@ def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
 
 
 def note_slip(word: str) -> TextError | None:
-    """What is wrong with a word that means a note: solfège, a letter without an octave, or another
-    spelling; None if it means none.
+    """What is wrong with a word that means a note, a chord or a rest: solfège, a letter without an
+    octave, a spelling of another program; None if it means none.
     """
+    if word.lower() in _RESTS:
+        message = f"{quote(word)} is a rest, which is not written among entries: each entry stands "
+        return TextError(
+            f"{message}at its time; in a rhythm a rest is ~", length=len(word), code="E201"
+        )
+    if (chord := _CHORD.fullmatch(word)) is not None:
+        root = f"{chord[1].upper()}{chord[2]}"
+        message = (
+            f"{quote(word)} is the name of a chord; write its notes, each with an octave, such "
+        )
+        return TextError(f"{message}as {root}4 and those above it", length=len(word), code="E201")
+    if (ticks := _LILYPOND.fullmatch(word)) is not None:
+        octave = 3 + ticks[3].count("'") - ticks[3].count(",")
+        note = f"{ticks[1].upper()}{_FOREIGN_SIGNS.get(ticks[2], ticks[2])}{octave}"
+        message = f"{quote(word)} counts octaves by ticks, and a score by numbers: C4 is middle C"
+        return TextError(message, length=len(word), suggestion=note, code="E201")
     suggestion = _respelled(word)
     match = _SOLFEGE.fullmatch(word)
     letter = None if match is None else _SYLLABLES[match[1].lower()]
@@ -328,7 +347,7 @@ def note_slip(word: str) -> TextError | None:
             f"{quote(word)} is solfège, and notes are written by letters: {suggestion}, or "
             f"{letter}{sign}{octave + 1} where octaves are counted as in France (la3 is A4, 440 Hz)"
         )
-    elif match is not None or re.fullmatch(r"[A-Ga-g][#b♯♭]?", word):
+    elif match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", word):
         note = (
             f"{word[0].upper()}{word[1:]}" if letter is None or match is None else letter + match[2]
         )
@@ -415,6 +434,10 @@ def gain(text: str) -> float:
         message = f"{quote(word)} has no unit; write {factor_like}{word}dB for a level"
         suggestion = f"x{word}" if factor_like else f"{word}dB"
         raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
+    if _NUMBER.fullmatch(share := word.removesuffix("%").rstrip()) and share != word:
+        ratio = f"x{float(share) / 100.0:g}"
+        message = f"{quote(word)} is a percentage; write {ratio} for a factor, or a level in dB"
+        raise TextError(message, length=len(word), suggestion=ratio, code="E203")
     return _core.decibels(quantity(text, LEVEL))
 
 

@@ -294,7 +294,9 @@ class ListOf(Shape):
         elif isinstance(node, Scalar) and node.is_empty:
             items = []
         else:
-            return wrong_shape(self, node, name, context)
+            words = node.text.split() if isinstance(node, Scalar) else []
+            listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.most else None
+            return wrong_shape(self, node, name, context, suggestion=listed)
         if not self.least <= len(items) <= self.most:
             wanted = f"{self.least}" if self.least == self.most else f"at least {self.least}"
             if len(items) > self.most > self.least:

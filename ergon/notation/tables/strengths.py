@@ -19,6 +19,16 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
 DYNAMICS = ("ppp", "pp", "p", "mp", "mf", "f", "ff", "fff")
+_ITALIAN = {
+    "pianissimo": "pp",
+    "piano": "p",
+    "soft": "p",
+    "mezzopiano": "mp",
+    "mezzoforte": "mf",
+    "forte": "f",
+    "loud": "f",
+    "fortissimo": "ff",
+}
 _STEPS = len(DYNAMICS) - 1  # of strength, from one word to the next, between 0 and 1
 _FORTE = DYNAMICS.index("f") / _STEPS  # where decibels count from
 _VELOCITY = re.compile(r"v([0-9]{1,3})")
@@ -174,7 +184,7 @@ def _end(word: str) -> Level:
         return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(word))
     if word[:1].isalpha():
         message = f"{quote(word)} is neither an impulse such as 2mNs nor a strength such as mf"
-        near = nearest(word, DYNAMICS)
+        near = _ITALIAN.get(word.lower()) or nearest(word, DYNAMICS)
         raise TextError(message, length=max(1, len(word)), suggestion=near, code="E201")
     if _BARE.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
         message = f"{quote(word)} has no unit: write {word}mNs or {word}Ns; a strength is a number "

@@ -6,6 +6,7 @@ import yaml
 from yaml.composer import ComposerError
 
 from ergon.notation.text.errors import Collector
+from ergon.notation.text.typeset import BLANK, typeset_character
 from ergon.notation.text.values import Place
 
 # Turns the bytes of a named file into a text; None after a report.
@@ -77,6 +78,8 @@ def explained(text: str, error: Exception) -> tuple[int, str]:
             error = better
         except (RecursionError, ValueError):
             pass  # the first message stands
+    if (blank := _typeset_blank(text, _index_of(error))) is not None:
+        return blank, f"here stands {typeset_character(text[blank])}"
     words = str(error)
     for needle, sentence in _SENTENCES:
         if needle in words:
@@ -84,6 +87,16 @@ def explained(text: str, error: Exception) -> tuple[int, str]:
             return _index_of(error, unclosed), sentence
     problem = getattr(error, "problem", None) or words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
+
+
+def _typeset_blank(text: str, index: int) -> int | None:
+    """Index of a typeset space in the line of an error or the one before, which YAML takes for a
+    letter; None without one.
+    """
+    begin = text.rfind("\n", 0, max(0, text.rfind("\n", 0, index))) + 1
+    end = text.find("\n", index)
+    match = BLANK.search(text, begin, len(text) if end < 0 else end)
+    return None if match is None else match.start()
 
 
 def _index_of(error: Exception, unclosed: bool = False) -> int:

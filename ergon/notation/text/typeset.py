@@ -22,6 +22,7 @@ _CHARACTERS = {
     "\u201c": ("a typeset quotation mark", "write '\"'"),
     "\u201d": ("a typeset quotation mark", "write '\"'"),
 }
+BLANK = re.compile("[\u00a0\u2007\u2009\u202f\u200b]")
 _ANY = re.compile(f"[{''.join(_CHARACTERS)}]")
 _BEFORE_UNIT = re.compile(r"(?<=\d)[\u00a0\u2007\u2009\u202f](?=[A-Za-zµμ%°])")
 _RANGE = re.compile(r"(?<=\w)\s*[\u2013\u2014]\s*(?=[\w.+-])")
