@@ -11,6 +11,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
     MISSING,
+    NAME,
     Context,
     Either,
     ListOf,
@@ -95,7 +96,9 @@ class Outputs(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, document.Mapping):
-            return wrong_shape(self, node, name, context)
+            lone = node.text.strip() if isinstance(node, document.Scalar) else ""
+            suggestion = f"{{SOX: {lone}}}" if NAME.fullmatch(lone) else None
+            return wrong_shape(self, node, name, context, suggestion=suggestion)
         if self.chosen(node) is _LISTENER:
             bare = Context(context.collector, f"out of {context.owner}", "", node.place)
             value = _LISTENER.read(node, name, bare)

@@ -35,6 +35,7 @@ INCLUDE = Record(
         Field("transpose", INTERVAL, "how much higher its instruments sound; needs `as`"),
     ),
     meant={"score": "file"},
+    lone={"file": r"(\S+\.ya?ml)"},
 )
 
 

@@ -66,8 +66,9 @@ def parse_bpm(text: str) -> tuple[float, float | None]:
     word, start = stripped(text)
     match = _BPM.fullmatch(word)
     if match is None:
+        noun = "a tempo, which is a number of beats a minute," if word.isalpha() else "a tempo"
         raise TextError(
-            f"'{word[:40]}' is not a tempo such as 60 or 60 -> 96",
+            f"'{word[:40]}' is not {noun} such as 60 or 60 -> 96",
             offset=start,
             length=max(1, len(word)),
             suggestion=f"{ramp[1]} -> {ramp[2]}" if (ramp := _OTHER_RAMP.fullmatch(word)) else None,

@@ -593,7 +593,7 @@ def wrong_shape(
         message = f"{context.of(name)} is empty; expected: {shape.words()}"
     else:
         message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
-    if isinstance(node, document.Sequence) and isinstance(shape, Text):
+    if isinstance(node, document.Sequence) and isinstance(shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, node.place, help=help, suggestion=suggestion)
     return MISSING

@@ -16,12 +16,15 @@ MAX_BYTES = 64 * 2**20  # bigger data are takes, and takes are files of their ow
 MAX_LINES = 5_000_000  # five times the rows of the longest table: places need an index of them
 PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message costs about 1 s here
 
+_INDENTED = "this line is indented differently from the lines that it belongs to"
+_SHOWN_MAX = 4  # lines that it could stand beside
+
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
 _SENTENCES = (
     ("found character '\\t'", "the line is indented by a tab; indent it by spaces"),
     ("tab character", "the line is indented by a tab; indent it by spaces"),
-    ("<block end>", "this line is indented differently from the lines that it belongs to"),
-    ("did not find expected key", "this line is indented differently from the lines around it"),
+    ("<block end>", _INDENTED),
+    ("did not find expected key", _INDENTED),
     (
         "mapping values are not allowed",
         "a name is not allowed here: there is a second ':' or a wrong indentation",
@@ -83,10 +86,38 @@ def explained(text: str, error: Exception) -> tuple[int, str]:
     words = str(error)
     for needle, sentence in _SENTENCES:
         if needle in words:
+            if sentence is _INDENTED:
+                return _index_of(error), _indented(text, _index_of(error))
             unclosed = "closed" in sentence or "':' after" in sentence
             return _index_of(error, unclosed), sentence
     problem = getattr(error, "problem", None) or words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
+
+
+def _indented(text: str, index: int) -> str:
+    """What is wrong with how a line begins: with how many spaces the lines above do that are still
+    open, or that it is a name among items of a list.
+    """
+    begin = text.rfind("\n", 0, index) + 1
+    indent = len(text[begin:index]) - len(text[begin:index].lstrip(" "))
+    is_item = text.startswith("- ", begin + indent)
+    depth, places = PURE_PARSER_LIMIT, []
+    for line in reversed(text[max(0, begin - PURE_PARSER_LIMIT) : begin].splitlines()):
+        word = line.strip()
+        spaces = len(line) - len(line.lstrip(" "))
+        if word and not word.startswith("#") and spaces < depth:
+            if spaces == indent and word.startswith("- ") != is_item:
+                return (
+                    "a line of a list and one of a group stand side by side here: lines of a list "
+                    "begin with '- ', lines of a group with a name and ':'"
+                )
+            depth = spaces
+            places.append(f"{spaces} ('{word.partition(':')[0][:20]}')")
+        if depth == 0 or len(places) == _SHOWN_MAX:
+            break
+    if not places:
+        return _INDENTED
+    return f"{_INDENTED}; it begins with {indent} spaces, those above with {', '.join(places)}"
 
 
 def _typeset_blank(text: str, index: int) -> int | None:
