@@ -117,7 +117,8 @@ def _indented(text: str, index: int) -> str:
             break
     if not places:
         return _INDENTED
-    return f"{_INDENTED}; it begins with {indent} spaces, those above with {', '.join(places)}"
+    noun = "space" if indent == 1 else "spaces"
+    return f"{_INDENTED}; it begins with {indent} {noun}, those above with {', '.join(places)}"
 
 
 def _typeset_blank(text: str, index: int) -> int | None:
