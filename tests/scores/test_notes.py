@@ -241,7 +241,8 @@ def test_what_cannot_have_notes_is_said(lines, report):
 def test_a_note_that_is_missing_is_named_with_those_that_are_there():
     text = f"ergon: 1\n{FAMILY}strikes: {{s: {{to: cell.F4, at: 1, impulse: 1mNs}}}}\n"
     (message,) = check(text).diagnostics
-    assert (message.code, message.message) == ("E301", "strikes 's': nothing is called 'cell.F4'")
+    expected = "strikes 's': nothing is called 'cell.F4'; the notes of 'cell' are A3 to G4"
+    assert (message.code, message.message) == ("E301", expected)
     assert message.suggestion in ("cell.E4", "cell.G4", "cell.A3", "cell.C4")
 
 
