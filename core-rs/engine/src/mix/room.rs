@@ -23,6 +23,8 @@ const LENGTH_SPREAD: (f64, f64) = (0.5, 1.6);
 const HIGHPASS: f64 = 20.0;
 /// Smaller samples are set to 0: denormal numbers, below 1e-308, are slow.
 const AMPLITUDE_MIN: f64 = 1e-200;
+/// Frames that are computed at a time, where no line is shorter.
+const BLOCK: usize = 64;
 /// Largest number of iterations in the design of a filter.
 const ITERATIONS_MAX: usize = 500;
 
@@ -146,35 +148,91 @@ impl Room {
     /// Process input samples (n_frames), and add the output to (n_frames, n_channels).
     pub(super) fn process(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
         self.is_silent = self.is_silent && sent.iter().all(|x| *x == 0.0);
-        if !self.is_silent {
-            play(self, sent, mixed, n_channels);
+        if self.is_silent || n_channels == 0 {
+            return;
+        }
+        // What leaves a line in a block has come in before it.
+        let shortest = self.delays.iter().map(Delay::length).min();
+        let block = shortest.unwrap_or(1).clamp(1, BLOCK);
+        let mixed = mixed.chunks_mut(block * n_channels);
+        for (sent, mixed) in sent.chunks(block).zip(mixed) {
+            self.process_block(&sent[..mixed.len() / n_channels], mixed, n_channels);
         }
     }
 
-    /// Process one input sample, and add the output to a frame of channels.
-    #[inline(always)]
-    fn next(&mut self, x: f64, frame: &mut [f64]) {
-        let x = if x.is_finite() { x } else { 0.0 };
-        let x = self.highpass.next(x).high / sqrt(LINES as f64);
-        let mut now = self.filters.next(self.delays.each_ref().map(Delay::oldest));
+    fn process_block(&mut self, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
+        let count = sent.len();
+        let mut block = Block {
+            input: [0.0; BLOCK],
+            lines: [[0.0; BLOCK]; LINES],
+            heard: [[0.0; BLOCK]; LINES],
+        };
+        for (y, &x) in block.input.iter_mut().zip(sent) {
+            let x = if x.is_finite() { x } else { 0.0 };
+            *y = self.highpass.next(x).high / sqrt(LINES as f64);
+        }
+        for (delay, line) in self.delays.iter().zip(&mut block.lines) {
+            delay.copy_oldest(&mut line[..count]);
+        }
+        pass(&mut self.filters, &mut block, count);
+        for (delay, line) in self.delays.iter_mut().zip(&block.lines) {
+            delay.push_all(&line[..count]);
+        }
         let rows = self.channel_gains.chunks_exact(LINES);
         for (&channel, row) in self.spec.channels.iter().zip(rows) {
-            frame[channel] += row.iter().zip(&now).map(|(h, y)| h * y).sum::<f64>();
+            let sums = sums(&block.heard, row);
+            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
+            column.zip(&sums).for_each(|(x, sum)| *x += *sum);
         }
-        mix_lines(&mut now);
-        let into = now.map(|back| without_denormal(x + back));
-        for (delay, into) in self.delays.iter_mut().zip(into) {
-            delay.push(into);
+    }
+}
+
+/// What passes a room in some frames.
+struct Block {
+    /// Input of every line.
+    input: [f64; BLOCK],
+    /// What leaves the delay of each line, and then what comes into it.
+    lines: [[f64; BLOCK]; LINES],
+    /// What leaves the filter of each line.
+    heard: [[f64; BLOCK]; LINES],
+}
+
+// In these functions loops go by index: closures would be compiled for the baseline, and called.
+wide! {
+    #[allow(clippy::needless_range_loop)]
+    fn pass(filters: &mut Filters, block: &mut Block, count: usize) {
+        let Filters { b0, b1, a1, x: before, y } = filters;
+        let scale = 1.0 / sqrt(LINES as f64);
+        for frame in 0..count.min(BLOCK) {
+            let mut now = [0.0; LINES];
+            for line in 0..LINES {
+                let x = block.lines[line][frame];
+                let next = b0[line] * x + b1[line] * before[line] - a1[line] * y[line];
+                before[line] = x;
+                y[line] = without_denormal(next);
+                now[line] = y[line];
+                block.heard[line][frame] = y[line];
+            }
+            mix_lines(&mut now);
+            for line in 0..LINES {
+                block.lines[line][frame] = without_denormal(block.input[frame] + now[line] * scale);
+            }
         }
     }
 }
 
 wide! {
-    fn play(room: &mut Room, sent: &[f64], mixed: &mut [f64], n_channels: usize) {
-        // Not `for_each`, whose closure would be compiled for the baseline.
-        for (frame, &x) in mixed.chunks_exact_mut(n_channels.max(1)).zip(sent) {
-            room.next(x, frame);
+    /// The sums of all lines with these gains, in each frame.
+    #[allow(clippy::needless_range_loop)]
+    fn sums(heard: &[[f64; BLOCK]; LINES], gains: &[f64]) -> [f64; BLOCK] {
+        let mut sums = [0.0; BLOCK];
+        for line in 0..LINES {
+            let gain = gains[line];
+            for frame in 0..BLOCK {
+                sums[frame] += gain * heard[line][frame];
+            }
         }
+        sums
     }
 }
 
@@ -243,16 +301,6 @@ impl Filters {
         let [b0, b1, a1] = [high * (1.0 + zero), high * (zero - 1.0), pole - 1.0];
         Some([b0, b1, a1].map(|numerator| numerator / (1.0 + pole)))
     }
-
-    /// The outputs of the lines at this frame, for what leaves their delays.
-    #[inline(always)]
-    fn next(&mut self, x: [f64; LINES]) -> [f64; LINES] {
-        for (line, x) in x.into_iter().enumerate() {
-            let y = self.b0[line] * x + self.b1[line] * self.x[line] - self.a1[line] * self.y[line];
-            (self.x[line], self.y[line]) = (x, without_denormal(y));
-        }
-        self.y
-    }
 }
 
 /// tan(π·f/rate): the frequency f after the bilinear transformation.
@@ -299,21 +347,20 @@ fn is_prime(n: usize) -> bool {
             .all(|k| !n.is_multiple_of(k))
 }
 
-/// Multiply by the Hadamard matrix over √LINES, which is orthogonal, in log₂(LINES) steps.
+/// Multiply by the Hadamard matrix, which is √LINES times an orthogonal one, in log₂(LINES) steps.
 #[inline(always)]
 fn mix_lines(x: &mut [f64; LINES]) {
     let mut half = 1;
     while half < LINES {
-        for pair in x.chunks_exact_mut(2 * half) {
-            let (left, right) = pair.split_at_mut(half);
-            for (a, b) in left.iter_mut().zip(right) {
-                (*a, *b) = (*a + *b, *a - *b);
+        let mut first = 0;
+        while first < LINES {
+            for line in first..first + half {
+                (x[line], x[line + half]) = (x[line] + x[line + half], x[line] - x[line + half]);
             }
+            first += 2 * half;
         }
         half *= 2;
     }
-    let scale = 1.0 / sqrt(LINES as f64);
-    x.iter_mut().for_each(|x| *x *= scale);
 }
 
 /// Sign of a line in a channel: a row of the Hadamard matrix for each of the first channels, so that they are
@@ -343,6 +390,12 @@ mod tests {
             t60: [(200.0, long), (6_000.0, short)],
             channels: vec![0, 1],
             gain: 1.0,
+        }
+    }
+
+    impl Room {
+        fn next(&mut self, x: f64, frame: &mut [f64; 2]) {
+            self.process(&[x], frame, 2);
         }
     }
 
