@@ -389,12 +389,12 @@ def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
 def test_reply_says_how_long_a_tail_of_auto_is(folder: Path, capsys: Capture) -> None:
     (folder / "s.yaml").write_text(SCORE.replace("tail: 1s", "tail: auto"))
     assert app.run(["render", "s.yaml", "--freeze", "gong", "-n"]) == 0
-    said = capsys.readouterr()
-    after = re.search(r"of this, (.+?) come after the last event", said.out + said.err)
+    reply = capsys.readouterr()
+    after = re.search(r"of this, (.+?) come after the last event", reply.out + reply.err)
     assert after is not None
     assert after[1] == "61 s"
-    assert "`render: {tail: 10s}`" in said.out + said.err
+    assert "`render: {tail: 10s}`" in reply.out + reply.err
     (folder / "s.yaml").write_text(SCORE)
     assert app.run(["render", "s.yaml", "--freeze", "gong", "-n"]) == 0
-    said = capsys.readouterr()
-    assert "after the last event" not in said.out + said.err
+    reply = capsys.readouterr()
+    assert "after the last event" not in reply.out + reply.err

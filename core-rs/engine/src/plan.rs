@@ -114,12 +114,12 @@ pub(crate) struct BankPlan {
 impl BankPlan {
     /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
     pub(crate) fn silent_until(&self) -> u64 {
-        let rests = |own: &Oscillator| own.now == 0.0 && own.before == 0.0;
+        let rests = |each: &Oscillator| each.now == 0.0 && each.before == 0.0;
         if self.is_open || !self.oscillators.iter().all(rests) {
             return 0;
         }
-        let blows = self.oscillators.iter().flat_map(|own| &own.blows);
-        let strikes = self.strikes.iter().flat_map(|own| &own.blows);
+        let blows = self.oscillators.iter().flat_map(|each| &each.blows);
+        let strikes = self.strikes.iter().flat_map(|each| &each.blows);
         let frames = blows
             .map(|blow| blow.frame)
             .chain(strikes.map(|blow| blow.0));

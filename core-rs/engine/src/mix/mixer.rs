@@ -373,8 +373,8 @@ impl Mixer {
                 route.repeat(before);
             } else {
                 let out = route.out;
-                let heard = frames.iter().skip(out).step_by(n_out);
-                signal.iter_mut().zip(heard).for_each(|(x, y)| *x = *y);
+                let column = frames.iter().skip(out).step_by(n_out);
+                signal.iter_mut().zip(column).for_each(|(x, y)| *x = *y);
                 let fading_out = self.frozen_fading_out.iter().flatten();
                 let frozen = self.frozen.iter().chain(fading_out);
                 let mut frozen = frozen.filter(|placed| placed.out == out).peekable();

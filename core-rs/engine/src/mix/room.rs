@@ -165,7 +165,7 @@ impl Room {
         let mut block = Block {
             input: [0.0; BLOCK],
             lines: [[0.0; BLOCK]; LINES],
-            heard: [[0.0; BLOCK]; LINES],
+            filtered: [[0.0; BLOCK]; LINES],
         };
         for (y, &x) in block.input.iter_mut().zip(sent) {
             let x = if x.is_finite() { x } else { 0.0 };
@@ -180,7 +180,7 @@ impl Room {
         }
         let rows = self.channel_gains.chunks_exact(LINES);
         for (&channel, row) in self.spec.channels.iter().zip(rows) {
-            let sums = sums(&block.heard, row);
+            let sums = sums(&block.filtered, row);
             let column = mixed.iter_mut().skip(channel).step_by(n_channels);
             column.zip(&sums).for_each(|(x, sum)| *x += *sum);
         }
@@ -194,7 +194,7 @@ struct Block {
     /// What leaves the delay of each line, and then what comes into it.
     lines: [[f64; BLOCK]; LINES],
     /// What leaves the filter of each line.
-    heard: [[f64; BLOCK]; LINES],
+    filtered: [[f64; BLOCK]; LINES],
 }
 
 // In these functions loops go by index: closures would be compiled for the baseline, and called.
@@ -211,7 +211,7 @@ wide! {
                 before[line] = x;
                 y[line] = without_denormal(next);
                 now[line] = y[line];
-                block.heard[line][frame] = y[line];
+                block.filtered[line][frame] = y[line];
             }
             mix_lines(&mut now);
             for line in 0..LINES {
@@ -224,12 +224,12 @@ wide! {
 wide! {
     /// The sums of all lines with these gains, in each frame.
     #[allow(clippy::needless_range_loop)]
-    fn sums(heard: &[[f64; BLOCK]; LINES], gains: &[f64]) -> [f64; BLOCK] {
+    fn sums(filtered: &[[f64; BLOCK]; LINES], gains: &[f64]) -> [f64; BLOCK] {
         let mut sums = [0.0; BLOCK];
         for line in 0..LINES {
             let gain = gains[line];
             for frame in 0..BLOCK {
-                sums[frame] += gain * heard[line][frame];
+                sums[frame] += gain * filtered[line][frame];
             }
         }
         sums

@@ -245,8 +245,8 @@ impl Route {
     /// Whether its filters hear the same as those of another route, and are in the same state.
     pub(super) fn hears_as(&self, other: &Self) -> bool {
         (self.out, self.is_squared) == (other.out, other.is_squared)
-            && self.pairs(other, |own, other| {
-                own.continues(other) && own.is_in_state_of(other)
+            && self.pairs(other, |filter, other| {
+                filter.continues(other) && filter.is_in_state_of(other)
             })
     }
 
@@ -269,7 +269,7 @@ impl Route {
     /// Put its filters into the state of those of a route that has heard the same.
     pub(super) fn repeat(&mut self, before: &Self) {
         let pairs = self.filters.iter_mut().zip(&before.filters);
-        pairs.for_each(|(own, before)| own.take_over(before));
+        pairs.for_each(|(filter, before)| filter.take_over(before));
     }
 
     /// Add a filtered signal to the route's target; `first` is the first frame in the piece, `gains` are those of its

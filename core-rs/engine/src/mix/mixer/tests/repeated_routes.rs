@@ -41,9 +41,9 @@ fn mixer(side_by_side: bool, gain: f64) -> Mixer {
 fn mixed(mixer: &mut Mixer, n_frames: usize) -> Vec<u64> {
     let first = mixer.frame as usize;
     let sample = |index: usize| ((index * 7_919) % 1_013) as f64 / 500.0 - 1.0;
-    let heard: Vec<f64> = (2 * first..2 * (first + n_frames)).map(sample).collect();
+    let frames: Vec<f64> = (2 * first..2 * (first + n_frames)).map(sample).collect();
     let mut sums = vec![0.0; 2 * n_frames];
-    mixer.process(&heard, &mut sums);
+    mixer.process(&frames, &mut sums);
     sums.into_iter().map(f64::to_bits).collect()
 }
 
