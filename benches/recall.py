@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from benches.fresh_process import ergon
 from benches.measure import Row
 from ergon.exchange.wave import hash_samples
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 # Eighty seconds on eight loudspeakers in a room: struck strings, bars, a gong that hardens, and a
 # bank.
@@ -50,59 +54,86 @@ render: {tail: 4s}
 """
 _BARS = "  bars: {from: bars/marimba, notes: [G3, C4]}\n"
 _CIMBAL = "  cimbal: {from: strings/dulcimer, notes: [D4, A4, D5]}\n"
-# What is changed: the texts before and after.
-_EDITS: Mapping[str, tuple[tuple[str, str], ...]] = {
-    "nothing changed": (),
-    "an unused instrument added": (("  gong:\n", "  spare: {from: bells/handbell}\n  gong:\n"),),
-    "an instrument renamed": (("gong", "tamtam"),),
-    "two instruments swapped": ((_BARS, ""), (_CIMBAL, _BARS + _CIMBAL)),
-    "a note added to `notes`": (("[D4, A4, D5]", "[D4, F4, A4, D5]"),),
-    "an entry changed at 90 %": (("every: 1, times: 58", "every: 1, times: 52"),),
-}
+_DULCIMER = "cimbal: {from: strings/dulcimer, notes: [D4, A4, D5"
+
+
+class _Edit(NamedTuple):
+    """What is changed, the texts before and after, and whether that changes the sound."""
+
+    what: str
+    changes: tuple[tuple[str, str], ...]
+    is_heard: bool = False
+
+
+# One after the other, as a piece grows.
+_EDITS = (
+    _Edit("nothing changed", ()),
+    _Edit(
+        "unused instrument added", (("  gong:\n", "  spare: {from: bells/handbell}\n  gong:\n"),)
+    ),
+    _Edit("instrument renamed", (("gong", "tamtam"),)),
+    _Edit("two instruments swapped", ((_BARS, ""), (_CIMBAL, _BARS + _CIMBAL))),
+    _Edit("unplayed note added to `notes`", ((_DULCIMER, f"{_DULCIMER}, F5"),)),
+    _Edit("gain of a route", (("pan: 0.6}", "pan: 0.6, gain: 2dB}"),), is_heard=True),
+    _Edit("entry changed at 90 %", (("times: 58", "times: 52"),), is_heard=True),
+)
+_FROM, _UNTIL = "20|1", "21|1"
+_EDGE = 0.01  # [s] in which an excerpt rises and falls
 
 
 def recall() -> list[Row]:
-    """One row for each edit, one for an excerpt, and one for a draft."""
-    rows = []
+    """One row for each edit, and one for an excerpt.
+
+    Only the last version is rendered from scratch too: edits that change no sound are compared with
+    the version before them.
+    """
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        first, _ = _rendered(folder, _SCORE, "on")
-        for what, changes in _EDITS.items():
-            text = _SCORE
+        folder, text = Path(name), _SCORE
+        first, samples = _rendered(folder, text, "on")
+        costs = {}
+        for what, changes, is_heard in _EDITS:
             for old, new in changes:
                 assert old in text, f"{old!r} is in the score"
                 text = text.replace(old, new)
-            rows.append(_row(folder, what, text, ()))
-        rows.append(
-            _row(folder, "nothing changed, one bar", _SCORE, ("--from", "20|1", "--until", "21|1"))
+            costs[what], after = _rendered(folder, text, "on")
+            assert (after != samples) == is_heard, what
+            samples = after
+        complete = _frames(folder / "a.wav")
+        costs["nothing changed, one bar"], _ = _rendered(
+            folder, text, "on", "--from", _FROM, "--until", _UNTIL
         )
-        draft, _ = _rendered(folder, _SCORE, "on", "--draft")
-        again, _ = _rendered(folder, _SCORE, "on", "--draft")
-    rows.append(
+        assert _is_part_of(_frames(folder / "a.wav"), complete)
+        scratch, wanted = _rendered(folder, text, "off")
+        assert samples == wanted, "what is recalled has the bytes of a render from scratch"
+    return [
         Row(
-            "render of eighty seconds, --draft",
-            f"{draft:.2f} s of CPU time; again: {again:.2f} s",
-            f"the first render: {first:.2f} s",
-            draft / first,
-            "of the time of the first render",
-            {"cpu_s": draft, "again_s": again, "first_s": first},
+            f"render of eighty seconds on eight channels, {what}",
+            f"{spent:.2f} s of CPU time, start of the program included",
+            f"the first render: {first:.2f} s, from scratch without a memory: {scratch:.2f} s",
+            spent / scratch,
+            "of the time from scratch",
+            {"cpu_s": spent, "first_s": first, "scratch_s": scratch},
         )
-    )
-    return rows
+        for what, spent in costs.items()
+    ]
 
 
-def _row(folder: Path, what: str, text: str, options: tuple[str, ...]) -> Row:
-    saved, samples = _rendered(folder, text, "on", *options)
-    complete, scratch = _rendered(folder, text, "off", *options)
-    assert samples == scratch, "what is recalled has the bytes of a render from scratch"
-    return Row(
-        f"render of eighty seconds on eight channels, {what}",
-        f"{saved:.2f} s of CPU time, start of the program included",
-        f"from scratch: {complete:.2f} s",
-        saved / complete,
-        "of the time from scratch",
-        {"cpu_s": saved, "scratch_s": complete},
-    )
+def _frames(path: Path) -> NDArray[np.float64]:
+    """The samples of a WAVE file (n_frames, n_channels)."""
+    import soundfile
+
+    frames: NDArray[np.float64] = soundfile.read(path, always_2d=True)[0]
+    return frames
+
+
+def _is_part_of(part: NDArray[np.float64], complete: NDArray[np.float64]) -> bool:
+    """Whether an excerpt is a part of the piece from `_FROM` on, but for its edges."""
+    import numpy as np
+
+    beat = 60 / 96
+    rate = round(len(part) / (4 * beat))
+    first, edge = round(19 * 4 * beat * rate), round(_EDGE * rate)
+    return np.array_equal(part[edge:-edge], complete[first + edge : first + len(part) - edge])
 
 
 def _rendered(folder: Path, text: str, cache: str, *options: str) -> tuple[float, str]:
