@@ -1,7 +1,8 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all of them and write docs/benchmarks.md.
 
-`--minutes 10`: the duration of the duet, `pages` and `soak_live`; one minute by default. `--runs
-20`: how often each stop is made, and how many keys `metrology` and `random_keys` measure.
+`--minutes 10`: the duration of the duet, `pages`, `pointers` and `soak_live`; one minute by
+default. `--runs 20`: how often each stop is made, and how many keys `metrology` and `random_keys`
+measure.
 `--pieces bloom,workshop`: the bundled pieces that `pieces` renders. `--instruments guitar,viol`:
 those of which `voices` counts the voices and that `ear` compares with recordings; `--page`: they
 write docs/voices.md and docs/ear.md.
@@ -42,6 +43,7 @@ from benches.part_modes import admittance, part_modes
 from benches.pieces import PIECES, pieces
 from benches.planning import planning
 from benches.pmpd import pmpd
+from benches.pointers import pointers
 from benches.precision import precision
 from benches.quetzalcoatl import quetzalcoatl
 from benches.random_keys import random_keys
@@ -93,6 +95,7 @@ def main(arguments: list[str]) -> int:
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "pages": partial(pages, loops, asked.minutes),
+        "pointers": partial(pointers, loops, asked.minutes),
         "haply": haply,
         "soak": soak,
         "stall": stall,

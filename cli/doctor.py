@@ -34,6 +34,11 @@ if TYPE_CHECKING:
     help="Measure how soon this device replies; repeatable.",
 )
 @click.option(
+    "--ticks",
+    is_flag=True,
+    help="With --device: how short a tick it bears, up to the audio rate, and what that costs.",
+)
+@click.option(
     "--hands",
     "hands",
     multiple=True,
@@ -58,6 +63,7 @@ def doctor(
     no_audio: bool,
     audio: str,
     devices: tuple[str, ...],
+    ticks: bool,
     hands: tuple[str, ...],
     seconds: float,
     safety: bool,
@@ -68,6 +74,10 @@ def doctor(
     priority that the physics thread gets, how late it wakes, where the sound goes and its delay,
     and how soon devices reply. A line says what to do where a result is poor. No
     device gets a force.
+
+    With --device and --ticks nothing else is measured but ticks of that device, from 1 kHz up to
+    one for each frame of the sound at 44.1 kHz: how soon a force follows its position, how many
+    ticks and replies are late, and what part of a processor they take.
 
     With --hands nothing else is measured: the inputs wait until you move them, and what comes
     during the measurement is counted: positions a second, jitter and time on the way.
@@ -82,12 +92,15 @@ def doctor(
     if hands:
         _hands(console, hands, seconds)
         return
-    for finding in _findings(audio, no_audio, seconds):
-        _tell(console, finding)
+    if ticks and not devices:
+        raise Refused("--ticks measures a device: name it by --device")
+    if not ticks:
+        for finding in _findings(audio, no_audio, seconds):
+            _tell(console, finding)
     missing = []
     for url in _urls(devices):
         try:
-            _device(console, url, seconds)
+            _device(console, url, seconds, ticks)
         except DeviceMissing as error:
             missing.append(error.message)
     if missing:
@@ -154,12 +167,13 @@ def _urls(devices: tuple[str, ...]) -> list[str]:
         raise Refused(f"--device: {error}") from None
 
 
-def _device(console: Console, url: str, seconds: float) -> None:
+def _device(console: Console, url: str, seconds: float, ticks: bool) -> None:
     from ergon import _core
-    from ergon.live import fitness
+    from ergon.live import fitness, tick_rates
 
+    measure = tick_rates.measure_tick_rates if ticks else fitness.measure_device
     try:
-        for finding in fitness.measure_device(url, seconds):
+        for finding in measure(url, seconds):
             _tell(console, finding)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None

@@ -2444,6 +2444,10 @@ class Device:
 
         Raises UnsureError if the axis did not move, or moved the same way for both signs.
         """
+    def directions(self, axes: Sequence[int], period: float) -> list[float | None]:
+        """The signs of several axes, which are pushed at the same time; None of an axis that did
+        not move, or moved the same way for both signs.
+        """
     def ends(self, seconds: float, period: float) -> _Floats:
         """Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes,
         2) [m or rad].

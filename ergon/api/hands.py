@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     from .options import PerformanceOptions
 
+_LET_GO = "{}: let go of the key: a small pulse of force finds the direction of its motor"
+_LET_GO_ALL = "{}: let go of the keys: small pulses of force find the directions of their motors"
 _STIFFEST = 1e6  # [N/m] of a led key: it yields 20 µm to the greatest force
 
 
@@ -107,42 +109,83 @@ def _led_key(key: Key) -> LedKey:
     return LedKey(travel, min(stiffness, _STIFFEST), float(struck.fields.get("rest") or 0.0))
 
 
-def calibrated_board(board: Board, unchecked: bool, report: Report) -> Board:
-    """The device with the calibration of its axes; a motor of unknown direction is tried.
+def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) -> list[Board]:
+    """The devices with the calibrations of their axes; motors of unknown direction are tried.
 
-    A motor that is wired the other way round pushes a key away from where it should hold it.
+    A motor that is wired the other way round pushes a key away from where it should hold it. All
+    are tried at the same time; an axis that does not move as it should is tried alone afterwards,
+    for another one may have moved it.
     """
     from ergon import _core
     from ergon.live.boards import BoardError
     from ergon.live.calibration import known_axes, own_axes
 
     try:
-        calibrations = known_axes(board.url)
-        sure = own_axes(board.url)
-        for number, player in board.axes:
-            if board.has_motor and not unchecked and number not in sure:
-                _try(board, number, player, calibrations, report)
+        calibrations = [known_axes(board.url) for board in boards]
+        unsure = [
+            [axis for axis in board.axes if axis[0] not in own_axes(board.url)]
+            if board.has_motor and not unchecked
+            else []
+            for board in boards
+        ]
+        players = [player for axes in unsure for _, player in axes]
+        if players:
+            request = _LET_GO if len(players) == 1 else _LET_GO_ALL
+            report.say(request.format(", ".join(players)))
+        trials = _tried_together(boards, unsure, calibrations)
+        for board, axes, known, moved in zip(boards, unsure, calibrations, trials, strict=True):
+            for number, player in axes:
+                _try(board, number, player, known, moved.get(number), report)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
-    return replace(board, calibrations=calibrations)
+    pairs = zip(boards, calibrations, strict=True)
+    return [replace(board, calibrations=known) for board, known in pairs]
+
+
+def _tried_together(
+    boards: Sequence[Board],
+    unsure: Sequence[Sequence[tuple[int, str]]],
+    calibrations: Sequence[dict[int, Axis]],
+) -> list[dict[int, Axis]]:
+    """The axes of each device that move as they should when all are pushed at the same time.
+
+    The axes of an arm move each other, so each is tried alone.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    from ergon.live.calibration import axes_as_known
+
+    def trial(index: int) -> dict[int, Axis]:
+        numbers = [number for number, _ in unsure[index]]
+        if not numbers or boards[index].kind == "haply":
+            return {}
+        known = calibrations[index]
+        return axes_as_known(boards[index].url, {number: known.get(number) for number in numbers})
+
+    if sum(map(len, unsure)) < 2:
+        return [{} for _ in boards]
+    with ThreadPoolExecutor(len(boards)) as pool:
+        return list(pool.map(trial, range(len(boards))))
 
 
 def _try(
-    board: Board, number: int, player: str, calibrations: dict[int, Axis], report: Report
+    board: Board,
+    number: int,
+    player: str,
+    calibrations: dict[int, Axis],
+    axis: Axis | None,
+    report: Report,
 ) -> None:
-    """Push an axis a little, and put its direction into `calibrations`."""
+    """Put the direction of an axis into `calibrations`; push it a little unless `axis` is known."""
     from ergon import _core
     from ergon.live.calibration import axis_key, find_direction, store_axis
 
     before = calibrations.get(number)
     sign = 1 if before is None else before.sign
-    report.say(
-        f"{player}: let go of the key: a small pulse of force finds the direction of its motor"
-    )
     try:
-        axis = find_direction(board.url, number, before)
+        axis = axis or find_direction(board.url, number, before)
         if board.is_emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
             axis = find_direction(board.url, number, before)
     except _core.UnsureError as error:

@@ -19,7 +19,7 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .fold import fold_of
 from .gain import gain_of
-from .hands import boards_of, calibrated_board, driven_players, led_hands
+from .hands import boards_of, calibrated_boards, driven_players, led_hands
 from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
@@ -69,7 +69,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     driven = driven_players(piece, options, boards)
     real = {player: None for board in boards for _, player in board.axes}
     folder, frozen = _frozen(version, first.frozen, real, options, report)
-    boards = [calibrated_board(board, options.unchecked, report) for board in boards]
+    boards = calibrated_boards(boards, options.unchecked, report)
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, first.heard, frozen, report)
     ports = midi_ports(options, report)

@@ -19,7 +19,7 @@ from .fold import fold_of
 from .gain import gain_of
 from .hands import (
     boards_of,
-    calibrated_board,
+    calibrated_boards,
     driven_players,
     guide_stiffnesses,
     led_hands,
@@ -76,7 +76,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
     if options.frozen is not None:
         frozen = freeze.read(written, Path(options.frozen), options.seed, report)
         freeze.are_free(piece, frozen, real)
-    boards = [calibrated_board(board, options.unchecked, report) for board in boards]
+    boards = calibrated_boards(boards, options.unchecked, report)
     stage = scores.stage_piece(
         loaded,
         options,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -174,6 +175,21 @@ def find_direction(url: str, number: int, before: Axis | None = None) -> Axis:
     device = _core.Device(url)
     try:
         return uncalibrated_axis(device, -before.sign)
+    finally:
+        device.close()
+
+
+def axes_as_known(url: str, before: Mapping[int, Axis | None]) -> dict[int, Axis]:
+    """Of the axes `before`, pushed together by small forces, those that move as they should.
+
+    An axis without a calibration is then as the device describes it. Raises EngineError.
+    """
+    known = {number: axis for number, axis in before.items() if axis is not None}
+    device = _core.Device(url, [axis.for_core(number) for number, axis in known.items()])
+    try:
+        signs = zip(before, device.directions(list(before), 1e-3), strict=True)
+        moved = [number for number, sign in signs if sign == 1.0]
+        return {number: known.get(number) or uncalibrated_axis(device, 1) for number in moved}
     finally:
         device.close()
 

@@ -66,6 +66,26 @@ def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tupl
     assert (policy["fifo"] is None) == bool(policy["todo"])
 
 
+def test_doctor_with_ticks_up_to_the_audio_rate(capsys: Capture):
+    """In lockstep every reply comes before the next tick begins, however short it is."""
+    with emulated("frame", "--udp", "0", "--lockstep") as url:
+        asked = ["doctor", "--ticks", "--seconds", "0.2", "--json", "--device", url]
+        assert app.run(asked) == 0
+    rows = records(capsys)
+    assert [r["event"] for r in rows] == ["tick"] * 6 + ["shortest"]
+    for row, frames in zip(rows, (44, 22, 11, 5, 2, 1), strict=False):
+        assert row["tick_hz"] == pytest.approx(44100 / frames)
+        assert row["asked"] == math.ceil(0.2 * 44100 / frames)
+        assert row["felt_p50_s"] > frames / 44100
+        assert row["felt_p99_s"] >= row["felt_p50_s"]
+        assert row["load"] > 0.0
+        few_late = max(row["late_ticks"], row["late_replies"]) <= 1e-3 * row["asked"]
+        assert row["fits"] is few_late
+    fitting = [row["tick_hz"] for row in rows[:-1] if row["fits"]]
+    assert rows[-1]["tick_hz"] == (fitting[-1] if fitting else None)
+    assert app.run(["doctor", "--ticks"]) == 2
+
+
 def test_doctor_goes_on_without_what_is_missing(capsys: Capture):
     asked = ["doctor", "--audio", "null", "--seconds", "0.1"]
     assert app.run([*asked, "--device", "frame:/dev/nowhere", "--device", "emul:"]) == 3

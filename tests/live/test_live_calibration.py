@@ -9,7 +9,10 @@ import pytest
 from boards import Board, emulated
 
 from ergon import _core
+from ergon.api.errors import OptionError
+from ergon.api.hands import calibrated_boards
 from ergon.cli import app
+from ergon.common.report import Report
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path, device_urls
 from ergon.live.calibration import Axis, axis_key, known_axes, own_axes, store_axis
@@ -194,6 +197,19 @@ def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
     assert app.run(["devices", "calibrate", "nobody"]) == 2
 
 
+class Said(Report):
+    """A report that keeps its sentences."""
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def say(self, sentence: str) -> None:
+        self.sentences.append(sentence)
+
+    def warn(self, sentence: str, **_: object) -> None:
+        self.sentences.append(sentence)
+
+
 SCORE = """\
 ergon: 1
 keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
@@ -237,6 +253,22 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
         output = capsys.readouterr().err
         assert "remi: the axis did not move" in output
         assert "--unchecked" in output
+
+
+def test_directions_of_twelve_keys_at_once(config: Path):
+    """One request for all; a key whose calibration is wrong is tried alone, and refused by name."""
+    report = Said()
+    with emulated("frame", "--udp", "0", "--lockstep", "--axes", "12") as url:
+        players = {f"p{number}": f"{url}#{number}" for number in range(12)}
+        twelve = boards.boards(players, {})
+        calibrated_boards(twelve, False, report)
+        (asked,) = report.sentences
+        assert asked.startswith("p0, p1, p2")
+        assert "let go of the keys: small pulses" in asked
+        store_axis(url, 4, Axis(-1, 0.0, 1.0, (-0.05, 0.05), 20.0))
+        with pytest.raises(OptionError, match="the motor pushes the wrong way") as refused:
+            calibrated_boards(twelve, False, report)
+    assert refused.value.value == "p4"
 
 
 def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):

@@ -223,15 +223,21 @@ impl Device {
 
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
     fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
-        self.check_axis(axis)?;
-        let pulse = Pulse::from_spec(&self.spec);
-        self.with(py, |own, stop| {
-            calibrate::direction(own, axis, pulse, period, stop)
-        })?
-        .map_err(|unsure| match unsure {
-            DirectionError::Gone(gone) => plain_error(gone),
-            unsure => with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())),
+        let signs = self.signs(py, &[axis], period)?;
+        signs[0].map_err(|unsure| {
+            with_attributes(UnsureError::new_err(unsure.to_string()), None, |_| Ok(()))
         })
+    }
+
+    /// The signs of axes, found by small forces at the same time; none of an axis that did not move both ways.
+    fn directions(
+        &self,
+        py: Python<'_>,
+        axes: Vec<usize>,
+        period: f64,
+    ) -> PyResult<Vec<Option<f64>>> {
+        let signs = self.signs(py, &axes, period)?;
+        Ok(signs.into_iter().map(Result::ok).collect())
     }
 
     /// Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2) [m or rad].
@@ -294,6 +300,22 @@ impl Device {
                 "axis {axis} does not exist: the device has {n}, counted from 0"
             )))
         }
+    }
+
+    fn signs(
+        &self,
+        py: Python<'_>,
+        axes: &[usize],
+        period: f64,
+    ) -> PyResult<Vec<Result<f64, DirectionError>>> {
+        for &axis in axes {
+            self.check_axis(axis)?;
+        }
+        let pulse = Pulse::from_spec(&self.spec);
+        self.with(py, |own, stop| {
+            calibrate::directions(own, axes, pulse, period, stop)
+        })?
+        .map_err(plain_error)
     }
 
     pub(crate) fn with<T: Send>(

@@ -275,7 +275,9 @@ impl Measurement {
 /// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
     let measure_fault =
-        |&fault| (Emulator::ALL.iter()).map(move |&emulator| experiment::measure(fault, emulator));
+        |&fault| (Emulator::ALL.iter()).map(move |&emulator| {
+            experiment::measure(experiment::Ask::Guide, fault, emulator)
+        });
     Fault::ALL.iter().flat_map(measure_fault).collect()
 }
 

@@ -2,7 +2,7 @@
 //! applied to every exchange.
 //!
 //! A common fault is a motor with reversed polarity: every force then pushes the key further away. Therefore
-//! [`direction`] is measured before a device plays for the first time.
+//! [`directions`] are measured before a device plays for the first time.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -185,23 +185,21 @@ pub enum DirectionError {
     /// The axis moved the same way both times.
     #[error("the axis moved the same way for both directions of the force: do not hold the key")]
     OneWay,
-    /// The device went away.
-    #[error(transparent)]
-    Gone(#[from] Gone),
 }
 
-/// The direction in which a positive force moves an axis: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s];
-/// once `stop` is set, the device counts as closed.
+/// The directions in which positive forces move `axes`: 1 or -1 each, for [`Axis::sign`]. All axes are pushed at the same
+/// time, so that they take no longer than one. Exchanges every `period` [s]; once `stop` is set, the device counts as
+/// closed.
 ///
 /// # Errors
-/// [`DirectionError`] if the axis does not move both ways.
-pub fn direction<D: Device>(
+/// [`Gone`] when the device goes away; for an axis [`DirectionError`] if it does not move both ways.
+pub fn directions<D: Device>(
     device: &mut D,
-    axis: usize,
+    axes: &[usize],
     pulse: Pulse,
     period: f64,
     stop: &AtomicBool,
-) -> Result<f64, DirectionError> {
+) -> Result<Vec<Result<f64, DirectionError>>, Gone> {
     let limits = Limits {
         force: pulse.force,
         ramp: 0.0,
@@ -209,28 +207,39 @@ pub fn direction<D: Device>(
     };
     let step = 3.0 * device.spec().pos_lsb;
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
-    tick_loop.wait_for_rest(axis, pulse.length)?;
-    let mut moved = [0.0; 2];
+    tick_loop.wait_for_rest(axes, pulse.length)?;
+    let mut moved = [[0.0; MAX_AXES]; 2];
     for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {
-        let start = tick_loop.sample.position[axis];
+        let start = tick_loop.sample.position;
         let ticks = tick_loop.ticks(pulse.length);
+        let mut pushes = [false; MAX_AXES];
+        axes.iter().for_each(|&axis| pushes[axis] = true);
         for tick in 1..=ticks {
-            tick_loop.tick(axis, side * pulse.force * (tick as f64 / ticks as f64))?;
-            *moved = tick_loop.sample.position[axis] - start;
-            if moved.abs() >= pulse.stop_distance {
+            let force = side * pulse.force * (tick as f64 / ticks as f64);
+            tick_loop.tick(&pushes.map(|pushes| if pushes { force } else { 0.0 }))?;
+            for &axis in axes.iter().filter(|&&axis| pushes[axis]) {
+                moved[axis] = tick_loop.sample.position[axis] - start[axis];
+            }
+            for (pushes, moved) in pushes.iter_mut().zip(&*moved) {
+                *pushes &= moved.abs() < pulse.stop_distance;
+            }
+            if pushes == [false; MAX_AXES] {
                 break;
             }
         }
-        tick_loop.wait_for_rest(axis, pulse.length)?;
+        tick_loop.wait_for_rest(axes, pulse.length)?;
     }
-    let [there, back] = moved;
-    if there.abs() <= step || back.abs() <= step {
-        return Err(DirectionError::Still);
-    }
-    if there * back > 0.0 {
-        return Err(DirectionError::OneWay);
-    }
-    Ok(there.signum())
+    let sign = |&axis: &usize| {
+        let [there, back] = moved.map(|moved| moved[axis]);
+        if there.abs() <= step || back.abs() <= step {
+            return Err(DirectionError::Still);
+        }
+        if there * back > 0.0 {
+            return Err(DirectionError::OneWay);
+        }
+        Ok(there.signum())
+    };
+    Ok(axes.iter().map(sign).collect())
 }
 
 /// Least and greatest position of every axis during `length` [s], while a player moves it and no force acts.
@@ -247,7 +256,7 @@ pub fn travel_ends<D: Device>(
     let mut tick_loop = TickLoop::new(Guarded::new(device, limits, period), period, stop);
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
     for _ in 0..tick_loop.ticks(length).max(1) {
-        tick_loop.tick(0, 0.0)?;
+        tick_loop.tick(&[0.0; MAX_AXES])?;
         for (ends, x) in ends.iter_mut().zip(tick_loop.sample.position) {
             *ends = [ends[0].min(x), ends[1].max(x)];
         }
@@ -279,13 +288,11 @@ impl<'a, D: Device> TickLoop<'a, D> {
         (length / self.period).ceil() as usize
     }
 
-    fn tick(&mut self, axis: usize, force: f64) -> Result<(), Gone> {
+    fn tick(&mut self, forces: &[f64; MAX_AXES]) -> Result<(), Gone> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(Gone::Closed);
         }
-        let mut forces = [0.0; MAX_AXES];
-        forces[axis] = force;
-        self.guarded.send(&forces)?;
+        self.guarded.send(forces)?;
         self.next += Duration::from_secs_f64(self.period);
         self.guarded.receive(&mut self.sample, self.next)?;
         // A device in lockstep answers at once and needs no waiting.
@@ -295,15 +302,16 @@ impl<'a, D: Device> TickLoop<'a, D> {
         Ok(())
     }
 
-    /// Send no force until the axis stands still, for at least `length` [s] and at most eight times that.
-    fn wait_for_rest(&mut self, axis: usize, length: f64) -> Result<(), Gone> {
+    /// Send no force until the axes stand still, for at least `length` [s] and at most eight times that.
+    fn wait_for_rest(&mut self, axes: &[usize], length: f64) -> Result<(), Gone> {
         let still = self.guarded.spec().pos_lsb.max(1e-6);
         for _ in 0..8 {
-            let start = self.sample.position[axis];
+            let start = self.sample.position;
             for _ in 0..self.ticks(length) {
-                self.tick(axis, 0.0)?;
+                self.tick(&[0.0; MAX_AXES])?;
             }
-            if (self.sample.position[axis] - start).abs() <= still {
+            let position = self.sample.position;
+            if (axes.iter()).all(|&axis| (position[axis] - start[axis]).abs() <= still) {
                 break;
             }
         }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::line::{Defect, Defective, HaplyHost, Shared};
 use super::world::{Trouble, World};
 use super::{BOARD_STALL, Emulator, Fault, HOST_STALL, Measurement, Outcome, PERIOD};
-use crate::device::calibrate::{Pulse, direction};
+use crate::device::calibrate::{Pulse, directions};
 use crate::device::{self, Device, DeviceError, Emulated, Gone, Sample, Spec};
 use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
 use crate::safety::{Guarded, Limits};
@@ -34,6 +34,9 @@ const DRIFT: f64 = 5e-4;
 /// A weak motor moves the key less.
 const REPORTED_TRAVEL: f64 = 0.08;
 const REPORTED_TRAVEL_WEAK: f64 = 0.04;
+/// Amplitude and rate of the path along which a written part drives the key [m, Hz].
+const DRIVEN_SWING: f64 = 6e-3;
+const DRIVEN_RATE: f64 = 3.0;
 /// Amplitude with which the piece leads the key to and fro, once a second [m].
 const SWING: f64 = 6e-3;
 
@@ -45,6 +48,8 @@ pub(super) enum Ask {
     Wall(f64),
     /// A spring towards a point that moves to and fro.
     Guide,
+    /// The force of a written part that drives the key along a path, by its measured model, and a weak spring.
+    Drive,
     Force(f64),
 }
 
@@ -85,6 +90,10 @@ impl Host {
                 let seconds = self.shared.world().now().as_secs_f64();
                 self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
             }
+            Ask::Drive => {
+                let seconds = self.shared.world().now().as_secs_f64();
+                written_force(seconds, self.sample.position[0])
+            }
             Ask::Force(force) => force,
             #[cfg(test)]
             Ask::Wall(stiffness) => -stiffness * self.sample.position[0],
@@ -107,8 +116,24 @@ fn wave(seconds: f64) -> f64 {
     -4.0 * phase * (1.0 - phase.abs())
 }
 
-/// Make a fault on a device, and measure its effect.
-pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
+/// The force that drives the emulated key along its path, and the spring that brings it back if it is at `x` [m].
+pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
+    const STEP: f64 = 1e-3;
+    let key = Key::default();
+    let [before, now, after] =
+        [-STEP, 0.0, STEP].map(|by| DRIVEN_SWING * wave(DRIVEN_RATE * (seconds + by).max(0.0)));
+    let acceleration = (after - 2.0 * now + before) / (STEP * STEP);
+    let speed = (after - before) / (2.0 * STEP);
+    let return_rate = std::f64::consts::TAU;
+    key.mass * (acceleration + return_rate * return_rate * (now - x)) + key.damping * speed
+}
+
+/// Make a fault on a device while a piece asks for forces, and measure its effect.
+pub(super) fn measure(
+    ask: Ask,
+    fault: Fault,
+    emulator: Emulator,
+) -> Result<Measurement, DeviceError> {
     let measurement = |outcome, greatest, rise| Measurement {
         fault,
         emulator,
@@ -120,7 +145,10 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
     if let Some(why) = fault.excluded(emulator) {
         return Ok(measurement(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
     }
-    let (mut device, shared) = open_device(emulator)?;
+    let (mut device, shared) = match ask {
+        Ask::Drive => held_device(emulator, |axes| vec![Hand::Resting; axes])?,
+        _ => held_device(emulator, hands)?,
+    };
     let spec = device.spec().clone();
     let peak_max = spec.force_max_peak;
     let allowed = |spec: &Spec| Limits::from_spec(spec).slew + 2.0 * spec.force_lsb;
@@ -143,7 +171,7 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
     let since = if fault == Fault::Uncalibrated {
         test_direction(device, &shared)
     } else {
-        run_fault(fault, device, &shared)
+        run_fault(ask, fault, device, &shared)
     };
     let motor = shared.world().motor;
     let ended = if fault.persists() {
@@ -174,8 +202,9 @@ pub(super) fn measure(fault: Fault, emulator: Emulator) -> Result<Measurement, D
 }
 
 /// Play until the fault begins, then watch; returns when it began.
-fn run_fault(fault: Fault, device: Defective, shared: &Shared) -> Duration {
+fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Duration {
     let mut host = Host::new(device, shared.clone());
+    host.ask = ask;
     let _ = host.run(ONSET);
     let since = {
         let mut world = shared.world();
@@ -249,15 +278,10 @@ fn test_direction(mut device: Defective, shared: &Shared) -> Duration {
     let since = shared.world().now();
     shared.world().begin_record();
     let go = AtomicBool::new(false);
-    let _ = direction(&mut device, 0, pulse, PERIOD.as_secs_f64(), &go);
+    let _ = directions(&mut device, &[0], pulse, PERIOD.as_secs_f64(), &go);
     device.ticks = None;
     shared.world().advance(PERIOD);
     since
-}
-
-/// A device with a hand on its first axis, opened by its own driver.
-fn open_device(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
-    held_device(emulator, hands)
 }
 
 /// A device with these hands on its axes, opened by its own driver.

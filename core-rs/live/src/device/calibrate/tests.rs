@@ -22,27 +22,31 @@ fn odd(device: Emulated) -> Calibrated<Emulated> {
     Calibrated::new(device, vec![axis])
 }
 
+fn direction<D: Device>(device: &mut D) -> Result<f64, DirectionError> {
+    let pulse = Pulse::from_spec(device.spec());
+    directions(device, &[0], pulse, PERIOD, &GO).unwrap()[0]
+}
+
 #[test]
 fn a_pulse_tells_the_direction() {
     let mut straight = device(Hand::Resting);
-    let pulse = Pulse::from_spec(straight.spec());
-    assert_eq!(direction(&mut straight, 0, pulse, PERIOD, &GO), Ok(1.0));
+    assert_eq!(direction(&mut straight), Ok(1.0));
     let mut wired = odd(device(Hand::Resting));
-    assert_eq!(direction(&mut wired, 0, pulse, PERIOD, &GO), Ok(-1.0));
+    assert_eq!(direction(&mut wired), Ok(-1.0));
     // The calibration that was found corrects the device.
     let result = Axis {
         sign: -1.0,
         ..Axis::plain(wired.spec())
     };
     let mut right = Calibrated::new(wired, vec![result]);
-    assert_eq!(direction(&mut right, 0, pulse, PERIOD, &GO), Ok(1.0));
+    assert_eq!(direction(&mut right), Ok(1.0));
 }
 
 #[test]
 fn a_pulse_is_small() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::from_spec(straight.spec());
-    direction(&mut straight, 0, pulse, PERIOD, &GO).unwrap();
+    directions(&mut straight, &[0], pulse, PERIOD, &GO).unwrap();
     let range = travel_ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
     assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
@@ -65,8 +69,8 @@ fn an_axis_that_is_held_is_not_guessed() {
     let mut coarse = Calibrated::new(&mut held, vec![]);
     coarse.spec.pos_lsb = 1e-3;
     assert_eq!(
-        direction(&mut coarse, 0, pulse, PERIOD, &GO),
-        Err(DirectionError::Still)
+        directions(&mut coarse, &[0], pulse, PERIOD, &GO),
+        Ok(vec![Err(DirectionError::Still)])
     );
 }
 
@@ -95,4 +99,65 @@ fn ends_give_zero_and_gain() {
         sample.position[0]
     );
     assert!((right.spec().pos_range[1] - 0.04).abs() < 1e-12);
+}
+
+/// A device that counts the ticks in which it is asked.
+struct Counted<D>(D, usize);
+
+impl<D: Device> Device for Counted<D> {
+    fn spec(&self) -> &Spec {
+        self.0.spec()
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.1 += 1;
+        self.0.send(force)
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        self.0.receive(into, deadline)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.0.in_lockstep()
+    }
+
+    fn zero(&mut self) {
+        self.0.zero();
+    }
+
+    fn stats(&self) -> Stats {
+        self.0.stats()
+    }
+}
+
+/// Twelve keys, the third held by a hand and the fifth with a reversed motor, take no longer than one: below 5 s.
+#[test]
+fn directions_of_twelve_axes_together() {
+    const AXES: usize = 12;
+    let key = Key::default();
+    let mut hands = vec![Hand::Resting; AXES];
+    hands[2] = Hand::OnPath {
+        path: vec![0.0; 100_000],
+        stiffness: 5e4,
+        damping: 20.0,
+    };
+    let keys = Keys::new(AXES, key, 1.0 / PERIOD, hands).unwrap();
+    let emulated = Emulated::new(keys, key);
+    let mut axes = vec![Axis::plain(emulated.spec()); AXES];
+    axes[4].sign = -1.0;
+    let mut counted = Counted(Calibrated::new(emulated, axes), 0);
+    counted.0.spec.pos_lsb = 1e-4;
+    let pulse = Pulse::from_spec(counted.spec());
+    let every: Vec<usize> = (0..AXES).collect();
+    let signs = directions(&mut counted, &every, pulse, PERIOD, &GO).unwrap();
+    for (axis, sign) in signs.into_iter().enumerate() {
+        let expected = match axis {
+            2 => Err(DirectionError::Still),
+            4 => Ok(-1.0),
+            _ => Ok(1.0),
+        };
+        assert_eq!(sign, expected, "axis {axis}");
+    }
+    assert!(counted.1 as f64 * PERIOD < 5.0, "{} ticks", counted.1);
 }

@@ -1,0 +1,85 @@
+"""How short a tick a device and this machine bear, and what a shorter one costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from .fitness import Finding, duration_text, quantile
+
+if TYPE_CHECKING:
+    from ergon._core import Checkup
+
+_AUDIO_RATE = 44100
+# Frames in a tick: from the usual 1 kHz to one tick for each frame of the sound.
+TICK_FRAMES = (44, 22, 11, 5, 2, 1)
+_LATE_SHARE = 0.5  # of its length: a tick or a reply that comes later than this is late
+_LATE_MAX = 1e-3  # of all ticks and replies
+
+
+def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
+    """A finding for each length of a tick, each measured for `seconds` [s]; then one that advises.
+
+    The device gets no force. Raises EngineError where it is not there.
+    """
+    best = None
+    for frames in TICK_FRAMES:
+        rate = _AUDIO_RATE / frames
+        device = _core.Device(url)
+        try:
+            before = time.process_time()
+            checkup = device.checkup(seconds, 1.0 / rate)
+            busy = time.process_time() - before
+        finally:
+            device.close()
+        finding = _tick_finding(url, rate, checkup, busy)
+        if finding.numbers["fits"]:
+            best = rate, finding
+        yield finding
+    yield _advice(url, best)
+
+
+def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Finding:
+    """What ticks of `rate` [Hz] cost; `busy` [s] is the processor's time for all of them."""
+    period, trips = 1.0 / rate, checkup.round_trips()
+    asked = len(trips) + checkup.unanswered
+    late = int((checkup.lateness() > _LATE_SHARE * period).sum())
+    slow = int((trips > _LATE_SHARE * period).sum()) + checkup.unanswered
+    load = busy / checkup.seconds if checkup.seconds else 0.0
+    usual, mostly = (period + quantile(trips, part) for part in (0.5, 0.99))
+    fits = asked > 0 and max(late, slow) <= _LATE_MAX * asked
+    sentence = (
+        f"{url}: {rate:,.0f} Hz: {duration_text(usual)} from a position to its force, p99 "
+        f"{duration_text(mostly)}; {100 * load:.0f}% of a processor; {late:,} ticks and {slow:,} "
+        f"replies late of {asked:,}"
+    )
+    numbers = {
+        "url": url,
+        "tick_hz": rate,
+        "asked": asked,
+        "late_ticks": late,
+        "late_replies": slow,
+        "load": load,
+        "felt_p50_s": usual,
+        "felt_p99_s": mostly,
+        "fits": fits,
+    }
+    return Finding("tick", sentence, "", numbers)
+
+
+def _advice(url: str, best: tuple[float, Finding] | None) -> Finding:
+    """The shortest tick of which at most one in a thousand is late."""
+    if best is None:
+        sentence = f"{url}: more than one tick in 1,000 is late with every length of a tick"
+        todo = "close other programs, or try another cable or port; `tick: 500Hz` gives more time"
+        return Finding("shortest", sentence, todo, {"url": url, "tick_hz": None})
+    rate, finding = best
+    sentence = (
+        f"{url}: `tick: {rate:.0f}Hz` of a player is the shortest that holds: a force comes "
+        f"{duration_text(float(str(finding.numbers['felt_p50_s'])))} after its position, and takes "
+        f"{100 * float(str(finding.numbers['load'])):.0f}% of a processor beside the piece"
+    )
+    return Finding("shortest", sentence, "", {"url": url, "tick_hz": rate})
