@@ -100,6 +100,8 @@ pub struct Measurement {
     pub greatest: [f64; 2],
     /// Fastest growth of the force from the fault on, and the fastest that is allowed [N/ms].
     pub rise: [f64; 2],
+    /// The most that the motor of a board has done on its key by any moment [J]; zero for a key in the host's process.
+    pub work: f64,
 }
 
 impl Fault {
@@ -274,10 +276,11 @@ impl Measurement {
 /// # Errors
 /// [`DeviceError`] if an emulator does not answer its own driver.
 pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
-    let measure_fault =
-        |&fault| (Emulator::ALL.iter()).map(move |&emulator| {
-            experiment::measure(experiment::Ask::Guide, fault, emulator)
-        });
+    let measure_fault = |&fault| {
+        (Emulator::ALL.iter()).map(move |&emulator| {
+            experiment::measure(experiment::Ask::Guide, true, fault, emulator)
+        })
+    };
     Fault::ALL.iter().flat_map(measure_fault).collect()
 }
 

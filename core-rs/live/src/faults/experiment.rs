@@ -121,16 +121,17 @@ pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     const STEP: f64 = 1e-3;
     let key = Key::default();
     let [before, now, after] =
-        [-STEP, 0.0, STEP].map(|by| DRIVEN_SWING * wave(DRIVEN_RATE * (seconds + by).max(0.0)));
+        [-STEP, 0.0, STEP].map(|by| DRIVEN_SWING * wave(DRIVEN_RATE * (seconds + by)));
     let acceleration = (after - 2.0 * now + before) / (STEP * STEP);
     let speed = (after - before) / (2.0 * STEP);
     let return_rate = std::f64::consts::TAU;
     key.mass * (acceleration + return_rate * return_rate * (now - x)) + key.damping * speed
 }
 
-/// Make a fault on a device while a piece asks for forces, and measure its effect.
+/// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
 pub(super) fn measure(
     ask: Ask,
+    is_held: bool,
     fault: Fault,
     emulator: Emulator,
 ) -> Result<Measurement, DeviceError> {
@@ -141,13 +142,15 @@ pub(super) fn measure(
         bound: fault.bound(emulator),
         greatest,
         rise,
+        work: 0.0,
     };
     if let Some(why) = fault.excluded(emulator) {
         return Ok(measurement(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
     }
-    let (mut device, shared) = match ask {
-        Ask::Drive => held_device(emulator, |axes| vec![Hand::Resting; axes])?,
-        _ => held_device(emulator, hands)?,
+    let (mut device, shared) = if is_held {
+        held_device(emulator, hands)?
+    } else {
+        held_device(emulator, |axes| vec![Hand::Resting; axes])?
     };
     let spec = device.spec().clone();
     let peak_max = spec.force_max_peak;
@@ -194,11 +197,12 @@ pub(super) fn measure(
         _ => 1.0,
     };
     let peak_max = part * (peak_max + spec.force_lsb);
-    Ok(measurement(
-        outcome,
-        [motor.greatest, peak_max],
-        [motor.rise, allowed(&spec)],
-    ))
+    let rise = [motor.rise, allowed(&spec)];
+    let [_, work] = shared.world().work;
+    Ok(Measurement {
+        work,
+        ..measurement(outcome, [motor.greatest, peak_max], rise)
+    })
 }
 
 /// Play until the fault begins, then watch; returns when it began.

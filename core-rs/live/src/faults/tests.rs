@@ -70,25 +70,42 @@ fn work_of_a_spring_through_jitter_and_loss() {
     }
 }
 
-/// The greatest force of the written part itself while the key is on its path, and the spring's within the travel [N].
+/// The greatest force of the written part while the key is on its path or at rest [N].
 fn written_peak() -> f64 {
     let part = (0..1000).map(|n| written_force(f64::from(n) * 1e-3, 0.0).abs());
     part.fold(0.0, f64::max)
 }
 
-/// Every fault once more while a written part drives the key, which nobody holds: no force above the device's greatest or
-/// that grows faster than allowed, and zero in time. Where a fault is not found, for the force is too small to tell, it
-/// stays that of the part.
+/// Every fault once more while a written part drives the key, held by a hand and by nobody: no force above the device's
+/// greatest or that grows faster than allowed, no more work than the stage of passivity allows. The force is zero in the
+/// time of the table or within 0.65 s, or it stays that of the part, a few tenths of a newton, or it has done less than
+/// 50 mJ: so little tells no rule which fault it is.
 #[test]
 fn faults_under_a_driven_key() {
-    let mut left = Vec::new();
-    for &fault in Fault::ALL {
+    let part = 1.1 * written_peak();
+    assert!(part < 0.3, "{part} N");
+    for (is_held, &fault) in [true, false]
+        .iter()
+        .flat_map(|held| Fault::ALL.iter().map(move |fault| (*held, fault)))
+    {
         for &emulator in Emulator::ALL {
-            let result = experiment::measure(Ask::Drive, fault, emulator).unwrap();
-            println!("{fault:?} {} {:?} {:?} {:?} {:?}", emulator.name(), result.outcome, result.bound, result.greatest, result.rise);
-            if result.exceeds() { left.push((fault, emulator.name(), result.greatest[0])); }
+            let result = experiment::measure(Ask::Drive, is_held, fault, emulator).unwrap();
+            let [force, greatest] = result.greatest;
+            assert!(force <= greatest * (1.0 + 1e-12), "{is_held} {result:?}");
+            // 1 J at once, and 0.5 W in less than 6 s.
+            assert!(result.work <= 1.0 + 0.5 * 6.0, "{is_held} {result:?}");
+            if result.bound.is_err() {
+                continue;
+            }
+            let [rise, slew] = result.rise;
+            assert!(rise <= slew * (1.0 + 1e-12), "{is_held} {result:?}");
+            let is_soon = matches!(result.outcome, Outcome::Zero(after) if after < 0.65);
+            let is_board = emulator != Emulator::InProcess;
+            let is_weak = force <= part || (is_board && result.work < 0.05);
+            assert!(
+                !result.exceeds() || is_soon || is_weak,
+                "{is_held} {result:?}"
+            );
         }
     }
-    println!("{} {left:#?}", written_peak());
-    panic!();
 }
