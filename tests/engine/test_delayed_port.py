@@ -80,11 +80,11 @@ def test_key_and_bell_by_the_delay_equation(delay: float):
     for i in range(N):
         path[i] = simulation.positions()[[mats["k", ""], mats["bell", "m"]]]
         simulation.process(out)
-    exact, at_once = motion(delay), motion(0.0)
+    exact, undelayed = motion(delay), motion(0.0)
     for point in (0, 1):
         size = np.std(exact[:, point])
         error = np.std(path[:, point] - exact[:, point]) / size
-        apart = np.std(at_once[:, point] - exact[:, point]) / size
+        apart = np.std(undelayed[:, point] - exact[:, point]) / size
         assert error < 2e-3 < 0.05 < apart, (point, error, apart)
 
 

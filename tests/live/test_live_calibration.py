@@ -197,7 +197,7 @@ def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
     assert app.run(["devices", "calibrate", "nobody"]) == 2
 
 
-class Said(Report):
+class Sentences(Report):
     """A report that keeps its sentences."""
 
     def __init__(self) -> None:
@@ -257,7 +257,7 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
 
 def test_directions_of_twelve_keys_at_once(config: Path):
     """One request for all; a key whose calibration is wrong is tried alone, and refused by name."""
-    report = Said()
+    report = Sentences()
     with emulated("frame", "--udp", "0", "--lockstep", "--axes", "12") as url:
         players = {f"p{number}": f"{url}#{number}" for number in range(12)}
         twelve = boards.boards(players, {})

@@ -38,7 +38,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     // A port moves with its key.
     timeline
         .ports()
-        .for_each(|(port, key)| _ = forest.join(port, key));
+        .for_each(|(port, key)| forest.join(port, key));
     // A written hand keeps a free copy of its key with all modules of the key's part, so these belong to one island.
     for key in &timeline.keys {
         let part = network.mats().part[key.struck];
