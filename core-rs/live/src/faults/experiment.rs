@@ -35,7 +35,9 @@ const DRIFT: f64 = 5e-4;
 const REPORTED_TRAVEL: f64 = 0.08;
 const REPORTED_TRAVEL_WEAK: f64 = 0.04;
 /// Amplitude and rate of the path along which a written part drives the key [m, Hz].
+#[cfg(test)]
 const DRIVEN_SWING: f64 = 6e-3;
+#[cfg(test)]
 const DRIVEN_RATE: f64 = 3.0;
 /// Amplitude with which the piece leads the key to and fro, once a second [m].
 const SWING: f64 = 6e-3;
@@ -49,6 +51,7 @@ pub(super) enum Ask {
     /// A spring towards a point that moves to and fro.
     Guide,
     /// The force of a written part that drives the key along a path, by its measured model, and a weak spring.
+    #[cfg(test)]
     Drive,
     Force(f64),
 }
@@ -90,6 +93,7 @@ impl Host {
                 let seconds = self.shared.world().now().as_secs_f64();
                 self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
             }
+            #[cfg(test)]
             Ask::Drive => {
                 let seconds = self.shared.world().now().as_secs_f64();
                 written_force(seconds, self.sample.position[0])
@@ -117,6 +121,7 @@ fn wave(seconds: f64) -> f64 {
 }
 
 /// The force that drives the emulated key along its path, and the spring that brings it back if it is at `x` [m].
+#[cfg(test)]
 pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
     const STEP: f64 = 1e-3;
     let key = Key::default();
