@@ -72,6 +72,8 @@ _README = """\
 
     ergon check score.yaml           names, units, times: every mistake with its place
     ergon render score.yaml          the sound, as score.wav
+    ergon play score.yaml            the sound, through the loudspeakers
+    ergon repl score.yaml            it keeps sounding while you type: try `play`, then `help`
     ergon render score.yaml --watch  again whenever you save
     ergon plot score.yaml knock      a gesture, asked and done
 

@@ -4,6 +4,7 @@ import ctypes
 import http.client
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -63,6 +64,18 @@ def test_a_file_is_served_until_ctrl_c() -> None:
         assert get(url.replace("?stage", "motion")) == (200, path.read_bytes())
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 130
+
+
+def test_view_of_a_bundled_piece_as_on_the_first_page() -> None:
+    readme = Path(__file__).parents[2] / "README.md"
+    [name] = re.findall(r"^ergon view ([\w-]+)  ", readme.read_text(encoding="utf-8"), re.MULTILINE)
+    with view(name) as (_, url):
+        status, page = get(url)
+        assert status == 200
+        assert b"main.js" in page
+        status, motion = get(url.partition("?")[0] + "motion")
+        assert (status, motion[:4]) == (200, b"ERGM")
+    assert list(Path().iterdir()) == []  # nothing is written here
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="signals to one thread")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from ergon.api.errors import OptionError
 from ergon.common.report import Report
@@ -16,7 +16,9 @@ from ergon.workshop.api.export import (
     mode_tables,
 )
 from ergon.workshop.api.export_csound import csound_orchestras
-from ergon.workshop.api.model import ImportedModel, ModelOptions, import_model
+
+if TYPE_CHECKING:
+    from ergon.workshop.api.model import ImportedModel, ModelOptions
 
 Format = Literal["modal", "faust", "mdl", "csound"]
 
@@ -55,4 +57,6 @@ def import_(
     Raises ModelError with the line at fault, DialectError if two dialects can read the model and
     it sounds different in each, OptionError, and OSError.
     """
+    from ergon.workshop.api.model import ModelOptions, import_model
+
     return import_model(path, options or ModelOptions(), beside=beside)
