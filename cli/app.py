@@ -14,6 +14,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.private import set_umask
 from ergon.common.terminal import clean
 
+from . import habits
 from .console import Console
 from .examples import EXAMPLES
 from .lazy import ROOT, LazyGroup, Table
@@ -163,7 +164,7 @@ def _outcome(arguments: list[str]) -> int:
     except Terminated as end:
         return 128 + end.number
     except click.ClickException as error:
-        error = _with_example(error)
+        error = _with_example(error, arguments)
         if console.json:
             console.outcome(Refused(error.format_message()))
         else:
@@ -183,14 +184,42 @@ def _outcome(arguments: list[str]) -> int:
         return outcome.exit_code
 
 
-def _with_example(error: click.ClickException) -> click.ClickException:
-    """The error, with an example of the command where an argument or an option is missing."""
+def _with_example(error: click.ClickException, arguments: list[str]) -> click.ClickException:
+    """The error, with what to write: an example of the command where an argument or an option is
+    missing, the form of an option without its value, what an option of other programs is here.
+    """
     if isinstance(error, click.MissingParameter) and error.ctx is not None:
         rows = EXAMPLES.get(error.ctx.command_path.removeprefix(f"{ROOT} "))
         if rows:
             sentence = error.format_message().rstrip(".")
             return click.UsageError(f"{sentence}; for example: {rows[0][0]}", error.ctx)
+    if isinstance(error, click.BadOptionUsage):
+        params = _command_of(arguments).params
+        option = next((param for param in params if error.option_name in param.opts), None)
+        if option is not None:
+            form = f"{error.option_name} {option.metavar or str(option.name).upper()}"
+            sentence = error.format_message().rstrip(".")
+            return click.UsageError(f"{sentence}; write {form}", error.ctx)
+    if isinstance(error, click.NoSuchOption) and error.ctx is not None:
+        names = (name for param in error.ctx.command.params for name in param.opts)
+        if advice := habits.option_instead(error.option_name, names):
+            return click.UsageError(f"No such option '{error.option_name}': {advice}.", error.ctx)
     return error
+
+
+def _command_of(arguments: list[str]) -> click.Command:
+    """The command that a line begins with; the group where it names none."""
+    command: click.Command = group
+    for word in arguments:
+        inner = (
+            command.get_command(click.Context(command), word)
+            if isinstance(command, click.Group)
+            else None
+        )
+        if inner is None:
+            break
+        command = inner
+    return command
 
 
 def invoke(arguments: list[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import sys
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from . import options
 from .bundled import is_pack
 from .console import Console, plural
 from .outcome import Findings, Refused
+
+# Instruments and scenes, which scores use, have it too.
+_SCORE = re.compile(r"^\ufeff?[\"']?ergon[\"']?\s*:", re.MULTILINE)
 
 
 @click.command()
@@ -65,6 +69,11 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         place = {"file": path, "line": line, "column": column}
         message = f"{path}:{line}:{column}: {error.message}"
         raise Findings(message, code=error.code, **place) from None
+    if not _SCORE.search(before):
+        raise Refused(
+            f"{path}: this is not a score, because no line of it begins with `ergon:`; nothing was "
+            "changed"
+        )
     different: bool = after != before
     if diff:
         lines = difflib.unified_diff(

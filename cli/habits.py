@@ -41,9 +41,34 @@ INSTEAD: Mapping[str, str] = {
     "/h": "ergon help",
     "?": "ergon help",
 }
+# Options of other programs, and what does the same here.
+OPTIONS_INSTEAD: Mapping[str, str] = {
+    "--bpm": "a score says it (`tempo:`), and `tempo 90` at the prompt of `ergon repl`",
+    "--channels": "a score says them: `mix: {channels: 2}`",
+    "--device": "--audio names the sound card (`ergon help sound`), --live a key (`ergon devices`)",
+    "--duration": "--until TIME ends it there",
+    "--end": "--until TIME ends it there",
+    "--format": "the ending of -o says it: -o piece.flac",
+    "--length": "--until TIME ends it there",
+    "--out": "-o FILE names the output",
+    "--sample-rate": "--rate 48kHz sets it",
+    "--samplerate": "--rate 48kHz sets it",
+    "--start": "--from TIME begins it there",
+    "--tempo": "a score says it (`tempo:`), and `tempo 90` at the prompt of `ergon repl`",
+    "--volume": "--gain -6dB sets it; `ergon render` takes it from the score (`loudness:`)",
+}
 # Options that most commands have, and `ergon` itself has not.
 BEHIND = ("-v", "--verbose", "-q", "--quiet", "--json", "-f", "--force")
 _SINGLE_DASH = re.compile(r"-[a-z][a-z-]+")
+
+
+def option_instead(name: str, options: Iterable[str]) -> str | None:
+    """What does here what an option of other programs does there; None for others, and where the
+    command has no such option.
+    """
+    advice = OPTIONS_INSTEAD.get(name)
+    meant = advice.split()[0] if advice is not None else ""
+    return advice if not meant.startswith("-") or meant in set(options) else None
 
 
 def instead(words: list[str]) -> str | None:

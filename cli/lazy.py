@@ -61,6 +61,13 @@ class LazyGroup(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the options before a command. One that belongs behind it is told so."""
+        if (
+            self.name == ROOT
+            and args[:1] in (["-h"], ["--help"])
+            and args[1:2]
+            and (args[1] in self.table)
+        ):
+            args = [*args[1:], args[0]]  # `ergon --help render`
         words = list(args)
         try:
             return super().parse_args(ctx, args)

@@ -38,7 +38,10 @@ def new(console: Console, name: str, template: str) -> None:
 
     folder = Path(name)
     if not _NAME.fullmatch(folder.name):
-        raise Refused(f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _")
+        meant = f"; write ergon new {folder.stem}" if _NAME.fullmatch(folder.stem) else ""
+        raise Refused(
+            f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _{meant}"
+        )
     files = contents(template, folder.name)
     with new_folder(folder) as new_path:
         for path, text in files.items():

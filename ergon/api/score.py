@@ -29,6 +29,19 @@ if TYPE_CHECKING:
 
 STDIN = "-"
 JOURNAL = ".jsonl"  # how the name of a session's journal ends
+_SOUND = (
+    "a sound, not a score: `ergon info {path}` says what it holds, `ergon plot {path}` draws it"
+)
+# Files that are given where a score is meant, by their endings, and what reads them.
+_OTHER_FILES = {
+    ".wav": _SOUND,
+    ".flac": _SOUND,
+    ".mid": "a MIDI file, not a score: `ergon info {path}` says what is played in it, and a score "
+    "plays it by `from: {path}` in a phrase (`ergon help midi`)",
+    ".motion": "a file of motion, not a score: `ergon view {path}` shows it",
+    ".take": "a take, not a score: `ergon info {path}` says what it holds, and a score plays it by "
+    "its section `takes` (`ergon help takes`)",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +69,9 @@ def read(
             f"{path} is the journal of a session, not a score: `ergon render {path}` computes its "
             f"sound; `ergon repl --resume {path}` continues it, and `save` there writes its score"
         )
+    advice = _OTHER_FILES.get(Path(path).suffix.lower()) if options.text is None else None
+    if advice is not None and Path(path).is_file():
+        raise ErgonError(f"{path} is {advice.format(path=path)}")
     text = _stdin() if path == STDIN and options.text is None else options.text
     loaded = load(path, text=text, bounds=bounds(path, options.trust))
     loaded = replace(

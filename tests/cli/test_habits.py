@@ -62,6 +62,39 @@ HABITS = [
     ("check .", 1, "did you mean piece.yaml?"),
     ("check piece.yml", 1, "did you mean piece.yaml?"),
     ("check nothing.yaml", 1, "ergon demo --list"),
+    ("--help render", 0, "Usage: ergon render"),
+    ("-h take list", 0, "Usage: ergon take list"),
+    ("help rendr", 2, "did you mean 'render'?"),
+    ("play ./sound.wav", 2, "`ergon plot ./sound.wav` draws it"),
+    ("render sound.flac", 2, "a sound, not a score: `ergon info sound.flac`"),
+    ("check tune.mid", 2, "a MIDI file, not a score: `ergon info tune.mid`"),
+    ("repl hand.take", 2, "a take, not a score"),
+    ("play a.motion", 2, "`ergon view a.motion` shows it"),
+    ("render piece.yaml -o", 2, "requires an argument; write -o FILE"),
+    ("play piece.yaml --audio", 2, "requires an argument; write --audio "),
+    ("render piece.yaml -o piece.mp3", 2, "write piece.wav"),
+    ("render piece.yaml --format flac", 2, "-o piece.flac"),
+    ("render piece.yaml --sample-rate 48000", 2, "--rate 48kHz"),
+    ("render piece.yaml --tempo 90", 2, "`tempo 90` at the prompt of `ergon repl`"),
+    ("render piece.yaml --duration 5s", 2, "--until TIME ends it there"),
+    ("render piece.yaml --volume 3", 2, "No such option '--volume'"),
+    ("play piece.yaml --volume 3", 2, "--gain -6dB"),
+    ("play piece.yaml --device hw:0", 2, "--audio names the sound card"),
+    ("plan piece.yaml --device hw:0", 2, "No such option '--device'"),
+    ("render piece.yaml --bits 32", 2, "'16', '24', 'float'"),
+    ("play piece", 2, "did you mean"),
+    ("new piece.yaml", 2, "write ergon new piece"),
+    ("new mine --template piano", 2, "'bell', 'duet'"),
+    ("demo --lsit", 2, "--list"),
+    ("explain E999", 2, "`ergon help errors` lists all codes"),
+    ("fmt notes.txt", 2, "this is not a score"),
+    ("share sound.wav -o x.html", 2, "neither a score (.yaml) nor a .motion file"),
+    ("export piece.yaml -o out --to midi", 2, "'daw', 'modal'"),
+    ("modes piece.yaml Bell", 2, "did you mean 'bell'?"),
+    ("completion powershell", 2, "'bash', 'zsh', 'fish'"),
+    ("take record", 2, "for example: ergon take record"),
+    ("plan piece.yaml --method best", 2, "ca, modal"),
+    ("render piece.yaml --until 5sec", 2, "(use beats without a unit, bar, ms, s)"),
     ("explain render", 2, "ergon help errors"),
     ("explain", 2, "for example: ergon explain E204"),
 ]
@@ -78,11 +111,15 @@ def test_habit_is_answered_with_what_to_do(
 ):
     monkeypatch.chdir(tmp_path)
     Path("piece.yaml").write_text(SCORE)
+    Path("notes.txt").write_text("milk\n\n\n")
+    for name in ("sound.wav", "sound.flac", "tune.mid", "hand.take", "a.motion"):
+        Path(name).write_bytes(b"RIFF\xfe")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert app.run(shlex.split(line)) == code
     out, err = capsys.readouterr()
     assert answer in " ".join((out + err).split())
     assert "Traceback" not in err
-    assert [path.name for path in tmp_path.iterdir()] == ["piece.yaml"]
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_every_command_is_under_one_heading():
