@@ -49,7 +49,11 @@ def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSes
 def _refused() -> Iterator[None]:
     """Turn errors of a socket into an OptionError."""
     if not hasattr(socket, "AF_UNIX"):
-        raise OptionError("socket", "this system has no local sockets")
+        raise OptionError(
+            "socket",
+            "a session that others join needs sockets of Unix, which this system has not; without "
+            "this option the session plays in this terminal",
+        )
     from ergon.repl.wire.local_socket import SocketError
 
     try:

@@ -134,7 +134,7 @@ def test_commit_of_a_wheel_is_written_without_the_compiled_core(tmp_path: Path):
     code = (
         "import ergon_core_blocked, runpy, sys\n"
         f"sys.argv = ['build_record', {str(record)!r}]\n"
-        "runpy.run_module('docs.generators.build_record', run_name='__main__')"
+        "runpy.run_module('docs.generators.build_record', run_name='__main__', alter_sys=True)"
     )
     environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
     subprocess.run([sys.executable, "-S", "-c", code], check=True, env=environment, cwd=tmp_path)
