@@ -10,6 +10,7 @@
 #   make charts     pictures of error against cost, of stability (docs/charts), and of the pieces (docs/gallery)
 #   make media      the film, the sounds and the still of the prompt on README.md (docs/pictures, docs/sounds; a few minutes)
 #   make site       the pages as a site with search, into out/site; a link that leads nowhere ends it
+#   make pieces     pages that move and sound of some pieces, into out/pieces; `make site` then links them in the gallery (minutes)
 #   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes. FAMILIES=dry,key: of these alone
 #   make movie      a minute of a bundled piece as a film for headphones, into out/ (minutes without a graphics card)
 #   make man        manual pages of all commands, into out/man; `ergon completion SHELL` completes from the same table
@@ -31,7 +32,7 @@ PRINTING := tests/notation tests/lsp $(patsubst %,tests/cli/test_%.py,cli_app cl
 NO_SKIPS := $(if $(filter fail,$(SKIPS)),--no-skips)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python check-workflows audit bench ear docs charts media site accuracy movie man vsix wheel test-long miri clean
+.PHONY: demo test test-rust test-python test-programs test-terminal test-bare check check-rust check-python check-workflows audit bench ear docs charts media site pieces accuracy movie man vsix wheel test-long miri clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -130,6 +131,9 @@ media: $(VENV)/dev
 
 site: $(VENV)/dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+
+pieces: $(VENV)/dev
+	$(BIN)/python -m docs.generators.shared_pieces out/pieces
 
 accuracy: $(VENV)/dev
 	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md $(FAMILIES)

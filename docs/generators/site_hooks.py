@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Inside": ("design/README.md", "design/*.md"),
 }
 REST = "More"
+PIECES = Path(__file__).parents[2] / "out" / "pieces"  # by docs.generators.shared_pieces
+_GALLERY = "gallery.md"
+_PICTURE = re.compile(r"^!\[[^\]]*\]\(gallery/([\w-]+)\.svg\)$", re.MULTILINE)
 _CODE = re.compile(r"`[^`]+`")
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s]+)(?:#[^)]*)?\)")
 
@@ -78,6 +82,19 @@ def with_plain_bars(text: str) -> str:
     )
 
 
+def with_pieces(text: str, folder: Path) -> str:
+    """The Markdown of the gallery, with a link to each piece that was built as a page."""
+
+    def linked(match: re.Match[str]) -> str:
+        name = match[1]
+        if not (folder / f"{name}.html").is_file():
+            return match[0]
+        # As HTML: what is built lies beside the site's pages, where mkdocs does not look.
+        return f'{match[0]}\n\n<a href="../pieces/{name}.html">See and hear it move</a>'
+
+    return _PICTURE.sub(linked, text)
+
+
 def on_config(config: Any) -> Any:
     """Called by mkdocs: sets the navigation."""
     groups = pages_in_groups(Path(config["docs_dir"]))
@@ -87,4 +104,12 @@ def on_config(config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: object) -> str:
     """Called by mkdocs for each page."""
+    if page.file.src_uri == _GALLERY:
+        markdown = with_pieces(markdown, PIECES)
     return with_plain_bars(without_links_outside(markdown, page.file.src_uri))
+
+
+def on_post_build(config: Any, **_: object) -> None:
+    """Called by mkdocs at the end: puts the pieces that were built beside the pages."""
+    if PIECES.is_dir():
+        shutil.copytree(PIECES, Path(config["site_dir"]) / "pieces", dirs_exist_ok=True)

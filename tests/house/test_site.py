@@ -16,7 +16,7 @@ import browser
 import pytest
 from patience import until
 
-from docs.generators import site_hooks
+from docs.generators import shared_pieces, site_hooks
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -66,6 +66,18 @@ def url(site: Path) -> Iterator[str]:
 def chromium() -> Iterator[browser.Browser]:
     with browser.running() as started:
         yield started
+
+
+def test_gallery_links_the_pieces_that_were_built(tmp_path: Path):
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert site_hooks.with_pieces(text, tmp_path) == text
+    assert all(f"(gallery/{name}.svg)" in text for name in shared_pieces.QUICK)
+    (tmp_path / "tempo.html").write_text("")
+    linked = site_hooks.with_pieces(text, tmp_path)
+    [link] = set(linked.splitlines()) - set(text.splitlines())
+    assert link == '<a href="../pieces/tempo.html">See and hear it move</a>'
+    lines = linked.splitlines()
+    assert "gallery/tempo.svg" in lines[lines.index(link) - 2]
 
 
 def test_every_page_is_in_one_group():
