@@ -100,3 +100,11 @@ def test_chart_of_a_score():
     assert chart._repr_svg_().startswith("<?xml")
     with pytest.raises(ergon.OptionError, match="there is no 'bm5'; did you mean 'bm4'"):
         ergon.chart("bell.yaml", ergon.ChartOptions(methods=["bm5"]))
+
+
+def test_row_of_a_plan_can_be_read():
+    [row] = ergon.plan("bell.yaml").rows
+    error = f"{row.error_db:.1f} dB"
+    words = f"<PlanRow {' + '.join(row.parts)}: {row.what}, {row.n_mat} MATs, {row.n_lia} LIAs"
+    assert repr(row).startswith(f"{words}, {error}, cost ")
+    assert float(repr(row).rpartition(" ")[2].rstrip(">")) == pytest.approx(row.cost, rel=0.01)

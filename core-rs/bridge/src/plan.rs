@@ -244,6 +244,27 @@ pub(crate) struct PlanRow {
     harder_at: Option<f64>,
 }
 
+/// Parts that a row names; the others are counted.
+const PARTS_NAMED: usize = 4;
+
+#[pymethods]
+impl PlanRow {
+    /// `<PlanRow k1 + bell: stepped, 12 MATs, 14 LIAs, -36.2 dB, cost 6.3e-3>`
+    fn __repr__(&self) -> String {
+        let mut parts = self.parts[..self.parts.len().min(PARTS_NAMED)].join(" + ");
+        if self.parts.len() > PARTS_NAMED {
+            parts += &format!(" + {} more", self.parts.len() - PARTS_NAMED);
+        }
+        let error = self
+            .error_db
+            .map_or(String::new(), |db| format!(", {db:.1} dB"));
+        format!(
+            "<PlanRow {parts}: {}, {} MATs, {} LIAs{error}, cost {:.2e}>",
+            self.what, self.n_mat, self.n_lia, self.cost
+        )
+    }
+}
+
 impl PlanRow {
     fn from_row(row: &plan::Row) -> Self {
         let (what, modes, left_out_db) = match row.what {
