@@ -76,7 +76,7 @@ def test_points_levels_phases_and_peaks():
     assert position.real == pytest.approx(shape**2 / (-2 * part.poles.real), rel=5e-3)
 
 
-def test_one_point_is_its_own_and_contacts_are_counted():
+def test_admittance_of_a_point_to_itself_counts_contacts():
     result = ergon.admittance("wires.yaml", "pad.m", options=ergon.AdmittanceOptions(count=5))
     assert result.heard == ("pad.m",)
     assert (result.n_laws, result.n_contacts) == (1, 1)
@@ -112,7 +112,9 @@ def test_points_of_two_parts_have_the_links_between_them():
         ("k1", (), {"frequencies": [1.0, 0.0]}, "frequencies: write a row of numbers above 0"),
     ],
 )
-def test_what_cannot_be_asked_for(forced: str, listened: str, options: dict, message: str):
+def test_admittance_refuses_wrong_points_and_options(
+    forced: str, listened: str, options: dict, message: str
+):
     with pytest.raises(ergon.OptionError) as refused:
         ergon.admittance("wires.yaml", forced, listened, ergon.AdmittanceOptions(**options))
     assert str(refused.value).startswith(message)

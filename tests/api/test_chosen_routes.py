@@ -63,12 +63,12 @@ def test_instruments_sound_as_in_the_piece_or_not(options, channels):
         (["--except", "bell,vib,drum"], "no instrument is left that is heard"),
     ],
 )
-def test_what_cannot_be_chosen_is_refused(words, message, capsys: pytest.CaptureFixture[str]):
+def test_only_and_except_refuse_wrong_names(words, message, capsys: pytest.CaptureFixture[str]):
     assert app.run(["render", "s.yaml", "-o", "x.wav", *words]) == 2
     assert message in capsys.readouterr().err
     assert not Path("x.wav").exists()
 
 
-def test_what_was_left_out_is_no_mistake(capsys: pytest.CaptureFixture[str]):
+def test_only_suppresses_w321_of_instruments_left_out(capsys: pytest.CaptureFixture[str]):
     assert app.run(["render", "s.yaml", "-o", "x.wav", "--only", "bell"]) == 0
     assert "W321" not in capsys.readouterr().err

@@ -108,7 +108,7 @@ def test_up_to_a_frequency_and_around_a_note():
         ({"count": 0}, "count: is 0; it must be at least 1"),
     ],
 )
-def test_what_cannot_be_asked_for(options: dict, message: str):
+def test_modes_refuses_wrong_parts_and_options(options: dict, message: str):
     with pytest.raises(ergon.OptionError, match=message.replace("?", "\\?")):
         modes(**options) if "parts" not in options else modes(*options["parts"])
 

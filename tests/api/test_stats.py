@@ -48,7 +48,7 @@ def test_how_far_points_go_for_a_newton():
     assert stats("k1").points == ()  # nothing plays it
 
 
-def test_a_body_that_nothing_holds():
+def test_compliance_of_a_free_body_is_infinite():
     free = stats("free")
     assert (free.n_held, free.n_free) == (0, 1)
     assert np.isinf(free.points[0].compliance)
@@ -67,7 +67,7 @@ def test_all_energy_of_a_blow_goes_into_the_modes():
     assert part.points[0].centroid == pytest.approx(wanted, rel=1e-6)
 
 
-def test_every_part_and_what_has_no_mass():
+def test_stats_of_every_part_with_massless_parts():
     result = ergon.stats("bars.yaml")
     assert [part.part for part in result] == [
         "k1",
@@ -91,7 +91,7 @@ def test_every_part_and_what_has_no_mass():
         ({"upto": "h3"}, "upto: 'h3' is neither a frequency"),
     ],
 )
-def test_what_cannot_be_asked_for(options: dict, message: str):
+def test_stats_refuses_wrong_parts_and_options(options: dict, message: str):
     with pytest.raises(ergon.OptionError) as refused:
         ergon.stats("bars.yaml", ergon.StatsOptions(**options))
     assert str(refused.value).startswith(message)

@@ -155,7 +155,7 @@ def test_a_body_of_modes_that_a_spring_holds():
         ),
     ],
 )
-def test_a_list_that_is_not_what_sounds_stays_as_it_is(bowl: str, trouble: str):
+def test_list_of_modes_without_written_values_is_unedited(bowl: str, trouble: str):
     Path("bowl.csv").write_text("f, t60, rim\n220Hz, 2s, 1\n450Hz, 2s, 1\n")
     text = SCORE.replace("\n  wall: ", f"\n  low: {{{bowl}}}\n  wall: ")
     result = tune("low", "1:2", text=text)
@@ -198,7 +198,7 @@ def test_values_change_least():
     assert change == pytest.approx(least, abs=0.02 * np.abs(change).max())
 
 
-def test_what_cannot_be_reached_together_is_told():
+def test_unreachable_targets_report_rank_and_cents():
     result = tune("wire", "1:2.1:3.3")
     assert not result.is_reached
     assert result.rank < 2
@@ -217,7 +217,7 @@ def test_the_text_is_edited_and_comments_stay():
     )
 
 
-def test_values_in_a_file_that_is_used_are_told_and_stay():
+def test_values_in_a_used_file_are_reported_and_unedited():
     Path("tools.yaml").write_text(
         "ergon: 1\ninstruments:\n  bar: {modules: {m: {CEL: {M: 1g, f: 200Hz}}}}\n"
     )
@@ -256,7 +256,9 @@ def test_values_in_a_file_that_is_used_are_told_and_stay():
         ("bowl", "1:2", {"by": ["springs"]}, "by: bowl has no value 'springs' above 0; there are"),
     ],
 )
-def test_what_cannot_be_asked_for(part: str, targets: object, options: dict, message: str):
+def test_tune_refuses_wrong_parts_and_targets(
+    part: str, targets: object, options: dict, message: str
+):
     with pytest.raises(ergon.OptionError) as refused:
         ergon.tune("bars.yaml", part, targets, ergon.TuneOptions(**options))  # type: ignore[arg-type]
     assert str(refused.value).startswith(message)

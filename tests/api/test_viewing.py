@@ -81,9 +81,7 @@ def test_many_channels_of_a_room_are_folded_to_two_ears(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 2, 3, 5])
-def test_channels_of_which_nobody_says_where_they_are_go_to_their_sides(
-    tmp_path: Path, channels: int
-) -> None:
+def test_fold_of_channels_without_a_layout_alternates_sides(tmp_path: Path, channels: int) -> None:
     frames = np.random.default_rng(1).uniform(-0.5, 0.5, (5000, channels))
     text = SentenceReport()
     built = read(for_two_ears(written(tmp_path / "a.wav", frames, "double"), tmp_path, text))
@@ -93,7 +91,7 @@ def test_channels_of_which_nobody_says_where_they_are_go_to_their_sides(
     assert len(text.sentences) == (channels > 2)
 
 
-def test_what_browsers_play_stays_what_it_is(tmp_path: Path) -> None:
+def test_stereo_file_is_served_unchanged(tmp_path: Path) -> None:
     path = written(tmp_path / "a.wav", np.zeros((100, 2)))
     assert for_two_ears(path, tmp_path, Report()) == path
     assert {one.name for one in tmp_path.iterdir()} == {"a.wav"}

@@ -157,7 +157,7 @@ def test_a_real_hand_feels_a_bell_as_stiff_as_the_contact_with_its_hammer() -> N
     assert 3900.0 < np.abs(forces).max() < 4100.0
 
 
-def test_a_chain_is_refused_where_it_is_none() -> None:
+def test_chain_refused_for_beats_and_above_15_modes() -> None:
     with pytest.raises(FormError, match="beat"):
         written_bell("chain")
     many = [(100.0 * 1.1**i, 1.0, 1.0) for i in range(16)]

@@ -22,7 +22,7 @@ def analysed(struck, noise_db, seed, duration=DURATION):
 
 
 @pytest.mark.parametrize("name", few(sorted(others()), ["bowl"]))
-def test_another_bell_is_found_whole_with_its_beats(name):
+def test_modes_and_beats_of_other_bells(name):
     struck = others()[name]
     modes, output, *_ = analysed(struck, -60, 3)
     pairs = matched(modes.f, struck.f)
@@ -36,7 +36,7 @@ def test_another_bell_is_found_whole_with_its_beats(name):
 
 
 @pytest.mark.slow
-def test_what_is_said_to_be_uncertain_is_the_bound_of_cramer_and_rao():
+def test_deviations_equal_the_cramer_rao_bound():
     struck = church()
     modes, output, deviation, n = analysed(struck, -60, 0)
     bound = struck.bound(n, deviation)

@@ -48,7 +48,7 @@ SOUNDS = {
 
 
 @pytest.mark.parametrize("name", SOUNDS)
-def test_what_is_no_single_stroke_is_refused_with_a_reason(name):
+def test_sounds_other_than_one_stroke_are_refused(name):
     make, reason = SOUNDS[name]
     with pytest.raises(NotAStrokeError, match=reason):
         of_strokes([("point", stroke(f"{name}.wav", make(), RATE))])
@@ -105,7 +105,7 @@ def hertz(f: np.ndarray, length: float) -> np.ndarray:
 
 @pytest.mark.parametrize("push", [contact.spectrum, hertz])
 @pytest.mark.parametrize(("hard", "soft"), [(0.4e-3, 0.7e-3), (1e-3, 1.5e-3), (1e-3, 2e-3)])
-def test_two_strokes_tell_how_long_they_touched(push, hard: float, soft: float):
+def test_contact_lengths_from_hard_and_soft_strokes(push, hard: float, soft: float):
     f = church().f
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -121,7 +121,7 @@ def test_two_strokes_tell_how_long_they_touched(push, hard: float, soft: float):
 
 
 @pytest.mark.parametrize(("hard", "soft"), [(0.5e-3, 0.5e-3), (0.1e-3, 0.3e-3), (2e-3, 4e-3)])
-def test_strokes_that_do_not_tell_how_long_they_touched_say_so(hard: float, soft: float):
+def test_contact_lengths_absent_for_unsuitable_strokes(hard: float, soft: float):
     """Alike; so hard that no mode misses it; so soft that hardly a mode is within reach."""
     f = church().f
     for seed in range(3):

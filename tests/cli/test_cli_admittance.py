@@ -71,6 +71,6 @@ def test_all_numbers_as_files_and_records(capsys: Capture):
         (["k1", "k1", "k1", "k1", "k1", "--svg", "y.svg"], "--svg: draws at most 3 points"),
     ],
 )
-def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
+def test_admittance_command_refuses_wrong_points(typed: list[str], message: str, capsys: Capture):
     assert app.run(["admittance", "wires.yaml", *typed]) == 2
     assert message in capsys.readouterr().err

@@ -313,7 +313,7 @@ def test_nan_is_within_no_bounds(option: list[str], capsys: pytest.CaptureFixtur
     assert f"'{option[0]}': nan is not a number" in capsys.readouterr().err
 
 
-def test_loudness_says_why_it_is_none():
+def test_loudness_text_of_silent_short_and_quiet_sounds():
     assert loudness_of(-18.24, 0.5, 3.0) == "-18.2 LUFS"
     assert loudness_of(-math.inf, 0.0, 3.0) == "silent"
     assert loudness_of(-math.inf, 0.5, 0.3) == "not measured (shorter than 0.4 s)"

@@ -75,7 +75,7 @@ def test_files_of_each_by_itself(
 
 
 @pytest.mark.parametrize("more", [(), ("--on", "local:2")])
-def test_one_that_fails_stops_no_other(
+def test_batch_render_continues_after_a_failure(
     each: list[bytes],
     more: tuple[str, ...],
     monkeypatch: pytest.MonkeyPatch,

@@ -74,7 +74,7 @@ def test_failures_are_in_the_chart(here: Path, capsys: pytest.CaptureFixture[str
     assert "ca: ×1 refused" in (here / "out" / "x.svg").read_text(encoding="utf-8")
 
 
-def test_where_nothing_runs_twice_the_table_says_why(
+def test_chart_without_two_runs_refers_to_the_table(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = HARD.replace("10000kN/m", "1e7kN/m")
@@ -87,7 +87,7 @@ def test_where_nothing_runs_twice_the_table_says_why(
     assert records_read == {"ca": "refused", "planner": "ok"}
 
 
-def test_what_the_planner_takes_for_an_error_is_one_point_more(
+def test_chart_with_error_adds_a_point_of_the_planner(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     typed = ["chart", "hard.yaml", "--seconds", "0.1", "--methods", "modal", "--upto", "2"]

@@ -123,7 +123,7 @@ def test_a_sensor_has_noise_by_its_seed_and_a_motor_its_step():
         (["--delay", "2s"], "from 0 to 1 s"),
     ],
 )
-def test_what_no_key_has_is_refused(
+def test_emulate_refuses_wrong_key_options(
     capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ):
     assert app.run(["emulate", "frame", "--udp", "0", "--seconds", "0.1", *arguments]) != 0
@@ -139,7 +139,7 @@ def test_what_no_key_has_is_refused(
         ("ergon: 1\nM: 1mg\nK: 900kN/m\nZ: 0Ns/m\n", [], "above half the rate"),
     ],
 )
-def test_a_calibration_that_is_none_is_refused(
+def test_emulate_refuses_wrong_calibrations(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, more: list[str], message: str
 ):
     (tmp_path / "key.yaml").write_text(text)
@@ -148,7 +148,7 @@ def test_a_calibration_that_is_none_is_refused(
     assert message in capsys.readouterr().err
 
 
-def test_silence_lets_go_by_the_wall():
+def test_watchdog_releases_a_silent_emulator():
     # A busy machine may take the test away for a while: the watchdog waits longer.
     key = ("--no-gate", "--stiffness", "100N/m", "--watchdog", "2s")
     with emulator("firefader", *key) as device:
@@ -186,7 +186,7 @@ def test_a_frame_answers_by_datagram():
         device.end()
 
 
-def test_it_ends_by_itself():
+def test_emulate_ends_after_its_seconds():
     with emulator("frame", "--seconds", "0.2") as device:
         over = device.next()
         assert over["event"] == "over"
@@ -206,7 +206,7 @@ def test_it_ends_by_itself():
         (["frame", "--stiffness", "1e9N/m", "--seconds", "1"], "faster than half its rate"),
     ],
 )
-def test_what_cannot_be_is_said(
+def test_emulate_refuses_contradicting_options(
     arguments: list[str], output: str, capsys: pytest.CaptureFixture[str]
 ):
     assert app.run(["emulate", *arguments]) in (1, 2)

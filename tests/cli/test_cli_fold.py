@@ -46,7 +46,7 @@ def samples(path: Path) -> np.ndarray:
     return np.concatenate([*read_blocks(path)])
 
 
-def test_a_render_says_what_its_channels_are(tmp_path: Path):
+def test_fold_reads_the_layout_of_a_rendered_file(tmp_path: Path):
     """So that it folds without a word; and what is folded to a field says that too."""
     (tmp_path / "a.yaml").write_text(SCORE)
     assert ergon(tmp_path, "render", "a.yaml").returncode == 0
@@ -156,7 +156,7 @@ def test_a_gain_that_would_clip_is_refused_with_the_highest(tmp_path: Path):
         (("text.wav", "--to", "stereo"), "not a WAVE file"),
     ],
 )
-def test_what_cannot_be_folded_is_told(tmp_path: Path, words: tuple[str, ...], message: str):
+def test_fold_refuses_wrong_layouts_and_files(tmp_path: Path, words: tuple[str, ...], message: str):
     noise(tmp_path / "in.wav", 10)
     noise(tmp_path / "nan.wav", 10, 2, peak=np.float32(1.0))
     data = bytearray((tmp_path / "nan.wav").read_bytes())

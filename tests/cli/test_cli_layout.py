@@ -43,7 +43,7 @@ def test_two_loudspeakers_surround_nobody(tmp_path: Path):
     assert "do not surround" in done.stdout
 
 
-def test_what_is_no_layout_is_told(tmp_path: Path):
+def test_check_refuses_wrong_layouts(tmp_path: Path):
     done = ergon("check", "dome25", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "did you mean dome24?" in done.stderr
@@ -55,7 +55,7 @@ def test_what_is_no_layout_is_told(tmp_path: Path):
     assert "'azz'" in done.stderr
 
 
-def test_layouts_go_to_other_programs_and_come_back(tmp_path: Path):
+def test_layouts_exported_and_imported_again(tmp_path: Path):
     for ending, form in ((".json", "iem"), (".yaml", "ear"), (".xml", "spatgris")):
         there = ergon("export", "dome24", "-o", f"d{ending}", folder=tmp_path)
         assert (there.returncode, form in there.stderr) == (0, True), there.stderr

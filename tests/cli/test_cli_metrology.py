@@ -224,7 +224,7 @@ def test_force_step_above_all_forces_is_refused(capsys: Capture):
         (["gap.take"], "this take lacks 150 of 1,002 ticks"),
     ],
 )
-def test_what_cannot_be_measured_is_refused(capsys: Capture, arguments: list[str], message: str):
+def test_fit_refuses_unsuitable_takes(capsys: Capture, arguments: list[str], message: str):
     take("two.take", rain(KEY, 1.0), 1, hands=2)
     take("still.take", np.zeros(1000), 1)
     take("gap.take", rain(KEY, 1.0), 1, gap=set(range(100, 250)))
@@ -336,7 +336,9 @@ def test_a_replay_is_seen_in_a_browser():
         (["knocks.take", "--score", "duet.yaml"], "a take has its own gesture"),
     ],
 )
-def test_a_score_that_leads_nothing_is_refused(capsys: Capture, words: list[str], message: str):
+def test_replay_refuses_scores_without_gestures_of_the_key(
+    capsys: Capture, words: list[str], message: str
+):
     Path("true.yaml").write_text(TRUE)
     Path("duet.yaml").write_text(SCORE)
     assert app.run(["metrology", "replay", "true.yaml", *words]) == 2
@@ -368,7 +370,7 @@ def test_a_device_that_ends_leaves_its_take(capsys: Capture):
         2,
     ),
 )
-def test_what_measures_nothing_is_refused(
+def test_metrology_refuses_wrong_commands_and_devices(
     capsys: Capture, command: list[str], code: int, message: str
 ):
     assert app.run(["metrology", *command]) == code

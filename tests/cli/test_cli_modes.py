@@ -34,7 +34,7 @@ def test_a_table_with_notes_and_levels(capsys: Capture):
     assert second.split()[:5] == ["2", "D5", "-3.4", "586.17", "Hz"]
 
 
-def test_what_was_linearised_is_told(capsys: Capture):
+def test_modes_command_reports_linearised_laws_and_open_contacts(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "pad", "wall"]) == 0
     out, err = capsys.readouterr()
     assert "pad: the law of 1 link was linearised at rest" in err
@@ -80,7 +80,9 @@ def test_as_a_file(capsys: Capture):
         ),
     ],
 )
-def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
+def test_modes_command_refuses_wrong_parts_and_options(
+    typed: list[str], message: str, capsys: Capture
+):
     assert app.run(["modes", "wires.yaml", *typed]) == 2
     assert message in capsys.readouterr().err
 
@@ -94,7 +96,7 @@ def test_a_file_of_somebody_else_stays(capsys: Capture):
     assert Path("wires.yaml").read_text() == SCORE
 
 
-def test_what_is_slower_than_any_note_has_none(capsys: Capture):
+def test_modes_command_omits_the_note_below_hearing(capsys: Capture):
     assert app.run(["modes", "wires.yaml", "k1", "--json"]) == 0
     key, _ = records(capsys)
     assert (key["note"], key["cents"]) == (None, None)

@@ -56,7 +56,7 @@ def rows(capsys: Capture, *options: str) -> dict[str, dict]:
     return {"+".join(row["parts"]): row for row in records_read if row["event"] == "plan_row"}
 
 
-def test_everything_by_what_it_needs(capsys: Capture) -> None:
+def test_plan_rows_by_kind_of_part(capsys: Capture) -> None:
     records_read = rows(capsys, "--error", "-60dB")
     assert records_read["wire"]["what"] == "modes"
     assert records_read["wire"]["modes"] <= records_read["wire"]["modes_of"] == 24
@@ -140,7 +140,9 @@ render: {tail: 0.05s, bits: float}
         [],
     ],
 )
-def test_a_plan_is_followed_within_what_it_was_made_for(asked: list[str], capsys: Capture) -> None:
+def test_render_with_a_plan_file_equals_render_with_its_options(
+    asked: list[str], capsys: Capture
+) -> None:
     """Whatever was asked for when it was written; the score asks for nothing."""
     Path("row.yaml").write_text(ROW)
     assert app.run(["plan", "row.yaml", *asked, "-o", "row.json"]) == 0
@@ -208,7 +210,7 @@ def test_a_plan_that_costs_too_much_says_what_would_fit(capsys: Capture) -> None
     assert "dB fits" in err or "the cheapest plan takes" in err
 
 
-def test_work_alone_buys_what_it_can(capsys: Capture) -> None:
+def test_plan_cost_stays_within_a_cpu_budget(capsys: Capture) -> None:
     costs = []
     for cpu in ("100%", "3%"):
         text = SCORE.replace("render:", f"accuracy: {{cpu: {cpu}}}\nrender:")

@@ -248,7 +248,7 @@ def test_render_to_a_pipe(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
     assert Path("bell.wav").read_bytes() == out
 
 
-def test_what_cannot_go_together(capsys: Capture) -> None:
+def test_render_refuses_contradicting_options(capsys: Capture) -> None:
     assert app.run(["render", "--json", "bell.yaml", "-o", "-"]) == 2
     assert app.run(["render", "bell.yaml", "--channels", "65"]) == 2
     assert app.run(["render", "bell.yaml", "--watch", "-o", "-"]) == 2
@@ -282,7 +282,7 @@ def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.Monke
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
 
 
-def test_a_silent_file_ends_with_1_where_it_shall(folder: Path, capsys: Capture) -> None:
+def test_silent_render_exits_1_with_strict(folder: Path, capsys: Capture) -> None:
     score = Path("still.yaml")
     text = "ergon: 1\ninstruments: {bell: {modules: {m: {CEL: {M: 2g, f: A4}}}, out: {SOX: m}}}\n"
     score.write_text(text + "render: {tail: 100ms}\n", encoding="utf-8")
@@ -358,7 +358,7 @@ def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) ->
     assert "finer" not in capsys.readouterr().err
 
 
-def test_an_instrument_that_hides_all_others_is_told(
+def test_render_reports_an_instrument_that_masks_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

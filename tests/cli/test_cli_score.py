@@ -107,7 +107,9 @@ def test_a_layer_is_not_held_against_a_path(folder: Path, capsys: Capture) -> No
     assert record["worst_at"] is record["worst_at_s"] is None
 
 
-def test_what_is_cut_where_it_begins_was_not_followed(folder: Path, capsys: Capture) -> None:
+def test_simulate_reports_a_gesture_cut_before_its_first_ergon(
+    folder: Path, capsys: Capture
+) -> None:
     cut = SCORE.replace(
         "play: knock, every: 1, times: 2}", "play: lean}\n    - {at: A, play: knock}"
     )
@@ -119,7 +121,9 @@ def test_what_is_cut_where_it_begins_was_not_followed(folder: Path, capsys: Capt
     )
 
 
-def test_what_was_followed_exactly_has_no_worst(folder: Path, capsys: Capture) -> None:
+def test_simulate_reports_tracked_strokes_as_followed_exactly(
+    folder: Path, capsys: Capture
+) -> None:
     (folder / "exact.yaml").write_text(SCORE.replace("times: 2", "times: 2, touch: tracked"))
     assert app.run(["check", "--simulate", "exact.yaml"]) == 0
     assert re.search(r"ada knock ×2 on k1: followed (exactly|within)", capsys.readouterr().out)
@@ -220,7 +224,7 @@ def test_plot_in_the_terminal_and_as_svg(capsys: Capture) -> None:
     assert app.run(["plot", "-q", "bell.yaml", "ada", "--svg", "k.svg"]) == 0
 
 
-def test_plot_of_what_no_part_plays(capsys: Capture) -> None:
+def test_plot_of_an_unplayed_gesture(capsys: Capture) -> None:
     assert app.run(["plot", "bell.yaml", "lean", "--key", "k1"]) == 0
     assert capsys.readouterr().out.startswith("lean on k1")
 

@@ -45,7 +45,7 @@ def here(work_folder: Path) -> Path:
     ],
     ids=" ".join,
 )
-def test_it_is_said_in_its_place(
+def test_unstable_module_is_reported_with_line_and_mark(
     here: Path, capsys: pytest.CaptureFixture[str], typed: list[str]
 ) -> None:
     assert app.run(typed) == 1

@@ -51,7 +51,7 @@ def test_as_records(capsys: Capture):
         (["--upto", "h3"], "--upto: 'h3' is neither a frequency"),
     ],
 )
-def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
+def test_stats_command_refuses_wrong_parts(typed: list[str], message: str, capsys: Capture):
     assert app.run(["stats", "bars.yaml", *typed]) == 2
     assert message in capsys.readouterr().err
 

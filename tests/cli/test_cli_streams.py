@@ -65,7 +65,9 @@ def test_no_file_gets_the_number_of_a_closed_stream(here: Path) -> None:
 
 
 @pytest.mark.parametrize("environment", few(ASCII, ASCII[1:]))
-def test_what_ascii_cannot_say_is_escaped(here: Path, environment: dict[str, str]) -> None:
+def test_non_ascii_text_is_escaped_in_an_ascii_locale(
+    here: Path, environment: dict[str, str]
+) -> None:
     assert b"f\\xeal\\xe9e" in ergon(here, "info score.yaml", **environment).stdout
     assert ergon(here, "plan score.yaml", **environment).returncode == 0
     printed = ergon(here, "info score.yaml --json", **environment).stdout

@@ -43,7 +43,7 @@ def named(tmp_path: Path, capsys: Capture, **fields: str) -> list[str]:
 
 
 @pytest.mark.parametrize("part", [FOUR, "{at: 0, play: roll}"], ids=["gestures", "strokes of one"])
-def test_strokes_that_go_as_far_and_reach_nothing_are_told(
+def test_contact_missed_by_equal_strokes_is_reported(
     tmp_path: Path, capsys: Capture, part: str
 ) -> None:
     single, thrown = named(tmp_path, capsys, part=part, **SLOW)
@@ -62,15 +62,13 @@ def test_strokes_that_go_as_far_and_reach_nothing_are_told(
     ],
     ids=["it comes back", "one stroke", "softer ones", "never"],
 )
-def test_what_is_as_it_was_written_is_not(
+def test_contact_with_every_stroke_closing_is_not_reported(
     tmp_path: Path, capsys: Capture, fields: dict[str, str]
 ) -> None:
     assert "bell.b" not in " ".join(named(tmp_path, capsys, **fields))
 
 
-def test_a_contact_that_is_closed_at_the_beginning_alone_is_told(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_contact_closed_only_at_the_start_is_reported(tmp_path: Path, capsys: Capture) -> None:
     part = "{at: 0, play: knock, every: 1/4, times: 2}"
     begun = SLOW | {"start": ", X0: -2mm, V0: 0.5m/s", "gap": "1.5mm", "part": part}
     single, *_ = named(tmp_path, capsys, **begun)
@@ -93,9 +91,7 @@ def struck(second: str) -> dict[str, str]:
     return ringing | {"part": "{at: 2, play: knock}", "more": strikes}
 
 
-def test_strikes_that_are_as_strong_and_close_nothing_are_told(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_contact_missed_by_equal_strikes_is_reported(tmp_path: Path, capsys: Capture) -> None:
     (forces,) = named(tmp_path, capsys, **struck("5mNs"))
     assert forces.startswith("bell.felt' closes at 1|1.")
     assert forces.endswith(" only, though 1 later strike on bell.ball is as strong")

@@ -161,7 +161,7 @@ def test_mistakes_render_nothing(
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
 )
-def test_what_is_stopped_keeps_what_is_whole(number: signal.Signals):
+def test_interrupted_sweep_keeps_complete_files(number: signal.Signals):
     Path("bell.yaml").write_text(BELL.replace("tail: 0.4s", "tail: 20s"))
     words = [*ERGON, "sweep", "bell.yaml", "--vary", "seed=1..60", "--jobs", "2"]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE)

@@ -39,7 +39,7 @@ def test_into_the_score_and_into_another(capsys: Capture):
     assert "no value changes" in capsys.readouterr().out
 
 
-def test_what_cannot_be_reached_is_told_and_not_written(capsys: Capture):
+def test_tune_command_writes_no_unreachable_targets(capsys: Capture):
     assert app.run(["tune", "bars.yaml", "wire", "1:2.1:3.3", "--write"]) == 2
     assert (
         "the targets cannot be reached together: mode 1 stays 87.35 cents above its target"
@@ -73,6 +73,8 @@ def test_as_records(capsys: Capture):
         (["bar", "A3", "--write", "-o", "x.yaml"], "--write excludes -o"),
     ],
 )
-def test_what_cannot_be_asked_for(typed: list[str], message: str, capsys: Capture):
+def test_tune_command_refuses_wrong_parts_and_targets(
+    typed: list[str], message: str, capsys: Capture
+):
     assert app.run(["tune", "bars.yaml", *typed]) == 2
     assert message in capsys.readouterr().err

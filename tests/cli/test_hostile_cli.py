@@ -171,7 +171,7 @@ def test_scores_are_refused(tmp_path: Path, scores: Mapping[str, Content]) -> No
     refused(tmp_path, scores)
 
 
-def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_fifos_sockets_and_link_loops_are_refused(tmp_path: Path) -> None:
     for end in ("", ".csv"):
         os.mkfifo(tmp_path / f"fifo{end}")
         (tmp_path / f"zero{end}").symlink_to("/dev/zero")

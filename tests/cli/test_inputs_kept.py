@@ -127,7 +127,7 @@ def test_a_folder_of_files_spares_inputs_too(piece, capsys):
         assert contents() == before
 
 
-def test_what_a_score_names_for_its_render_is_no_input(piece, capsys):
+def test_render_file_of_a_score_that_names_an_input_is_refused(piece, capsys):
     for name in ("s.yaml", "used.yaml", "t.csv"):
         Path("s.yaml").write_text(SCORE.replace("{tail: 10ms}", f"{{tail: 10ms, file: {name}}}"))
         before = contents()

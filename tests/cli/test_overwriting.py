@@ -39,7 +39,7 @@ def run(writer: Writer, folder: Path, *more: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("writer", few(WRITERS, SHOWN), ids=lambda writer: writer.line)
-def test_what_was_edited_needs_f_and_what_was_not_does_not(folder: Path, writer: Writer) -> None:
+def test_overwriting_an_edited_output_needs_f(folder: Path, writer: Writer) -> None:
     before = contents(folder)
     assert run(writer, folder) == (0, "")
     assert contents(folder).keys() - before.keys() == {*writer.files}

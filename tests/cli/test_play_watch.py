@@ -47,7 +47,7 @@ def test_a_saved_version_plays_on_and_a_broken_one_changes_nothing(stepped: Step
     assert stepped.session._is_closed.is_set()
 
 
-def test_a_position_that_is_none_is_refused_and_the_session_is_closed(stepped: Stepped) -> None:
+def test_watch_with_a_wrong_position_closes_the_session(stepped: Stepped) -> None:
     with pytest.raises(Refused, match="--from"):
         follow(stepped.session, lambda text: None, "nowhere", iter(()))
     assert stepped.session._is_closed.is_set()
@@ -64,7 +64,7 @@ def test_a_position_that_is_none_is_refused_and_the_session_is_closed(stepped: S
         ["--error", "-40dB"],
     ],
 )
-def test_what_a_session_cannot_do_is_refused(
+def test_watch_refuses_options_of_renders(
     option: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

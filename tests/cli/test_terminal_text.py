@@ -85,7 +85,7 @@ def test_json_says_what_was_written(evil, capsys):
 
 
 @given(st.text())
-def test_what_is_clean_says_the_rest(text):
+def test_cleaned_text_keeps_length_and_printable_characters(text):
     shown = clean(text)
     assert len(shown) == len(text)
     assert all(a == b or b == "?" for a, b in zip(text, shown, strict=True))

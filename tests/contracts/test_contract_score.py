@@ -172,7 +172,7 @@ def drawn(text: str) -> list[tuple[float, ...]]:
     return [*points, *((float(t), float(p)) for t, p in columns)]
 
 
-def test_what_is_added_elsewhere_draws_nothing_away():
+def test_random_draws_independent_of_other_players():
     """A player, a gesture and strikes more: each draw depends on its own name alone."""
     few, many = drawn(HANDS), drawn(MORE)
     assert len(few) > 30
@@ -218,12 +218,12 @@ PLAYED = "keys: {k: {M: 400g, K: 60N/m}}\nplayers: {p: {key: k}}\ngestures: {g: 
         (PLAYED.replace("{key: k}", "{key: k, hand: live, standin: g}"), "N401", "ergon duet"),
     ],
 )
-def test_what_cannot_be_is_said_by_name(text: str, code: str, says: str):
+def test_contradicting_score_reports_code_and_name(text: str, code: str, says: str):
     found = load("s.yaml", text="ergon: 1\n" + text).diagnostics
     assert any(d.code.startswith(code) and says in d.message for d in found), found
 
 
-def test_what_yaml_would_change_stays_what_was_written():
+def test_yaml_words_and_numbers_read_as_written():
     """012 is twelve, 1e3 a thousand, `no` a name; 1:30 is no position."""
     text = (
         "ergon: 1\nmarks: {no: 2|1, on: 3|1}\nkeys: {off: {M: 4e-1kg, K: 1e3, Z: 012Ns/m}}\n"

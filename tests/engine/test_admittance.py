@@ -142,7 +142,7 @@ def test_elements_are_those_of_the_part_alone():
     assert len(network.elements(["b", "other"]).kinds) == 4
 
 
-def test_what_cannot_be_asked_for_is_refused():
+def test_admittance_refuses_wrong_frequencies_and_parts():
     body = random(0, 0.1)
     for frequency in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(_core.EngineError, match="above 0 Hz"):

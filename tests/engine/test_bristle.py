@@ -141,7 +141,7 @@ BLOCK = (
         ("sigma0: 10kN/m, Fc: 0.2N, Fs: 0.3N, sigma1: 1Ns/m, sigma2: 0.5Ns/m", []),
     ],
 )
-def test_what_is_said_of_its_fields(fields: str, outcome: list[str]):
+def test_diagnostics_of_bristle_fields(fields: str, outcome: list[str]):
     text = BLOCK.format(fields)
     piece = check(text).piece
     output = [] if piece is None else [one.code for one in warn_implausible(piece)]

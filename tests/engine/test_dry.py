@@ -182,7 +182,7 @@ BLOCK = (
         ("to: m, F: 0.2N, static: 0.3N, speed: 1mm/s, K: 1kN/m", []),
     ],
 )
-def test_what_is_said_of_its_fields(fields: str, found: list[str]):
+def test_diagnostics_of_dry_fields(fields: str, found: list[str]):
     assert codes(BLOCK.format(fields)) == found
 
 
@@ -198,7 +198,7 @@ def test_ground_and_a_fixed_point_are_the_same():
     assert np.array_equal(played(ground, method="ca"), played(point, method="ca"))
 
 
-def test_two_keys_may_be_coupled_by_it():
+def test_two_keys_coupled_by_dry_friction():
     text = (
         "ergon: 1\nkeys: {k: {M: 100g, K: 10N/m, Z: 0.1Ns/m}, v: {M: 100g, K: 10N/m, X0: 5mm}}\n"
         "instruments: {i: {modules: {m: {CEL: {M: 1g, f: 20Hz}}, "

@@ -174,7 +174,7 @@ def string_of(t60: float) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("every", "limit"), few([(4, -85.0), (10, -78.0), (20, -67.0)], [(10, -78.0)])
 )
-def test_it_is_within_that_of_the_continuous_motion(every: int, limit: float):
+def test_slow_key_error_against_matrix_exponential(every: int, limit: float):
     masses, K, Z = matrices(5e3, *string_of(2.0))
     n = len(masses)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / masses[:, None], -Z / masses[:, None]]])
@@ -247,7 +247,7 @@ def soft(seed: int, every: int, turn: float) -> tuple[tuple[float, ...], tuple[f
 
 
 @pytest.mark.parametrize("seed", few(range(12), range(4)))
-def test_what_is_slow_enough_never_grows(seed: int):
+def test_stable_slow_key_has_spectral_radius_of_at_most_one(seed: int):
     chance = np.random.default_rng(1000 + seed)
     every = int(chance.integers(2, 60))
     chain = soft(seed, every, chance.uniform(0.05, 1.0))
@@ -265,7 +265,7 @@ def test_an_undamped_key_stays_bounded_at_every_rate():
         assert radius(every, 5e3, (MASSES, SPRINGS), (0.0,) * COUNT) < 1.0 + 1e-8, every
 
 
-def test_what_would_grow_goes_at_every_frame():
+def test_unstable_slow_key_steps_at_every_frame():
     chain, z, kc = soft(8, 44, 2.6), UNDAMPED, 5e3
     assert radius(44, kc, chain, z) > 1.1
     built = scene(44, kc=kc, chain=chain, z=z, t60=None, ca=True)
@@ -429,7 +429,7 @@ def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
 
 
 @pytest.mark.slow
-def test_the_plan_tells_what_it_costs_in_exactness():
+def test_plan_row_of_a_slow_key_states_its_error():
     rows = {R: slow_row(_core.Plan(*scene(R, kc=5e2, gesture={}))) for R in (10, 20, 44)}
     errors = [row.error_db for row in rows.values()]
     assert all(error is not None and error < -55.0 for error in errors)

@@ -100,7 +100,7 @@ def test_blocks_change_no_byte():
         assert np.array_equal(response(t60, seconds=0.5, n_channels=2, block=block), complete)
 
 
-def test_what_no_room_does_is_refused():
+def test_room_refuses_impossible_decays_and_channels():
     with pytest.raises(EngineError, match="are impossible at these frequencies"):
         Mixer(RATE, 1, 1).room("hall", [0], size=12.0, t60=((200.0, 9.0), (400.0, 0.2)))
     with pytest.raises(EngineError, match="there is no channel 1"):

@@ -46,7 +46,7 @@ def rendered(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
     return out
 
 
-def test_what_is_equal_goes_on_to_the_last_bit() -> None:
+def test_takeover_by_an_equal_version_keeps_every_bit() -> None:
     net = network()
     plan, complete = version(net, [0.01, 0.2], 0)
     _, first = version(net, [0.01], 0, plan)

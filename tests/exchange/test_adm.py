@@ -145,7 +145,7 @@ def test_common_definitions_need_no_description(numbers, speakers, effects):
     assert layout.n_channels == len(names)
 
 
-def test_a_definition_that_is_nowhere_says_nothing():
+def test_adm_without_track_definitions_is_none():
     names = ["AT_00010001_01", "AT_00010029_01"]
     assert adm.read(info_of_tracks(names, 2)) is None
 

@@ -48,7 +48,7 @@ def test_a_correction_belongs_to_its_processor(cache: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"correction": 2.0}', "[" * 10_000, "NaN", "\0"])
-def test_what_is_broken_counts_as_none(cache: Path, text: str):
+def test_damaged_speed_cache_is_ignored(cache: Path, text: str):
     cache.parent.mkdir(parents=True)
     cache.write_text(text)
     assert machine_speed.read_correction() is None

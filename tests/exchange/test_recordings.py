@@ -139,12 +139,12 @@ def test_a_cut_file_says_what_is_left(tmp_path: Path) -> None:
         (header(rate=2e6, frames=1) + rows(row(1, Axis(0.0)), row(2, Axis(0.0))), "microsecond"),
     ],
 )
-def test_what_is_no_take_is_refused(tmp_path: Path, data: bytes, words: str) -> None:
+def test_damaged_and_foreign_takes_are_refused(tmp_path: Path, data: bytes, words: str) -> None:
     with pytest.raises(TakeError, match=words):
         read(saved(tmp_path, data))
 
 
-def test_a_file_that_is_none(tmp_path: Path) -> None:
+def test_reading_folders_devices_and_missing_files_fails(tmp_path: Path) -> None:
     (tmp_path / "folder.take").mkdir()
     with pytest.raises(TakeError, match="the file does not exist"):
         read(tmp_path / "folder.take")
@@ -228,7 +228,9 @@ def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
         ([2**40], "begins too late"),
     ],
 )
-def test_what_cannot_be_played_back(tmp_path: Path, every: list[int], words: str) -> None:
+def test_playback_refuses_empty_long_and_late_recordings(
+    tmp_path: Path, every: list[int], words: str
+) -> None:
     data = [row(tick, Axis(0.0)) for tick in every]
     path = saved(tmp_path, header(), rows(*data), end())
     with pytest.raises(NotRecordingError, match=words):

@@ -140,7 +140,7 @@ def huge(file: h5py.File) -> None:
         (delayed(np.array([[b"a", b"b"]])), "does not hold numbers"),
     ],
 )
-def test_what_is_no_head_is_told(tmp_path: Path, change: Callable, words: str):
+def test_sofa_files_without_a_usable_head_are_refused(tmp_path: Path, change: Callable, words: str):
     with pytest.raises(sofa.SofaError, match=words):
         sofa.read(written_sofa(tmp_path / "a.sofa", change))
 
@@ -185,7 +185,7 @@ def test_the_reader_opens_no_file_and_takes_bounded_memory(tmp_path: Path):
         assert error in done.stderr
 
 
-def test_a_reader_that_dies_is_told(tmp_path: Path):
+def test_broken_answer_of_the_sofa_reader_is_reported(tmp_path: Path):
     for answer in (b"", b'{"convention"', b"\0\0\0\n"):
         with pytest.raises(sofa.SofaError, match="it is damaged"):
             sofa.responses_of(io.BytesIO(answer), tmp_path / "a.sofa")

@@ -40,7 +40,7 @@ def test_silence_that_is_fallen_into_and_risen_from_is_a_gap(sound):
 
 
 @pytest.mark.slow
-def test_what_goes_on_otherwise_behind_silence_is_wrong(sound):
+def test_changed_sound_after_silence_counts_as_wrong(sound):
     other = np.concatenate([sound[:1000], np.zeros((256, 3), np.float32), sound[1000:] * 0.5])
     result = compare(other, sound)
     assert (result.gaps, result.wrong) == ((), 1000)
@@ -60,6 +60,6 @@ def test_one_bit_in_one_channel_is_wrong(sound):
     assert (result.wrong, result.gaps, result.equal) == (1, (), 3999)
 
 
-def test_an_end_that_is_missing_is_told(sound):
+def test_missing_end_counts_as_unheard(sound):
     assert compare(sound[:3900], sound).unheard == 100
     assert compare(sound[:0], sound).unheard == 4000

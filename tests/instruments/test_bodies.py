@@ -98,7 +98,7 @@ def test_fitted_decays_stay_modal_and_stepped_ones_are_the_same(t60):
         ("PLATE: {M: 1g, f: A3, radius: 4, bending: 0.3}", "E206", "true"),
     ],
 )
-def test_what_is_wrong_is_told_in_its_place(module, code, part):
+def test_wrong_body_fields_report_code_and_text(module, code, part):
     reports = check_reports(SCORE % (module, 0, 0, "ca"))
     assert code in [report[0] for report in reports]
     assert any(part in report[2] for report in reports)

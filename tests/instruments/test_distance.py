@@ -107,7 +107,7 @@ def test_mistakes_have_a_sentence(out: str, code: str, said: str):
     assert any(own == code and said in sentence for own, _, sentence in reports), reports
 
 
-def test_a_distance_lies_nowhere(tmp_path):
+def test_distance_output_routed_to_nearest_is_refused(tmp_path):
     mix = "mix: {channels: 2, route: [{from: b, to: nearest}]}\n"
     reports = check_reports(f"{HEAD}    out: {{SOX: {{between: [bob, nail]}}}}\n{mix}")
     assert any("and b gives a distance" in sentence for _, _, sentence in reports), reports

@@ -100,7 +100,7 @@ def _with(value: Any, *path: str | int) -> str:
         (_with({}, "accessors", 0, "sparse"), "sparse"),
     ],
 )
-def test_what_is_wrong_is_said(text: str, message: str):
+def test_damaged_gltf_files_are_refused(text: str, message: str):
     with pytest.raises(MeshFileError) as refused:
         gltf_file.read(text)
     assert message in str(refused.value)

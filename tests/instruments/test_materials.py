@@ -319,7 +319,7 @@ def test_pitches_of_bodies_of_a_material_move_as_those_of_others():
         ("PLATE: {material: {like: tin}, radius: 9cm, f: A3}", "E206", "tin"),
     ],
 )
-def test_what_is_wrong_is_told_in_its_place(fields, code, part):
+def test_wrong_material_fields_report_code_and_text(fields, code, part):
     reports = refused(fields)
     assert [(own, True) for own, _ in reports] == [(code, part in reports[0][1])]
 

@@ -116,6 +116,6 @@ def test_a_file_lies_within_the_folder_of_the_score(tmp_path):
         ("modes: bell.csv, f: [200Hz]", "E111", "keep one"),
     ],
 )
-def test_what_is_wrong_is_told_in_its_place(fields, code, part):
+def test_wrong_bank_fields_report_code_and_text(fields, code, part):
     ((own, _, message),) = check_reports(SCORE % fields)
     assert (own, part in message) == (code, True), message

@@ -328,7 +328,7 @@ def test_mistakes_have_a_sentence(text: str, code: str, said: str):
     assert any(own.startswith(code) and said in sentence for own, _, sentence in reports), reports
 
 
-def test_distances_may_be_small_and_none():
+def test_zero_rest_length_and_small_gap_are_accepted():
     lines = "      s: {RES: {between: [bob, nail], K: 10, rest: 0m}}\n"
     lines += "      c: {BUT: {between: [bob, nail], K: 10, gap: 50um}}\n"
     modules = check(f"{SPACE}{lines}render: {{tail: 1s}}\n").piece.instruments["b"].modules

@@ -81,7 +81,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_it_is_what_a_contact_for_each_member_is(name: str):
+def test_spread_contact_equals_one_contact_for_each_member(name: str):
     gap, gaps = CASES[name]
     ours = rendered(over(3, 7, gap), "{BUT: c}")
     hand = rendered(by_hand((f"{gap!r}m" for gap in gaps), 3), "[c0, c1, c2, c3, c4]")
@@ -172,7 +172,7 @@ def test_two_ranges_join_member_by_member():
         ),
     ],
 )
-def test_what_cannot_be_is_refused_where_it_is_written(line: str, code: str, words: str):
+def test_wrong_spread_contacts_report_code_and_line(line: str, code: str, words: str):
     text = SCORE % (SOL, line, "c")
     reports = [report for report in check_reports(text) if report[0] == code]
     assert len(reports) == 1, check_reports(text)

@@ -51,7 +51,7 @@ render: {bits: float, tail: 0.1s}
 
 
 @pytest.mark.parametrize(("viscous", "more"), [(0.0, ""), (0.4, ""), (0.0, ", friction: 0")])
-def test_it_sticks_as_dop853_says(viscous: float, more: str):
+def test_sticking_contact_against_dop853(viscous: float, more: str):
     link = matter.Link(0, 1, 0, 0, GAP, law=lambda e, v: sticking(e, viscous, v))
     x0, v0 = np.array([(0, 0), (0.013, 0.002)]), np.array([(0.0, 0), (-0.2, 0)])
     errors = []
@@ -68,7 +68,7 @@ def test_it_sticks_as_dop853_says(viscous: float, more: str):
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_what_sticks_parts_where_the_work_is_there():
+def test_sticking_contact_parts_above_the_work_of_adhesion():
     """Parting takes PULL·REACH/2 from touching: at that speed and above a ball flies on."""
     reduced = 1.0 / (1 / 4e-3 + 1 / 6e-3)
     # It begins where it rests, PULL/STIFF deep.
@@ -111,7 +111,7 @@ def test_momentum_and_the_ledger_close(exponent: float, friction: float):
     assert abs(complete) < 1e-9 * max(abs(energy.start), abs(energy.lost), abs(energy.stored))
 
 
-def test_what_sticks_hangs():
+def test_ball_held_under_a_plane_by_sticking():
     """A ball hangs from a plane that holds it by more than its weight, sunk in by what is left."""
     text = """\
 ergon: 1

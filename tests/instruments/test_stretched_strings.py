@@ -85,7 +85,7 @@ def test_every_method_steps_its_tension(method, most):
     assert error_db(planned(text, 4410), exact("fixed", Q, 4410)) < most
 
 
-def test_its_pitch_falls_as_it_calms():
+def test_stretched_string_pitch_falls_during_decay():
     loud = planned(SCORE % ("fixed", f"{Q:g}N/m3", "method: bm4"), 88200)
     pitches = []
     for part in (loud[:22050], loud[-22050:]):
@@ -118,7 +118,7 @@ def test_a_wire_is_as_stiff_as_its_matter():
 @pytest.mark.parametrize(
     ("stretching", "code"), [("-1N/m3", "E202"), ("1N", "E203"), ("{young: 1GPa}", "E103")]
 )
-def test_what_is_wrong_is_told(stretching, code):
+def test_wrong_stretching_reports_its_code(stretching, code):
     assert code in [
         report[0] for report in check_reports(SCORE % ("fixed", stretching, "method: ca"))
     ]

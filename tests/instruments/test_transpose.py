@@ -373,7 +373,7 @@ def test_what_is_written_beside_a_transposition_sounds_as_written():
         ),
     ],
 )
-def test_what_cannot_be_transposed_or_lacks_fields_is_said_once(instruments, report):
+def test_failed_transposition_is_reported_once(instruments, report):
     assert check_reports(f"ergon: 1\ninstruments:\n{instruments}") == [report]
 
 

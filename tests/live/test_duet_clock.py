@@ -175,7 +175,7 @@ def pressed() -> Iterator[tuple[Pressed, str]]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number: signal.Signals):
+def test_signal_ends_a_duet_without_force(score: Path, tmp_path: Path, number: signal.Signals):
     with pressed() as (device, url):
         with duet(score, "--live", f"ada={url}", "--audio", "null") as playing:
             until(lambda: abs(device.heard[-1][0]) > 200, "a force")
@@ -208,7 +208,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
         (["--from", "99|1"], 2, "the piece ends at"),
     ],
 )
-def test_what_cannot_be_played_is_said(
+def test_wrong_live_arguments_are_refused(
     arguments: list[str],
     code: int,
     sentence: str,

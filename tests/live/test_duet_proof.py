@@ -96,7 +96,7 @@ def test_a_key_on_a_wire_is_heard_through_jack(
 
 
 @pytest.mark.slow
-def test_as_fast_as_it_goes_nothing_at_all_is_missing(
+def test_unpaced_duet_captures_every_frame(
     name: str, score: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("JACK_DEFAULT_SERVER", name)

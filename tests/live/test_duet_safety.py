@@ -52,7 +52,7 @@ def leant(folder: Path, **board: float | bool) -> tuple[np.ndarray, np.ndarray]:
     return forces[: len(forces) - 1], asked[: len(forces) - 1]
 
 
-def test_a_board_that_is_hot_is_asked_for_what_it_bears(tmp_path: Path):
+def test_hot_board_receives_its_continuous_force(tmp_path: Path):
     forces, asked = leant(tmp_path / "cool", continuous=1.0)
     assert forces.min() < -2
     assert asked.min() < -2
@@ -61,7 +61,7 @@ def test_a_board_that_is_hot_is_asked_for_what_it_bears(tmp_path: Path):
     assert asked.min() == -1
 
 
-def test_a_board_that_lets_go_is_asked_for_nothing(tmp_path: Path):
+def test_released_board_receives_no_force(tmp_path: Path):
     forces, asked = leant(tmp_path / "lets-go", lets_go=True)
     assert forces.min() < -2
     # Every reply begins the quarter of a second anew.

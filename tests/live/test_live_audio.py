@@ -83,7 +83,7 @@ def test_a_file_has_its_name_only_when_it_is_whole(tmp_path: Path):
         _core.AudioOut(f"file:{tmp_path}/nowhere/a.wav", RATE, 2)
 
 
-def test_a_full_disk_is_said_and_keeps_what_there_is(tmp_path: Path):
+def test_full_disk_is_reported_and_written_frames_stay(tmp_path: Path):
     path = tmp_path / "a.wav"
     code = f"""
 import resource, numpy as np
@@ -146,7 +146,7 @@ def test_auto_says_what_it_found_and_what_it_did_not():
         ("pulse", "PulseAudio"),
     ],
 )
-def test_what_is_not_there_is_said(spec: str, words: str):
+def test_missing_audio_outputs_are_refused(spec: str, words: str):
     with pytest.raises(_core.EngineError, match=words):
         _core.AudioOut(spec, RATE, 2)
 

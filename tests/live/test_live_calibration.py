@@ -88,7 +88,7 @@ def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
         "calibration = 3\n",
     ],
 )
-def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
+def test_uneditable_calibration_files_stay_unchanged(config: Path, text: str):
     written(config, text)
     with pytest.raises(BoardError, match=r"that ergon cannot edit|is not a table"):
         store_axis("emul:", 0, AXIS)

@@ -191,7 +191,7 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
 # --- what is told ---------------------------------------------------------------------------------
 
 
-def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
+def test_beats_and_strikes_are_sent_with_their_positions(listener: Listener):
     staged = stage(piece(), planned=True)
     with played(staged, PlaybackConfig(audio="null:fast"), listener.port) as (performance, osc):
         while not performance.wait(1.0):
@@ -408,7 +408,7 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     st.integers(0, 400),
     st.binary(min_size=1, max_size=4),
 )
-def test_a_spoilt_datagram_harms_nobody(datagram: bytes, offset: int, spoil: bytes):
+def test_damaged_datagrams_raise_only_malformed_errors(datagram: bytes, offset: int, spoil: bytes):
     with contextlib.suppress(MalformedDatagramError):
         assert all(one == ("/a", [1, 0.5, "x"]) for one in parse_messages(datagram))
     offset %= len(datagram)
@@ -455,7 +455,7 @@ def test_a_place_is_this_machine_unless_a_host_is_named():
             parse_address(text)
 
 
-def test_a_port_that_is_taken_is_said(listener: Listener):
+def test_occupied_osc_port_is_refused(listener: Listener):
     with pytest.raises(OscError, match=f"cannot listen at 127.0.0.1:{listener.port}"):
         OscServer(("127.0.0.1", listener.port), None)
 

@@ -126,7 +126,7 @@ def test_a_second_user_is_not_heard_by_whatever_socket(served: Served) -> None:
 
 
 @LINUX
-def test_who_cannot_be_told_needs_the_key() -> None:
+def test_sender_of_a_shared_port_needs_the_key() -> None:
     served = Served(key=KEY)
     client, sharing = Client(served), Client(served, shares=True)
     client.is_heard("/ergon/before")

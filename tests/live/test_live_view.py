@@ -97,7 +97,7 @@ def test_a_duet_in_lockstep_is_the_same_to_the_bit(work_folder: Path) -> None:
     assert result[0] == result[1]
 
 
-def test_what_cannot_be_is_refused_before_anything_sounds(work_folder: Path) -> None:
+def test_wrong_view_options_are_refused_before_sound(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     for options, words in {
         ("--see", "all"): "--see: this needs a page; add the option view",

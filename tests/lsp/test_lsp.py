@@ -40,7 +40,7 @@ def session(tmp_path: Path) -> Callable[[str, Callable[[Editor], Awaitable[None]
     return run
 
 
-def test_mistakes_are_told_as_one_types_and_go_when_they_are_mended(session):
+def test_diagnostics_appear_while_typing_and_vanish_after_correction(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         editor.type(editor.text.replace("play: knock", "play: knok"))
@@ -276,7 +276,7 @@ def test_sections_are_listed_and_the_layout_is_put_in_order(session):
     session(SCORE, act)
 
 
-def test_yaml_that_is_no_score_is_left_alone(session):
+def test_foreign_yaml_gets_no_diagnostics_or_completion(session):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda found: not found)
         editor.type("services:\n  web: {image: x}\n")

@@ -54,7 +54,7 @@ def test_a_file_is_the_row_that_it_was_written_from():
         (TEXT.replace("400.0g", "0.4kg"), "M must be in g"),
     ],
 )
-def test_what_is_no_calibration_is_refused(said: str, told: str):
+def test_damaged_calibrations_are_refused(said: str, told: str):
     with pytest.raises(MeasurementError, match=told):
         read(said)
 
@@ -162,7 +162,7 @@ def spread(seed: int) -> np.ndarray:
     return np.asarray(covariance * np.outer(scale, scale))
 
 
-def test_a_file_tells_deviations_and_correlations_of_its_figures():
+def test_deviations_and_correlations_of_a_file_against_drawn_keys():
     """Against 20,000 keys drawn by the covariance of the fit, each with its own figures."""
     covariance = spread(1)
     known = read(text(fitted(KEY, covariance), [], "2026-11-22"))

@@ -135,7 +135,7 @@ def test_a_fader_without_a_spring_is_guided():
     ],
     ids=["unplugged", "hand", "gate"],
 )
-def test_what_goes_wrong_is_said(options: dict[str, object], told: str):
+def test_ladder_ends_with_the_reason_of_a_failure(options: dict[str, object], told: str):
     with pytest.raises(TakeEnded, match=told):
         climb(Axis(emulated(**options)))
 

@@ -61,7 +61,7 @@ def test_a_key_is_measured_as_well_as_can_be():
 
 
 @pytest.mark.slow
-def test_no_mode_is_found_where_there_is_none():
+def test_plain_key_has_no_accepted_mode_stage():
     result, replay = measured(PLAIN, 7)
     assert "mode" not in accepted_stages(result)
     assert replay <= 0.25e-6
@@ -133,6 +133,6 @@ def test_a_key_without_a_spring_has_none():
         (np.zeros(600), np.full(600, np.nan), "finite"),
     ],
 )
-def test_what_is_no_gesture_is_refused(force: Floats, position: Floats, told: str):
+def test_unsuitable_gesture_arrays_are_refused(force: Floats, position: Floats, told: str):
     with pytest.raises(MeasurementError, match=told):
         of_arrays(force, position, 1000.0)

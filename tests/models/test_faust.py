@@ -57,7 +57,7 @@ def test_a_mistake_is_told_by_the_line_of_the_program(capsys: pytest.CaptureFixt
     ],
     ids=["none", "no block", "words", "two"],
 )
-def test_what_has_no_script_of_its_own_is_refused(text: str, line: int, says: str) -> None:
+def test_faust_files_without_a_mims_script_are_refused(text: str, line: int, says: str) -> None:
     Path("o.dsp").write_text(text)
     with pytest.raises(ModelError, match=says) as output:
         import_model("o.dsp")

@@ -160,7 +160,7 @@ def test_what_is_not_written(
     assert not Path("d").exists()
 
 
-def test_all_that_is_not_written_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_faust_export_reports_every_omitted_module(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(
         SCORE.replace("t60: 2s", "t60: 2s, hardening: 1e6N/m3").replace("count: 9", "count: 2000")
     )

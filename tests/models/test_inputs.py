@@ -116,7 +116,7 @@ def later(signal: np.ndarray, by: int = 1) -> np.ndarray:
     return np.concatenate([np.zeros(by), signal[:-by]])
 
 
-def test_inputs_by_osc_glide_to_what_they_are_told():
+def test_osc_inputs_glide_to_their_target():
     """A position is reached at the end of its frame, so that it is heard a sample later."""
     message = HAND.replace("@m mass 1", "@p audioParam @in3\n@m mass [2+p]")
     Path("m.mdl").write_text(message)
@@ -183,7 +183,7 @@ def test_inputs_that_nothing_feeds_are_named(capsys: pytest.CaptureFixture[str])
     assert "in2 stays at 0; --feed in2=FILE.wav feeds in2" in capsys.readouterr().err
 
 
-def test_a_text_that_is_no_model_is_said_to_be_none(capsys: pytest.CaptureFixture[str]):
+def test_import_of_texts_other_than_models_is_refused(capsys: pytest.CaptureFixture[str]):
     sentence = {
         "1 220.5 0.8 0.35\n2 440 0.5 0.4\n": "a table of resonances; `ergon bell m.txt` makes",
         "a letter to a friend\n": "a line begins with @ and a name",

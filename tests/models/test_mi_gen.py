@@ -175,7 +175,7 @@ def test_a_score_that_was_imported_is_exported_and_imported_again() -> None:
         ("M: 1.3, K: 0.01", "M: 1.3, K: -0.01", 8, "net.m: a stiffness or a viscosity below 0"),
     ],
 )
-def test_what_the_format_cannot_say(
+def test_mi_gen_export_refuses_fields_without_equivalent(
     old: str, new: str, line: int, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _fed()
@@ -188,7 +188,7 @@ def test_what_the_format_cannot_say(
     assert not Path("d").exists()
 
 
-def test_names_are_kept_and_parts_are_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_mi_gen_export_keeps_names_unique(capsys: pytest.CaptureFixture[str]) -> None:
     Path("s.yaml").write_text(
         "ergon: 1\ninstruments:\n"
         "  a: {modules: {out1: {CEL: {M: 5g, f: 200Hz, t60: 1s}}}, out: {SOX: out1}}\n"

@@ -203,7 +203,7 @@ def test_a_mean_over_a_string_is_a_range() -> None:
     assert off(rendered(score, SECONDS), exact) < LINEAR
 
 
-def test_a_mean_is_heard_where_nothing_is_asked_for() -> None:
+def test_pmpd_default_output_is_the_mean_position() -> None:
     text = "mass f 0 1 0; mass m 1 8 1; mass m 1 6 2; link l f m 0.1 0.01; setPos 2 1.7"
     exact = pmpd.bangs(text, FRAMES)[:, 1:].mean(axis=1, keepdims=True)
     for asked in ("", "; massPosMean m"):
@@ -358,7 +358,7 @@ def test_spoiled_lists_are_refused_or_read() -> None:
         ("#X obj 50 50 osc~ 440;", "without an object of pmpd"),
     ],
 )
-def test_a_patch_is_told_from_other_texts(tmp_path: Path, box: str, words: str) -> None:
+def test_pure_data_patches_are_recognised(tmp_path: Path, box: str, words: str) -> None:
     path = tmp_path / "patch.pd"
     head = "#N canvas 0 0 450 300 10;\n"
     path.write_text(f"{head}{box}\n#X msg 50 20 mass 20;\n#X connect 1 0 0 0;\n")

@@ -87,7 +87,7 @@ WRITING = {
 
 
 @pytest.mark.parametrize(("line", "dialect", "text", "message"), READING.values(), ids=READING)
-def test_what_is_no_model(line: int, dialect: str, text: str, message: str):
+def test_reading_damaged_models_reports_the_line(line: int, dialect: str, text: str, message: str):
     with pytest.raises(ModelError, match=message) as raised:
         parse(text, dialect, "m.mdl")
     assert raised.value.line == line
@@ -95,7 +95,9 @@ def test_what_is_no_model(line: int, dialect: str, text: str, message: str):
 
 
 @pytest.mark.parametrize(("line", "dialect", "text", "message"), WRITING.values(), ids=WRITING)
-def test_what_no_score_says(line: int, dialect: str, text: str, message: str):
+def test_writing_models_without_equivalent_reports_the_line(
+    line: int, dialect: str, text: str, message: str
+):
     model = parse(text, dialect, "m.mdl")
     with pytest.raises(ModelError, match=message) as raised:
         written(model)
@@ -143,7 +145,7 @@ def test_the_largest_macros_are_those_of_a_score():
     assert places.MASSES_MAX == MAX_MODULES
 
 
-def test_an_input_that_is_none(tmp_path: Path):
+def test_missing_input_file_is_refused(tmp_path: Path):
     path = tmp_path / "m.mdl"
     path.write_text("@in1 posInput 0\n@out1 posOutput @in1\n")
     asked = ModelOptions(inputs={"in1": tmp_path / "none.wav"})

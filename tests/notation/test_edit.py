@@ -213,7 +213,7 @@ def test_rows_come_and_go_without_a_trace(outcome, data):
 
 @quiet
 @given(documents, st.data())
-def test_what_is_removed_is_all_that_goes(outcome, data):
+def test_removal_changes_only_the_removed_path(outcome, data):
     document = outcome.document
     path = data.draw(st.sampled_from([path for path, _ in paths(document.root) if path]))
     try:
@@ -306,7 +306,7 @@ def test_what_append_writes(text, path, expected):
         (append, "a: |\n  b\n", ("a",)),
     ],
 )
-def test_what_cannot_be_edited_is_refused(edit, text, path):
+def test_editing_aliases_and_missing_paths_is_refused(edit, text, path):
     with pytest.raises(EditError):
         edit(read(text), path, "2")
 
@@ -338,7 +338,7 @@ def children(node):
 
 @quiet
 @given(placed(is_list), st.data())
-def test_several_leave_as_they_would_one_by_one(outcome, data):
+def test_joint_removal_equals_successive_removals(outcome, data):
     document, (_, path) = outcome.document, outcome.words
     node = dict(paths(document.root))[path]
     gone = data.draw(st.lists(st.sampled_from(children(node)), unique=True, min_size=1))
@@ -354,7 +354,7 @@ def test_several_leave_as_they_would_one_by_one(outcome, data):
     assert is_part_of(comments(changed), comments(document.text))
 
 
-def test_what_stands_apart_cannot_leave_together():
+def test_joint_removal_from_different_parents_is_refused():
     with pytest.raises(EditError, match="together"):
         remove(read("a: {b: 1}\nc: {d: 1}\n"), ("a", "b"), ("c", "d"))
 

@@ -81,7 +81,7 @@ def test_mistakes(text, code, column, suggestion):
     assert [(d.code, d.place.column, d.suggestion) for d in found] == [(code, column, suggestion)]
 
 
-def test_a_broken_one_does_not_hide_the_others():
+def test_wrong_entry_does_not_hide_the_other_entries():
     value, result = read(NamesOf(POINT, "point"), "{a: {x: 1}, b: {x: no}, 3c: {}, d: {y: 1}}")
     assert list(value) == ["a", "b", "d"]
     assert value["b"] is MISSING
@@ -110,7 +110,7 @@ def walk(node):
         yield from walk(child)
 
 
-def test_the_schema_is_draft_7_and_says_no_riddles():
+def test_schema_is_draft_7_without_alternatives():
     jsonschema.Draft7Validator.check_schema(schema())
     for node in walk(schema()):
         if isinstance(node, dict):

@@ -70,7 +70,7 @@ def test_spacing():
     assert formatted(UNTIDY) == TIDY
 
 
-def test_what_is_formatted_stays():
+def test_formatting_is_idempotent():
     assert formatted(TIDY) == TIDY
 
 

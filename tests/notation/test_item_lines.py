@@ -103,7 +103,7 @@ def test_nodes_are_those_of_the_whole_text(lists, row):
 
 
 @pytest.mark.parametrize("n_lines", [10, 500])
-def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
+def test_known_list_lines_are_not_composed_again(monkeypatch, n_lines):
     text = "parts:\n  ada:\n" + "".join(
         f"    - {{at: {bar}|1, play: knock}}\n" for bar in range(1, n_lines)
     )
@@ -119,7 +119,7 @@ def test_of_lines_that_are_known_none_is_composed(monkeypatch, n_lines):
     ]
 
 
-def test_a_text_that_looks_like_a_list_is_none():
+def test_block_text_resembling_a_list_is_not_read_by_lines():
     rows = "    - {at: 1|1, play: knock}\n" * 9
     assert item_lines.compose_by_lines(f"parts:\n  ada: |\n{rows}", "s", Path(), 0, {}) is None
 
@@ -152,7 +152,7 @@ def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
 ROWS = [f"      m{n}: {{MAS: {{M: {n + 1}g}}}}\n" for n in range(12)]
 
 
-def test_of_entries_that_are_known_none_is_composed(monkeypatch):
+def test_known_entries_are_not_composed_again(monkeypatch):
     text = "instruments:\n  bell:\n    modules:\n"
     _, lines = item_lines.compose_by_lines(text + "".join(ROWS), "s", Path(), 0, {})
     changed = ROWS[5].replace("6g", "60g")

@@ -197,7 +197,7 @@ def test_a_ramp_may_last_seconds():
 
 
 @pytest.mark.parametrize("text", ["4", "4/5", "0/4", "4/4/4", "3++2/8", "999/4", "+3/8", "x"])
-def test_meters_that_are_none(text):
+def test_wrong_meters_are_refused(text):
     with pytest.raises(TextError):
         parse_meter(text)
 
@@ -205,7 +205,7 @@ def test_meters_that_are_none(text):
 @pytest.mark.parametrize(
     ("text", "marked"), [("0", "0"), ("60 > 96", "60 > 96"), ("60 -> 1e9", "1e9"), ("", "")]
 )
-def test_tempos_that_are_none(text, marked):
+def test_wrong_tempos_are_refused_with_their_place(text, marked):
     with pytest.raises(TextError) as caught:
         parse_bpm(text)
     assert text[caught.value.offset : caught.value.offset + caught.value.length] == marked

@@ -81,7 +81,7 @@ def test_prefixes_of_units_are_those_of_scores():
     assert {text: number(text) for text in written} == pytest.approx(written)
 
 
-def test_an_error_that_was_not_measured_has_to_be_told():
+def test_unmeasured_large_error_without_warning_is_a_silent_miss():
     """A plan that states nothing is a silent miss if its error is large and it does not warn."""
     plan = audit.Plan(-40.0, stated=np.inf, real=-20.0, doubt=-120.0)
     output = replace(plan, warned=True)
@@ -280,7 +280,7 @@ def test_a_plan_of_a_random_scene_is_as_exact_as_it_says(family: str):
 
 
 @pytest.mark.parametrize("scene", few(["dry-76", "dry-84", "bristle-130"], ["dry-84"]))
-def test_two_runs_that_stick_alike_are_not_believed(scene: str):
+def test_agreement_of_two_wrong_friction_runs_is_not_trusted(scene: str):
     """In each, one step a frame and two agree far better than either is right."""
     family, _, seed = scene.partition("-")
     text = random_scenes.text(family, int(seed))
@@ -306,7 +306,7 @@ def test_a_table_has_a_row_for_each_scene_and_budget():
     assert "exact / -2" in tables.scene(result)
 
 
-def test_what_is_kept_of_a_family_is_what_was_found(tmp_path: Path):
+def test_stored_family_results_round_trip(tmp_path: Path):
     audits = [audit.look("plan-roundtrip", named("plan-roundtrip"), plain=False)]
     single = kept.results("2026-11-22", "0123abc", audits)
     kept.keep("named", single, tmp_path)
@@ -314,7 +314,7 @@ def test_what_is_kept_of_a_family_is_what_was_found(tmp_path: Path):
     assert kept.stored_results("dry", tmp_path) is None
 
 
-def test_the_page_is_of_what_is_kept():
+def test_accuracy_page_equals_stored_results():
     known = {family: kept.stored_results(family) for family in ALL}
     assert None not in known.values()
     page = Path(__file__).parents[2] / "docs" / "accuracy.md"

@@ -71,7 +71,7 @@ def test_a_render_ends_where_the_energy_doubles(
 
 
 @pytest.mark.parametrize("scene", ["but-16", "but-14"])
-def test_the_plan_makes_none(scene: str) -> None:
+def test_planned_scene_creates_no_energy(scene: str) -> None:
     piece = load(str(SCENES / f"stability-{scene}.yaml")).piece
     assert piece is not None
     played = stage(piece, planned=True)
@@ -79,7 +79,7 @@ def test_the_plan_makes_none(scene: str) -> None:
     assert played.gains() == []
 
 
-def test_a_little_is_told_of(capsys: Capture) -> None:
+def test_small_created_energy_warns_w404_unless_planned(capsys: Capture) -> None:
     Path("a.yaml").write_text(HAMMER)
     assert app.run(["render", "a.yaml", "--method", "ca"]) == 0
     err = capsys.readouterr().err
@@ -114,7 +114,7 @@ def test_a_plan_says_that_a_trial_diverged(
     assert err.index("warning[W403]") < err.index("error[E401]")
 
 
-def test_of_links_that_harden_no_method_is_proved() -> None:
+def test_guarantee_of_ieq_with_hardening_links_is_guarded() -> None:
     piece = load(str(SCENES / "stability-hard-4.yaml")).piece
     assert piece is not None
     ready = prepare(piece)

@@ -156,7 +156,7 @@ def test_its_work_is_counted_by_its_frames() -> None:
     assert costs[44_100] == pytest.approx(20 * costs[2205], rel=1e-12)
 
 
-def test_what_is_too_stiff_goes_as_often_as_it_needs() -> None:
+def test_stiff_seen_part_is_oversampled() -> None:
     stiff = FLAG.replace("K: 80N/m", "K: 80kN/m")
     built = staged(score("rates: {motion: 2kHz}\n", stiff))
     assert built.plan is not None
@@ -241,7 +241,7 @@ def test_a_session_plays_it_and_its_journal_gives_every_sample_again(tmp_path: P
     assert first["see"] == "all"
 
 
-def test_what_is_no_rate_is_a_mistake_with_its_place() -> None:
+def test_wrong_motion_rates_are_reported() -> None:
     assert check_reports(score("rates: {motion: fast}\n"))
     assert check_reports(score("rates: {motion: -2kHz}\n"))
     assert check_reports(score("rates: {motions: 2kHz}\n"))

@@ -92,18 +92,18 @@ FULL_RATE_CASES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", few(FULL_RATE_CASES, ["one mass", "four masses", "units: ca"]))
-def test_where_it_does_not_pay_or_may_not_be_nothing_is_slow(name: str):
+def test_planner_offers_no_slow_key_without_benefit(name: str):
     made = scene(**FULL_RATE_CASES[name])
     assert all(row.what != "e4" for row in _core.Plan(*made, error_db=ASKED_DB).rows())
 
 
-def test_what_else_may_come_keeps_it_at_every_frame():
+def test_open_timeline_keeps_a_key_at_every_frame():
     network, timeline = scene()
     assert rows(_core.Plan(network, timeline, method="ca"))["key"].what == "stepped"
     timeline.open()
     assert all(row.what != "e4" for row in _core.Plan(network, timeline).rows())
 
 
-def test_what_was_asked_for_is_nobody_elses_idea():
+def test_requested_slow_key_is_not_marked_as_offered():
     key = rows(_core.Plan(*scene(every=10), error_db=ASKED_DB))["key"]
     assert (key.what, key.offered) == ("e4", False)

@@ -68,7 +68,7 @@ def test_masses_that_meet_on_springs_keep_their_energy(name: str, method: str) -
 
 @pytest.mark.parametrize("method", ["draft", "session", "by ear"])
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
-def test_a_spring_that_is_heard_makes_no_energy_untold(damping: float, method: str) -> None:
+def test_listened_spring_creates_no_unreported_energy(damping: float, method: str) -> None:
     """The force of an undamped spring is a sum of positions. A damped one is stepped beside the
     contact, and what it makes is told, or computed away.
     """

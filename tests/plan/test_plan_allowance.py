@@ -106,5 +106,5 @@ def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
     ("part", "shown"),
     [(1e-6, "0.0001%"), (0.0347, "3.5%"), (0.8, "80%"), (1.234, "123%"), (0.0, "0%")],
 )
-def test_a_part_of_a_core_is_never_rounded_to_nothing(part: float, shown: str) -> None:
+def test_percent_of_small_core_shares(part: float, shown: str) -> None:
     assert _percent(part) == shown

@@ -189,7 +189,7 @@ def row(*errors: float, spectral: float | None = None, cut_short: bool = False) 
         ((1.1,), 1.0, True),
     ],
 )
-def test_what_is_heard_of_an_error_is_said(
+def test_audible_errors_above_the_threshold_are_reported(
     listened: tuple[float, ...], cents: float | None, is_said: bool
 ):
     plan = cast(
@@ -231,7 +231,7 @@ def test_another_spectrum_of_a_chaotic_motion_is_said(spectral: float, is_said: 
         assert text[0].startswith("bell: after the first 0.5 s the motion is chaotic")
 
 
-def test_the_table_shows_it_and_the_cache_keeps_it(
+def test_audible_error_in_the_plan_table_and_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ):
     monkeypatch.setenv("ERGON_CACHE", "on")

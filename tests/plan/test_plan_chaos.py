@@ -123,7 +123,7 @@ def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(listened: str):
         assert row.spectral_db is None
 
 
-def test_so_is_a_bow_that_pulls_its_string_out_of_phase():
+def test_coarsely_bowed_string_is_judged_by_its_spectrum():
     piece = load(str(Path(__file__).parents[1] / "data" / "pieces" / "hand.yaml")).piece
     assert piece is not None
     hand = Score(piece).at(RATE)
@@ -143,7 +143,7 @@ def test_so_is_a_gong_that_is_struck_softly():
 
 
 @pytest.mark.slow
-def test_by_ear_a_method_that_raves_gives_way():
+def test_by_ear_the_planner_rejects_a_too_loud_method():
     # At four times the blow CA once a frame is lost, and others come through far too loud.
     gong = scene(impulse=3.0 * HARD)
     plan = _core.Plan(gong.network, gong.timeline)
@@ -174,7 +174,9 @@ def test_what_a_trial_lost_is_muted_where_the_last_method_makes_energy(share: fl
     assert frame < 0.05 * RATE
 
 
-def test_it_is_said_and_kept(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+def test_spectral_error_in_the_record_and_the_cache(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("ERGON_CACHE", "on")
     Path("a.yaml").write_text(score())
     assert app.run(["plan", "a.yaml", "--json"]) == 0

@@ -44,7 +44,7 @@ OTHER_WAYS = [
 
 
 @pytest.mark.parametrize(("family", "seed", "budget"), OTHER_WAYS)
-def test_a_way_that_the_search_does_not_come_to_is_found(family: str, seed: int, budget: float):
+def test_cheapest_method_outside_the_search_order(family: str, seed: int, budget: float):
     # At one instant: the scenes were found so, and it asks most of what is between frames.
     text = random_scenes.text(family, seed).replace("impulse: ", "lasts: 0s, impulse: ")
     result = audit.look(f"{family}-{seed}", text, (budget,))
@@ -82,7 +82,7 @@ def test_three_runs_whose_change_does_not_fall_are_not_believed():
     assert plan.excess <= 1.5, plan
 
 
-def test_by_ear_nothing_is_looked_for_below_what_is_heard():
+def test_by_ear_the_search_stops_at_the_audible_error():
     """The waveform is promised by no budget of ears: the way stays that of the search."""
     plans = audit.look("law-0", random_scenes.text("law", 0), (audit.BY_EAR, -80.0), plain=False)
     by_ear, asked = plans.plans
@@ -91,7 +91,7 @@ def test_by_ear_nothing_is_looked_for_below_what_is_heard():
 
 
 @pytest.mark.parametrize("seed", [304, pytest.param(308, marks=pytest.mark.slow)])
-def test_by_ear_dear_contacts_are_no_more_exact_than_is_heard(seed: int):
+def test_by_ear_costly_contacts_stop_at_the_audible_error(seed: int):
     text = random_scenes.text("bridge", seed)
     by_ear, asked = audit.look("bridge", text, (audit.BY_EAR, -80.0), plain=False).plans
     assert asked.is_met, asked

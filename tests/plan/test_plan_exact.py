@@ -191,7 +191,7 @@ def test_a_cell_that_a_contact_might_touch_takes_strikes_exactly():
 
 
 @pytest.mark.parametrize("change", ["free", "damped"])
-def test_what_has_no_normal_modes_goes_by_complex_ones(change: str):
+def test_free_and_damped_bodies_use_complex_modes(change: str):
     """Nothing holds it, or a damper couples the modes that it has without."""
     scene = string("free" if change == "free" else "fixed")
     if change == "damped":
@@ -200,7 +200,7 @@ def test_what_has_no_normal_modes_goes_by_complex_ones(change: str):
     assert (row.what, row.because) == ("complex modes", None)
 
 
-def test_what_has_no_modes_is_stepped_and_says_why():
+def test_network_without_modes_is_stepped_with_a_reason():
     """A discrete network that is the truth, damped at one point: its own steps, to the last bit."""
     scene = Scene()
     scene.part("old", ca_rate=RATE)

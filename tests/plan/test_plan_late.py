@@ -55,7 +55,7 @@ def errors(score: str, time: float, **budget: float) -> list[tuple[float, float]
 
 @pytest.mark.parametrize("score", [KEY, STRUCK])
 @pytest.mark.parametrize("budget", [{"error_db": -60.0}, {}])
-def test_what_enters_late_is_measured_as_what_enters_soon(score: str, budget: dict[str, float]):
+def test_late_event_error_equals_early_event_error(score: str, budget: dict[str, float]):
     soon, late = errors(score, 0.5, **budget), errors(score, LATE, **budget)
     assert soon
     assert len(late) == len(soon)
@@ -172,7 +172,9 @@ render: {tail: 1s}
         ("0N/m3", "5mNs", None),
     ],
 )
-def test_what_is_struck_harder_later_is_told(hardening: str, later: str, stated_db: float | None):
+def test_harder_later_stroke_raises_the_stated_error(
+    hardening: str, later: str, stated_db: float | None
+):
     """The error was that of the soft stroke, and nothing said so."""
     text = HARDENS.replace("HARDENING", hardening).replace("LATER", later)
     _, plan = planned(text, error_db=-40.0)

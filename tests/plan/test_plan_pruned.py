@@ -67,7 +67,7 @@ def both(first: Callable[[Scene], None], second: Callable[[Scene], None]) -> Sce
 
 
 @pytest.mark.parametrize("wishes", few(WISHES, [{"method": "modal"}, {"method": "ca"}]), ids=str)
-def test_no_byte_tells_of_what_is_not_heard(wishes: dict[str, Any]):
+def test_unheard_parts_change_no_byte(wishes: dict[str, Any]):
     alone = Scene()
     add_played_bodies(alone)
     sound = planned(alone, RATE, N, **wishes)
@@ -123,7 +123,7 @@ def still(scene: Scene) -> list[Mat]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wishes", few(WISHES, WISHES[:1]), ids=str)
-def test_where_what_is_still_stands_is_heard(wishes: dict[str, Any]):
+def test_position_of_a_resting_part_affects_the_sound(wishes: dict[str, Any]):
     alone, scene = Scene(), Scene()
     add_played_bodies(alone)
     add_played_bodies(scene)

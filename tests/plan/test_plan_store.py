@@ -156,7 +156,7 @@ def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: P
     assert capsys.readouterr().err == ""
 
 
-def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
+def test_plan_store_forgets_the_least_used_files(plans: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
     store = PlanStore(plans)
     first = TrialRecord([-60.5, None, 0.5], [[1, 2], []], "it is not linear")
@@ -177,7 +177,7 @@ def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
     assert list(plans.iterdir()) == [stranger]
 
 
-def test_where_plans_are_kept(tmp_path: Path):
+def test_plan_store_folder_by_environment(tmp_path: Path):
     assert of_user({"ERGON_CACHE": "off", "XDG_CACHE_HOME": str(tmp_path)}) is None
     for environment in ({}, {"XDG_CACHE_HOME": ""}, {"XDG_CACHE_HOME": "not/absolute"}):
         store = of_user(environment)

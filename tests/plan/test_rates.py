@@ -86,7 +86,7 @@ def test_a_staged_key_is_slow_and_sounds_alike():
     assert 0.0 < np.abs(first - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
 
 
-def test_what_goes_at_the_audio_rate_all_the_same_is_told():
+def test_tracked_key_at_the_audio_rate_is_noted():
     tracked = REST.replace("play: push", "play: push, touch: tracked")
     played = stage(piece(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + tracked), planned=True)
     (note,) = played.diagnostics

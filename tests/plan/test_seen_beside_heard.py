@@ -100,7 +100,7 @@ def rope(motion: int) -> tuple[str, dict[str, np.ndarray], list[matter.Link]]:
     return text, {"x0": x0, "v0": v0, "mass": mass}, links
 
 
-def test_it_is_heard_as_dop853_says() -> None:
+def test_seen_part_sound_against_dop853() -> None:
     """By the second order of its own step, and no farther off than its plan says."""
     errors = []
     for every in (40, 20):
@@ -171,7 +171,7 @@ def test_its_points_are_seen_where_they_are(work_folder: Path) -> None:
     assert 0 < np.abs(each - slow).max() < 2e-2 * moved
 
 
-def test_what_would_be_heard_goes_more_often(work_folder: Path, capsys: Capture) -> None:
+def test_seen_part_rate_grows_with_the_asked_accuracy(work_folder: Path, capsys: Capture) -> None:
     """The more exact the sound is to be, the more often; a tight budget leaves it at each frame."""
     often = []
     for asked in (-30, -60, -90):

@@ -27,7 +27,7 @@ def mixer(out: int) -> Mixer:
 @pytest.mark.parametrize("out", [0, 1])
 @pytest.mark.parametrize("block", [100, 4096])
 @pytest.mark.parametrize("gain", [1.0, 30.0, 400.0])
-def test_it_is_what_a_meter_reads_after_the_gain(out, block, gain):
+def test_balance_equals_a_meter_after_the_gain(out, block, gain):
     """The gates of BS.1770 are absolute: they are applied when the gain is known."""
     sound, start, stop = frames(6 * RATE), RATE // 2, 5 * RATE + 777
     balance = Balance("bell", mixer(out), RATE, 2, start, stop)
@@ -58,7 +58,7 @@ def test_silence():
         ([], None),
     ],
 )
-def test_one_that_hides_all_others(levels: list[float], loudest: int | None):
+def test_dominant_instrument_by_levels(levels: list[float], loudest: int | None):
     each = [InstrumentLevel(f"i{at}", 0.1, level) for at, level in enumerate(levels)]
     result = dominant_instrument(each)
     if loudest is None:

@@ -213,7 +213,7 @@ def test_a_preflight_hears_what_is_frozen(folder: Path, capsys: Capture):
 # --- what can be felt -----------------------------------------------------------------------------
 
 
-def test_what_hangs_together_with_nothing_live_is_free():
+def test_parts_without_links_to_live_parts_can_be_frozen():
     assert ties(piece(), ["gong"], ["remi"]) == []
     assert ties(piece(), ["gong", "sky"], ["remi"]) == []
     # A fixed point ends an island.
@@ -255,7 +255,7 @@ def test_what_a_hand_feels_is_refused_with_the_links(
     assert f"cannot be frozen: remi can feel it through {tie.links[0].name} (s.yaml:" in str(tie)
 
 
-def test_one_of_two_that_are_tied_is_refused():
+def test_freezing_one_of_two_linked_parts_is_refused():
     tied = piece(
         "    out: {left", "      x: {REF: {between: [c, sky.cells.7], K: 5N/m}}\n    out: {left"
     )
@@ -340,7 +340,7 @@ def test_manifests_of_strangers(folder: Path, change: dict):
         exchange.read(Path("s.frozen"))
 
 
-def test_nothing_is_written_over_what_is_not_ours(folder: Path, capsys: Capture):
+def test_freeze_refuses_to_overwrite_foreign_files(folder: Path, capsys: Capture):
     Path("s.frozen").mkdir()
     Path("s.frozen/01_gong.wav").write_text("mine")
     assert app.run(["render", "s.yaml", "--freeze", "gong", "-q"]) == 2

@@ -29,7 +29,7 @@ def test_two_channels_add_up_and_the_last_blow_counts():
     assert measures(frames, RATE).t60 == pytest.approx(0.9, rel=2e-3)
 
 
-def test_what_a_sound_has_not_is_none():
+def test_measures_of_noise_have_no_pitch_and_t60():
     noise = np.random.default_rng(1).standard_normal((44_100, 2))
     result = measures(noise, RATE)
     assert result.pitch is None

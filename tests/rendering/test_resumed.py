@@ -162,7 +162,9 @@ render: {{tail: 0.3s, bits: float}}
 
 
 @pytest.mark.slow
-def test_what_is_computed_between_frames_goes_on(counted: Counted, monkeypatch: pytest.MonkeyPatch):
+def test_resumed_render_of_contacts_between_frames(
+    counted: Counted, monkeypatch: pytest.MonkeyPatch
+):
     versions = [BETWEEN.format(late=late) for late in (1.4, 1.4, 1.5)]
     scratch = [sound(version, monkeypatch, saved=False) for version in versions]
     assert scratch[0] != scratch[2]
@@ -260,7 +262,7 @@ def test_a_render_that_was_killed_goes_on_where_it_was(
     assert (counted.recalled[-1] > 0) == (puts > 1)
 
 
-def test_what_is_damaged_counts_as_none(tmp_path: Path):
+def test_damaged_stretches_are_ignored(tmp_path: Path):
     store = StretchStore(tmp_path)
     key = "0" * 64
     stretch = Stretch(np.arange(5.0), b"state")

@@ -36,7 +36,7 @@ def test_bars_are_kept_as_they_were(path, span):
         same(again, begun(saved, player))
 
 
-def test_nothing_cannot_be_kept():
+def test_keep_of_bars_without_gestures_is_refused():
     texts, piece = opened(TWO)
     with pytest.raises(EditError, match="no gesture begins"):
         excerpt.keep(texts, piece, "x", 400.0, 416.0)

@@ -175,7 +175,7 @@ def test_a_curve_is_typed(session):
         ("set bell.s.hardening 1e6N/m3 over 1bar", "only f and t60"),
     ],
 )
-def test_what_cannot_glide_is_refused(session, line, why, goes):
+def test_glides_of_fixed_fields_are_refused(session, line, why, goes):
     if goes:
         session.ok("play from 1|1")
     before = session.session.schedule.head.texts

@@ -148,7 +148,7 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_who_rests_leads_nobody(tmp_path: Path):
+def test_resting_player_guides_no_key(tmp_path: Path):
     with led(tmp_path, hand=4e-3) as single:
         single.ok("play")
         single.ok("guide remi leo now")
@@ -174,7 +174,7 @@ def test_who_rests_leads_nobody(tmp_path: Path):
         ("guide remi off", "remi's hand is not guided"),
     ],
 )
-def test_what_cannot_lead_is_refused_by_one_sentence(hands: Session, line: str, why: str):
+def test_guide_refuses_wrong_players_with_one_sentence(hands: Session, line: str, why: str):
     reply = hands.submit(line)
     assert not reply.taken
     assert why in reply.text

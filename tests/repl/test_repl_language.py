@@ -29,7 +29,7 @@ def alike(command: Command) -> Command:
 
 
 @pytest.mark.parametrize(("line", "command"), SESSION + OTHERS)
-def test_a_line_is_what_it_says(line: str, command: Command):
+def test_lines_parse_to_their_commands(line: str, command: Command):
     assert alike(parsed(line)) == alike(command)
 
 
@@ -106,11 +106,11 @@ def test_a_block_with_one_bad_line_is_refused_and_put_right_whole():
 
 
 @pytest.mark.parametrize("text", ["", "  \n\n", "# only this", "\t# x \\"])
-def test_nothing_is_said_by_comments(text: str):
+def test_comments_and_blank_lines_give_no_command(text: str):
     assert parse(text, SCOPE) == ()
 
 
-def test_a_line_that_goes_on_is_not_whole():
+def test_line_ending_in_a_backslash_is_incomplete():
     assert not is_whole("ada plays knock \\")
     assert not is_whole("play\nada plays \\  ")
     assert is_whole("ada plays knock")

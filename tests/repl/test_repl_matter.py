@@ -41,7 +41,7 @@ def test_a_value_is_multiplied_where_it_is_written(path, target):
     assert sum(len(gone) for gone, _ in changed) <= 1
 
 
-def test_what_another_begins_with_stays():
+def test_setting_a_value_leaves_other_instruments_unchanged():
     texts, piece = opened(TEMPO)
     after = piece_of(matter.set_value(texts, piece, "high.hammer.M", "9g"))
     assert value(after, "high.hammer.M") == 0.009
@@ -86,7 +86,7 @@ def test_under_ca_numbers_stay_numbers():
 @pytest.mark.parametrize(
     "target", ["bell.K", "bell.q.K", "bell.m.Q", "nix", "k1", "nix.K", "k1.m.K", "bell.m.K.x", ""]
 )
-def test_what_is_not_there_cannot_be_set(target):
+def test_setting_missing_targets_is_refused(target):
     texts, piece = opened(DUET)
     with pytest.raises(EditError):
         matter.set_value(texts, piece, target, "1")

@@ -77,7 +77,7 @@ def test_what_needs_a_password_is_not_done(tmp_path: Path, listener: Listener, l
     assert _lines(tmp_path) == []
 
 
-def test_strangers_harm_nobody(tmp_path: Path, listener: Listener):  # noqa: F811
+def test_wrong_osc_messages_change_no_fader(tmp_path: Path, listener: Listener):  # noqa: F811
     with served(tmp_path) as (session, port):
         listener.socket.sendto(b"#bundle\0" + bytes(3), ("127.0.0.1", port))
         listener.say(port, "/ergon/instrument/nobody/gain", 1.0)

@@ -130,7 +130,7 @@ def test_values_by_udp_are_reached_and_held_and_the_journal_renders_to_the_bit(
     assert np.array_equal(single.again(), single.sound)
 
 
-def test_versions_go_on_by_what_was_told(session_osc: OscSession):
+def test_new_version_continues_osc_input_values(session_osc: OscSession):
     single = session_osc.stepped
     single.run(0.1)
     session_osc.tell("breath", 1.0)
@@ -151,7 +151,7 @@ def test_versions_go_on_by_what_was_told(session_osc: OscSession):
 
 
 @pytest.mark.parametrize("value", ["loud", float("nan"), float("inf"), True, None])
-def test_what_is_no_finite_number_is_refused(
+def test_osc_input_refuses_non_finite_values(
     session_osc: OscSession,
     listener: Listener,  # noqa: F811
     value: Any,
@@ -253,7 +253,7 @@ def served(folder: Path, audio: str) -> Iterator[tuple[Any, int]]:
         yield session, osc.place[1]
 
 
-def test_what_was_told_live_is_what_its_journal_renders(folder: Path, listener: Listener):  # noqa: F811
+def test_journal_renders_live_osc_inputs_to_the_bit(folder: Path, listener: Listener):  # noqa: F811
     """Over the real engine, whose ticks the values fall between."""
     listened = folder / "heard.wav"
     with served(folder, f"clock:{listened}") as (session, port):

@@ -74,13 +74,13 @@ def test_a_player_without_a_part_gets_one():
 
 
 @pytest.mark.parametrize("words", ["", "every 1", "tap evry 1", "tap do swing"])
-def test_words_that_say_nothing_are_refused(words):
+def test_play_refuses_incomplete_words(words):
     texts, piece = opened(TWO)
     with pytest.raises(EditError):
         parts.play(texts, piece, "ada", 8.0, parse_entry(words))
 
 
-def test_what_plays_goes_on_otherwise_and_in_time():
+def test_transform_changes_gestures_and_keeps_their_times():
     texts, piece = opened(TWO)
     old = begun(piece, "ada")
     after = parts.transform(texts, piece, "ada", 9.0, ["mirror", "scale 1.2"])

@@ -171,7 +171,7 @@ def test_more_transformations_change_neither_order_nor_chance(tmp_path, line):
     assert result[0] == result[1] != []
 
 
-def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
+def test_kept_bars_repeat_the_played_bars(session, tmp_path):
     session.ok("play")
     session.ok("ada plays choose knock tap lean every 1/2 chance 0.7")
     session.ok("leo plays knock (tap tap) lean euclid 5 8 every 3rd do mirror")
@@ -222,7 +222,7 @@ def test_what_is_saved_is_a_score(session, tmp_path):
         ("ada plays knock lean evry 1", "unknown word 'evry'", "every"),
     ],
 )
-def test_what_is_wrong_changes_nothing(session, line, why, suggestion):
+def test_wrong_pattern_lines_change_no_version(session, line, why, suggestion):
     before = session.session.schedule.head
     reply = session.type(line)
     assert not reply.taken
@@ -363,7 +363,7 @@ def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
         ("rest rian", "'rian' is not a player or strikes"),
     ],
 )
-def test_what_is_wrong_with_strikes_is_told(session, line, why):
+def test_wrong_strike_lines_give_the_reason(session, line, why):
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
@@ -493,7 +493,7 @@ def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
         ("lfo bell.m.K off", "no pattern and no lfo controls bell.m.K at "),
     ],
 )
-def test_what_is_wrong_with_automation_is_told(session, line, why):
+def test_wrong_automation_lines_give_the_reason(session, line, why):
     before = session.session.schedule.head
     reply = session.type(line)
     assert not reply.taken
@@ -533,7 +533,7 @@ def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
         ("bell.b notes A3 C4 every 1", "bell.b"),
     ],
 )
-def test_what_is_wrong_with_notes_is_told(session, line, why):
+def test_wrong_note_lines_give_the_reason(session, line, why):
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text

@@ -147,7 +147,7 @@ def test_block_with_phrase(stepped_session):
         ),
     ],
 )
-def test_what_is_wrong_is_refused_and_changes_nothing(stepped_session, line, message):
+def test_wrong_phrase_lines_change_no_version(stepped_session, line, message):
     stepped_session.ok("phrase hymn 0 C4 to harp")
     stepped_session.ok("old strikes hymn every 1bar")
     text = stepped_session.session.schedule.head.texts.text

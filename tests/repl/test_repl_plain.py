@@ -81,7 +81,7 @@ def test_quit_ends_a_script(tmp_path: Path):
     assert submitted(tmp_path) == ["ada plays", "quit"]
 
 
-def test_messages_come_while_no_line_does(tmp_path: Path):
+def test_messages_arrive_while_no_line_runs(tmp_path: Path):
     with subprocess.Popen(
         [*SESSION, str(tmp_path / "log")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
@@ -192,7 +192,7 @@ def test_messages_at_a_pace_that_can_be_read():
     )
 
 
-def test_what_waits_at_the_end_is_told():
+def test_throttled_messages_are_printed_with_their_count():
     folded = MessageThrottle()
     folded.add(["one", "two", "two"])
     assert folded.pop_all() == ["one", "two … 1 more like it"]

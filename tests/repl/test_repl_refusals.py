@@ -104,7 +104,7 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, faulty_text: str, be
         ("play\n" * 201, "more than 200 lines"),
     ],
 )
-def test_what_is_refused_says_why(line: str, reason: str):
+def test_refusals_give_reason_and_valid_suggestion(line: str, reason: str):
     refusal = refused(line)
     assert reason in refusal.message
     assert "\n" not in refusal.message

@@ -116,7 +116,7 @@ def test_a_scene_takes_gestures_tempo_couplings_and_parameters_along(stepped_ses
     assert "# a bar is a second" in version.texts.text  # comments stay
 
 
-def test_from_one_scene_to_another_what_glides_glides(stepped_session: Stepped):
+def test_scene_change_glides_parameters(stepped_session: Stepped):
     a_verse(stepped_session)
     stepped_session.ok(
         "set bell.m.f 440Hz\nada plays lean every 4\nleo plays knock every 2\ntempo 120"
@@ -198,7 +198,9 @@ def test_a_scene_is_an_edit_of_the_text_and_undone_by_the_text_before(stepped_se
         ("scene broken", "broken.yaml: ", None),
     ],
 )
-def test_what_is_no_scene_is_refused(stepped_session: Stepped, tmp_path: Path, line, message, try_):
+def test_scene_refuses_missing_and_broken_files(
+    stepped_session: Stepped, tmp_path: Path, line, message, try_
+):
     a_verse(stepped_session)
     (tmp_path / "broken.yaml").write_text("ergon: 1\nkeys: nothing\n")
     text = stepped_session.session.schedule.head.texts.text

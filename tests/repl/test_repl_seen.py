@@ -55,7 +55,7 @@ def played(folder: Path, *, is_seen: bool, then: str | None = None) -> tuple[Ste
     return stepped, result
 
 
-def test_what_is_heard_keeps_its_samples(tmp_path: Path) -> None:
+def test_seen_unheard_parts_change_no_sample(tmp_path: Path) -> None:
     plain, unheard = played(tmp_path / "plain", is_seen=False)
     seen, all_of_it = played(tmp_path / "seen", is_seen=True)
     assert unheard["dark"] == "none"
@@ -85,7 +85,7 @@ def test_a_journal_that_says_it_otherwise_is_refused(tmp_path: Path) -> None:
         read_journal(stepped.journal)
 
 
-def test_it_says_what_pages_show(work_folder: Path) -> None:
+def test_see_option_needs_a_page(work_folder: Path) -> None:
     Path("s.yaml").write_text(SCORE)
     refused = forked(["repl", "s.yaml", "--audio", "null", "--see", "all"], work_folder)
     assert refused.returncode == 2

@@ -51,7 +51,7 @@ def test_the_protocol_as_it_is_written_down(short_folder: Path):
             assert other.read() is None
 
 
-def test_hostile_bytes_harm_nobody(short_folder: Path):
+def test_hostile_bytes_leave_other_clients_served(short_folder: Path):
     bad = [
         b"\n",
         b"\x00\xff\xfe\x80\n",
@@ -100,7 +100,7 @@ def test_hostile_bytes_harm_nobody(short_folder: Path):
 
 
 @pytest.mark.slow
-def test_who_does_not_read_holds_up_nobody(short_folder: Path):
+def test_client_that_does_not_read_is_dropped(short_folder: Path):
     with serving(short_folder / "s") as face, raw(short_folder / "s") as stalled:
         stalled.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         stalled.socket.settimeout(0.2)
@@ -138,7 +138,7 @@ def test_while_a_line_takes_long_panic_acts_and_others_see(short_folder: Path):
         assert replies == [Reply(True, "ok slow")]
 
 
-def test_lines_are_done_in_order_and_told_to_the_others(short_folder: Path):
+def test_lines_run_in_order_and_reach_other_clients(short_folder: Path):
     with (
         serving(short_folder / "s") as face,
         contextlib.closing(remote(short_folder / "s")) as first,

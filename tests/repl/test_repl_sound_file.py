@@ -96,7 +96,7 @@ def test_a_file_elsewhere_is_refused(tmp_path: Path, file: str, why: str):
     assert {path.suffix for path in tmp_path.iterdir()} == {".yaml", ".jsonl"}
 
 
-def test_a_folder_that_takes_nothing_is_said(tmp_path: Path):
+def test_record_audio_with_a_too_long_name_is_refused(tmp_path: Path):
     with closing(session_on(tmp_path, "null")) as session:
         name = f"{'x' * 245}.wav"  # its temporary name is longer than a name can be
         reply = session.submit(f"record audio {name}")
@@ -105,7 +105,7 @@ def test_a_folder_that_takes_nothing_is_said(tmp_path: Path):
         assert session.submit("record audio y.wav").taken
 
 
-def test_where_nothing_is_heard_nothing_is_recorded(tmp_path: Path):
+def test_record_audio_without_an_output_is_refused(tmp_path: Path):
     player_session = Stepped(SCORE, tmp_path)
     assert "`ergon render` writes a file" in player_session.type("record audio x.wav").text
     player_session.close()

@@ -279,7 +279,7 @@ def test_a_fade_that_is_undone_does_not_jump(stepped_session: Stepped, name: str
         ("fade nobody out over 2bar", "is not an instrument or master"),
     ],
 )
-def test_what_cannot_be_is_refused(stepped_session: Stepped, line: str, message: str):
+def test_wrong_route_lines_are_refused(stepped_session: Stepped, line: str, message: str):
     reply = stepped_session.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text

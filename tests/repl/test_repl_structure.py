@@ -255,16 +255,14 @@ def test_without_routes_what_sounds_stays_where_it_is():
         ("rename knock lean", "the name 'lean' is in use"),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(
-    stepped_session: Stepped, line: str, message: str
-):
+def test_wrong_structure_lines_change_no_version(stepped_session: Stepped, line: str, message: str):
     reply = stepped_session.type(line)
     assert not reply.taken, reply.text
     assert message in reply.text
     assert stepped_session.session.schedule.head.texts.text == SCORE
 
 
-def test_what_ships_keeps_its_own_text():
+def test_build_from_a_bundled_instrument_edits_no_bundled_text():
     texts, piece = opened(DUET)
     built = structure.build(texts, piece, "gong2", "gong", {})
     assert built.overlay == texts.overlay

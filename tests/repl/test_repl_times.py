@@ -86,7 +86,7 @@ def test_a_mark_is_where_it_was_set():
 
 
 @pytest.mark.parametrize("name", ["knock", "roll", "lean", "soft", "new"])
-def test_a_gesture_is_what_was_said(name):
+def test_defined_gesture_has_its_written_points(name):
     texts, piece = opened(DUET)
     after = names.define(texts, name, "0@0 smooth 7@1/8 0@1/4")
     result = piece_of(after).gestures[name]
@@ -142,7 +142,7 @@ def test_a_coupling_takes_the_place_of_another(coupling_beat):
     assert acting(free, coupling_beat + 7) == [90.0]
 
 
-def test_keys_that_nothing_joins_cannot_part():
+def test_uncoupling_uncoupled_keys_is_refused():
     texts, piece = opened(DUET)
     texts = keys.uncouple(texts, piece, 8.0, "k1", "k2")
     with pytest.raises(EditError, match="not coupled"):

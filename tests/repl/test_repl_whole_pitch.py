@@ -173,7 +173,7 @@ def test_the_pitch_is_set_where_it_is_written(stepped_session):
         ("set bell.t60 2s over 1bar", "'bell.t60' is not a parameter"),
     ],
 )
-def test_what_cannot_glide_is_refused(stepped_session, line, message):
+def test_glides_of_pitches_without_one_value_are_refused(stepped_session, line, message):
     stepped_session.ok("play from 1|1")
     reply = stepped_session.type(line)
     assert not reply.taken

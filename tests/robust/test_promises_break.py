@@ -146,7 +146,7 @@ BREAKS = {
         "if noted.is_shared:",
         "if False:",
     ),
-    "live/test_live_osc_senders.py::test_who_cannot_be_told_needs_the_key": (
+    "live/test_live_osc_senders.py::test_sender_of_a_shared_port_needs_the_key": (
         "ergon/live/osc.py",
         "hmac.compare_digest(key.encode(), self._key.encode())",
         "self._key.startswith(key)",
@@ -166,7 +166,7 @@ BREAKS = {
         "return bool(user == os.geteuid())",
         "return True",
     ),
-    "repl/test_repl_socket.py::test_hostile_bytes_harm_nobody": (
+    "repl/test_repl_socket.py::test_hostile_bytes_leave_other_clients_served": (
         "repl/wire/serve.py",
         "        except ProtocolError as error:\n"
         "            prompt.send(id=number, error=str(error))\n",

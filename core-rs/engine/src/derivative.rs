@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_has_no_speed() {
+    fn derivatives_of_a_constant_are_zero() {
         for order in [1, 2] {
             let mut frames = [0.3; 100];
             derivatives(order).process(&mut frames, 1);

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn settled_it_stays() {
+    fn settled_section_keeps_a_constant() {
         let mut section = Section::new(8.0, 44_100.0, BUTTERWORTH_2);
         section.settle(0.3);
         for _ in 0..1000 {

@@ -30,7 +30,7 @@ fn playing(frames: usize) -> (Feed, Drain) {
 }
 
 #[test]
-fn before_the_first_frame_there_is_silence_that_nobody_misses() {
+fn silence_before_the_first_frame_is_no_underrun() {
     let (mut feed, mut drain) = ring(2, 64);
     assert_eq!(filled(&mut drain, 10), [0.0; 20]);
     assert_eq!(feed.push(&[0.5; 31 * 2]), 31);

@@ -196,7 +196,7 @@ fn where_there_is_no_file_a_page_learns_that_without_an_error() {
 }
 
 #[test]
-fn what_no_page_asks_is_refused() {
+fn wrong_requests_are_refused() {
     let _alone = alone();
     let lent = Lent::new("refused.motion", b"abc", 3);
     let server = Server::start(local(&lent)).expect("a server");
@@ -294,7 +294,7 @@ fn everywhere_the_key_is_needed_and_in_the_address() {
 }
 
 #[test]
-fn strangers_who_come_again_and_again_shut_nobody_out() {
+fn repeated_connections_do_not_exclude_a_page() {
     let _alone = alone();
     let lent = Lent::new("strangers.motion", b"abc", 3);
     let server = Server::start(local(&lent)).expect("a server");
@@ -323,7 +323,7 @@ fn strangers_who_come_again_and_again_shut_nobody_out() {
 }
 
 #[test]
-fn where_no_place_is_left_a_page_is_told_so() {
+fn full_server_refuses_a_page_with_a_reason() {
     let _alone = alone();
     let lent = Lent::new("full.motion", b"", 64 << 20);
     let mut options = local(&lent);

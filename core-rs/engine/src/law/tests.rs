@@ -396,7 +396,7 @@ fn open_constants_are_as_if_they_were_written() {
 
 /// A bow gives way far from rest; a spring, a damper and a law that hardens do not.
 #[test]
-fn what_gives_way() {
+fn laws_bounded_far_from_rest() {
     let law = |law, damping| {
         let text = LawText {
             law,

@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_through_its_points() {
+    fn curve_passes_through_its_points() {
         let curve = Curve::new(vec![
             point(300, 0.0, Segment::Smooth),
             point(100, 0.5, Segment::Line),

@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn it_sets_out_on_the_grid_and_never_jumps() {
+    fn glide_begins_on_the_grid_without_a_jump() {
         let gains = gains(3000, 64);
         assert!(gains[..=128].iter().all(|&x| x == 1.0) && gains[129] < 1.0);
         // The second glide begins at frame 448, where the first one has covered 5/14 of its duration from 1 to 1/4.
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn glide_at_rest_multiplies_alone() {
+    fn resting_glide_multiplies_by_its_gain() {
         let mut frames = [0.1, -0.3, 0.7, 1e-9];
         Glide::new(48_000.0, 0.5).apply(17, &mut frames, 2);
         assert_eq!(frames, [0.05, -0.15, 0.35, 5e-10]);

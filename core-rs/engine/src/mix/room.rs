@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_still_is_no_sound() {
+    fn room_output_of_a_constant_decays() {
         let mut room = Room::new(spec(20.0, 10.0), 44_100.0).unwrap();
         let mut loudest = 0.0_f64;
         for n in 0..40 * 44_100 {
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_room() {
+    fn impossible_rooms_are_refused() {
         for (size, t60) in [
             (0.1, [(200.0, 1.0), (6_000.0, 0.5)]),
             (f64::NAN, [(200.0, 1.0), (6_000.0, 0.5)]),

@@ -106,7 +106,7 @@ fn gates_have_a_length_and_a_factor() {
 }
 
 #[test]
-fn a_coupling_that_is_none_is_refused() {
+fn wrong_couplings_are_refused() {
     let mut network = network();
     let topology = crate::generator::string(5, crate::generator::Ends::Fixed, 0.0).unwrap();
     let inner = network.n_lia() + 1;
@@ -242,7 +242,7 @@ fn on_a_key_and_under_ca_a_strike_is_one_step() {
 }
 
 #[test]
-fn a_strike_that_is_none_is_refused() {
+fn wrong_strikes_are_refused() {
     let network = network();
     let mut timeline = timeline(44_100.0);
     for position in [-1e-9, f64::NAN, f64::INFINITY] {
@@ -362,7 +362,7 @@ fn a_mat_goes_one_way() {
 
 /// Everything that glides or fades is constant until the frame at which it is due, and then changes.
 #[test]
-fn what_is_due_is_when_it_changes() {
+fn next_change_of_paths_and_gates() {
     let points = [(10, 1.0), (20, 1.0), (30, 2.0), (40, 2.0), (50, 1.0)];
     for (n, next) in [
         (0, 20),

@@ -73,7 +73,7 @@ fn skipping_is_playing_unheard() {
 }
 
 #[test]
-fn nothing_at_all_plays() {
+fn empty_scene_advances_its_frames() {
     let scene = Scene::new(44_100.0, 0);
     let mut simulation = scene.simulation(options(OnFault::Stop));
     simulation.skip(100).unwrap();

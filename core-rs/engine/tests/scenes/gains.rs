@@ -103,7 +103,7 @@ fn a_contact_that_is_slow_beside_its_steps_makes_nothing() {
 
 /// Energy that a contact created long ago is compared with the energy of that time, not with what damping has left.
 #[test]
-fn what_was_lost_since_makes_no_fault() {
+fn energy_created_and_lost_again_causes_no_fault() {
     let mut network = Network::new();
     network.part("key", None);
     let wall = network.sol("w", 0.0).unwrap();
@@ -130,7 +130,7 @@ fn what_was_lost_since_makes_no_fault() {
 
 /// If the steps define the instrument, created energy is reported but does not stop the run.
 #[test]
-fn under_units_ca_energy_is_told_of_and_kept() {
+fn created_energy_under_units_ca_is_reported() {
     let rate = Rate::new(HERTZ).ok();
     let mut simulation = begin(hammered(50.0, rate), OnFault::Stop);
     play(&mut simulation);

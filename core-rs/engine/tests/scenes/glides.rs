@@ -480,7 +480,7 @@ fn a_string_that_is_led_is_the_string_it_is_led_to() {
 
 /// Leads that cannot be applied to links are refused.
 #[test]
-fn leads_are_refused_that_mean_nothing() {
+fn wrong_leads_of_parameters_are_refused() {
     let network = joined_cells([1.0; 2], [1.0; 2]);
     let refused = |link: usize, n: usize, points: &[(f64, [f64; 2])]| {
         begin().lead(&network, (link, n), points).is_err()

@@ -129,7 +129,7 @@ fn two_gestures_at_an_instant_play_the_later() {
 
 /// A single point, a gesture longer than the piece, and no gesture.
 #[test]
-fn short_and_long_gestures_do_no_harm() {
+fn very_short_and_long_gestures_stay_finite() {
     let mut keys = Keyboard::new(44_100.0);
     keys.play(&smooth(&[(0.05, 2e-3)]), Manner::OPEN);
     keys.play(&smooth(&[(0.1, 0.0), (1e6, 5e-3)]), Manner::OPEN);
@@ -191,7 +191,7 @@ fn a_throw_that_cannot_land_is_not_made() {
 }
 
 #[test]
-fn points_that_are_none_are_refused() {
+fn non_finite_gesture_points_are_refused() {
     let mut keys = Keyboard::new(44_100.0);
     for method in [Approach::Throw, Path(Smooth)] {
         for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {

@@ -51,7 +51,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn it_closes_for_whole_scenes(seed in any::<u64>()) {
+    fn energy_ledger_closes_for_random_scenes(seed in any::<u64>()) {
         let energy = ledger(&Scene::random(seed));
         prop_assert!(energy.residual.abs() <= 1e-11 * energy.flow, "{energy:?}");
     }

@@ -305,7 +305,7 @@ fn a_ball_stays_within_a_sphere() {
 }
 
 #[test]
-fn what_cannot_meet_is_refused() {
+fn wrong_pairs_of_groups_are_refused() {
     let mut network = Network::new();
     network.part("sand", None);
     let single = crowd(&mut network, "m", 3, 5, 1);
@@ -378,7 +378,7 @@ fn what_cannot_meet_is_refused() {
 
 /// Contacts that are too stiff for their steps create energy, which stops a render.
 #[test]
-fn energy_gain_is_reported() {
+fn created_energy_of_pairs_is_reported() {
     let mut network = Network::new();
     network.part("drum", None);
     let still = [0.0; 3];

@@ -19,7 +19,7 @@ fn render(mut simulation: Simulation, n_frames: usize) -> Vec<f64> {
 /// Within an island every sum of forces is the same sum, so the bits are the same, except for outputs that add up
 /// several islands.
 #[test]
-fn islands_play_what_the_whole_plays() {
+fn islands_equal_the_unsplit_network() {
     for seed in 0..60 {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());

@@ -229,7 +229,7 @@ fn finer_steps_hear_the_same_input() {
 }
 
 #[test]
-fn what_no_input_can_have_is_refused() {
+fn wrong_input_settings_are_refused() {
     let (_, mut timeline) = timeline(None);
     for wrong in [
         SoundInSettings {
@@ -358,7 +358,7 @@ fn walked(number: u64, glide: f64) -> Vec<f64> {
 /// The file is heard up to the first value; then each value is reached on a straight line and held. The clamp still
 /// acts.
 #[test]
-fn what_is_told_is_reached_and_held() {
+fn input_target_is_reached_and_constant() {
     let simulation = || {
         let (network, timeline) = value_timeline();
         Simulation::new(network, &timeline, plain()).unwrap()

@@ -219,7 +219,7 @@ fn a_collision_keeps_momenta_and_energy() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn wrong_links_in_space_are_refused() {
     let mut network = Network::new();
     network.part("rope", None);
     let a = point(&mut network, "a", 1e-3, [0.0; 3], [0.0; 3]);

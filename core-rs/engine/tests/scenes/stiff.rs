@@ -183,7 +183,7 @@ fn lines_through_points_bear_anything() {
 
 /// The ledger closes while frames are computed finer, and the energy stored and lost does not exceed the energy put in.
 #[test]
-fn it_makes_no_energy() {
+fn hard_struck_gong_creates_no_energy() {
     let network = Arc::new(gong(Some(1.0)));
     let border = hardest(&network);
     for by in [1.0, 2.0, 4.0, 8.0, 16.0] {
@@ -251,7 +251,7 @@ fn a_cell_beside_keeps_its_pitch() {
 
 /// Snapshots, forks and blocks in the middle of frames that are computed finer.
 #[test]
-fn it_goes_on_through_everything() {
+fn hard_struck_gong_survives_blocks_snapshots_and_takeover() {
     let network = Arc::new(gong(Some(1.0)));
     let impulse = 4.0 * hardest(&network);
     for method in [Method::Ca, Method::Ca2p] {

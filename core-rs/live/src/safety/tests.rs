@@ -166,7 +166,7 @@ fn force_is_the_least_of_the_players_and_the_devices() {
 }
 
 #[test]
-fn a_hot_motor_gets_what_it_bears() {
+fn hot_motor_force_falls_to_the_continuous_limit() {
     let mut bench = Bench::new();
     let limits = Limits {
         heat: 0.1,
@@ -330,7 +330,7 @@ fn a_trip_that_stays_outlives_the_connection() {
 }
 
 #[test]
-fn nobody_pushes_what_nobody_sees() {
+fn force_is_zero_without_positions_and_fades_in() {
     let mut bench = Bench::new();
     let limits = Limits {
         fade: 0.1,
@@ -384,7 +384,7 @@ fn runaway(energy: f64) -> (f64, Counts) {
 }
 
 #[test]
-fn energy_that_comes_from_nowhere_is_kept_back() {
+fn created_energy_of_a_loop_is_limited() {
     let (free, _) = runaway(f64::INFINITY);
     let (watched, counts) = runaway(2e-3);
     assert!(free > 0.5, "it does run away: {free}");

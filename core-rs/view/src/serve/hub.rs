@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn who_comes_late_begins_with_the_newest_key_state() {
+    fn late_viewer_begins_with_the_newest_key_state() {
         let hub = Hub::default();
         hub.greet(b"manifest");
         let mut stalled = hub.join();

@@ -116,7 +116,7 @@ fn a_group_glides_and_blocks_change_nothing() {
 }
 
 #[test]
-fn highpass_lets_go_of_a_lean() {
+fn highpass_removes_a_constant_offset() {
     let n = 88_200;
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     mixer.route(0, 0, 1.0, Some(8.0)).unwrap();

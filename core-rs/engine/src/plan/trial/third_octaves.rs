@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_silent_is_no_nonsense() {
+    fn level_difference_of_silence_is_finite() {
         let b = sound(|_| 1.0, 1.0);
         let silence = vec![0.0; b.len()];
         assert_eq!(level_difference(&b, &b, 2, 44_100.0), 0.0);

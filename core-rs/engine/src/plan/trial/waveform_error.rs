@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_beside_a_part_is_the_rest() {
+    fn amplitude_difference_inverts_amplitude_sum() {
         for (one, other) in [(-40.0, -46.0), (-80.0, -40.0), (-3.0, -3.0)] {
             assert!((amplitude_difference(amplitude_sum([one, other]), other) - one).abs() < 1e-9);
         }

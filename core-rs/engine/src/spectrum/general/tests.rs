@@ -118,7 +118,7 @@ fn a_matrix_times_its_inverse_is_one() {
 }
 
 #[test]
-fn what_is_not_finite_has_none() {
+fn non_finite_matrix_has_no_spectrum() {
     assert!(general(vec![1.0, f64::NAN, 0.0, 1.0]).is_none());
     assert!(general(Vec::new()).is_some());
 }

@@ -41,7 +41,7 @@ fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> f
 }
 
 #[test]
-fn no_finger_no_force() {
+fn untouched_key_gets_no_force() {
     let mut free = firmware(board(Protocol::FireFader, true), 2, Hand::Free);
     for _ in 0..100 {
         let reply = firefader_reply(&mut free, [1.0, -1.0], ms(0));
@@ -63,7 +63,7 @@ fn no_finger_no_force() {
 }
 
 #[test]
-fn silence_lets_go() {
+fn silent_host_releases_the_key() {
     let mut board = board(Protocol::FireFader, false);
     board.touch_gate = false;
     let mut firmware = firmware(board, 2, Hand::Resting);

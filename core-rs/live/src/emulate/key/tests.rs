@@ -104,7 +104,7 @@ fn only_a_finger_touches() {
 }
 
 #[test]
-fn a_key_ends_where_it_ends() {
+fn key_stops_at_its_travel() {
     let mut key = keys(Key::default(), 1000.0, vec![]);
     for _ in 0..500 {
         key.step(&push(5.0));
@@ -148,7 +148,7 @@ fn other_paths_have_other_hashes() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn wrong_key_models_are_refused() {
     let refused = |key, rate| Keys::new(1, key, rate, vec![]).is_err();
     let usual = Key::default();
     assert!(refused(Key { mass: 0.0, ..usual }, 1000.0));

@@ -30,7 +30,7 @@ use rig::*;
 
 /// A strike by MIDI or by hand is reported like a strike of the score: with its target, its frame and its sign.
 #[test]
-fn pages_are_told_strikes_that_nobody_knew() {
+fn pages_receive_live_strikes() {
     let mut scene = scene(&[]);
     scene.1.open();
     scene.1.strike_point(&scene.0, 3, 7, Some(0.0)).unwrap();
@@ -539,7 +539,7 @@ fn read_until(page: &mut WebSocket<TcpStream>, seconds: f64) -> Vec<u8> {
 /// Four pages over sockets in lockstep, a page that joins late, and a page that reads nothing: nobody waits for the
 /// latter, and it is dropped.
 #[test]
-fn a_page_that_stalls_keeps_nobody() {
+fn stalled_page_delays_no_performance() {
     let scene = scene(&strikes());
     let simulation = planned(&scene, 0);
     let limits = Limits {

@@ -210,7 +210,7 @@ fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
 }
 
 #[test]
-fn nobody_who_plays_is_stopped() {
+fn playing_hands_cause_no_trip() {
     for (name, trips, probes) in played(30.0) {
         assert!(trips.is_empty(), "{name}: {trips:?}");
         assert!(probes < 200, "{name}: {probes}");

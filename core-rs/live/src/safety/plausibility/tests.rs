@@ -84,7 +84,7 @@ fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
 }
 
 #[test]
-fn so_is_one_under_a_hand_that_goes_or_under_none() {
+fn reversed_motor_trips_under_moving_and_absent_hands() {
     for (name, position, harm) in harms(REVERSED, Some(SINE)) {
         // A spring weaker than the hand cannot drive the hand away.
         if name.starts_with("200") {

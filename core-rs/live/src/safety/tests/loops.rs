@@ -132,7 +132,7 @@ fn no_loop_does_more_work_than_is_allowed_for_long() {
 /// Normal playing is not held back: springs and walls that a key bears, and a partner who leads a hand, under hands
 /// that move to and fro.
 #[test]
-fn what_players_do_is_not_held_back() {
+fn usual_playing_loops_are_not_limited() {
     let scenes: [(&str, Scene); 4] = [
         ("a spring", |x, _, _| -300.0 * x),
         (

@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_masked_counts_nothing() {
+    fn level_error_ignores_masked_tones() {
         // 50 dB below a strong tone: masked if next to it, heard two octaves above.
         let (near, far) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
         let loud = (1_000.0, 1.0);
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_and_what_is_missing_are_no_nonsense() {
+    fn level_error_of_silence_is_finite() {
         let b = tones(&[(500.0, 1.0)]);
         let silence = vec![0.0; b.len()];
         assert_eq!(level_error(&b, &b, RATE), 0.0);

@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn short_and_silent_sounds_tell_nothing() {
+    fn pitch_errors_of_short_and_silent_sounds_are_zero() {
         assert_eq!(pitch_errors(&[], &[], RATE, 5_000.0), (0.0, 0.0));
         assert_eq!(
             pitch_errors(&[0.0; 500], &[0.0; 500], RATE, 5_000.0),

@@ -44,7 +44,7 @@ fn a_silent_host_lets_go_once() {
 }
 
 #[test]
-fn a_silent_service_is_told_zero_without_a_reply_and_again_and_is_gone() {
+fn silent_service_receives_zeros_and_is_gone_after_two_seconds() {
     let (mut rules, start) = pushing();
     let (mut zeros, mut gone, mut first) = (0, None, None);
     for now in 0..4000 {
