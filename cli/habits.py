@@ -79,7 +79,7 @@ def instead(words: list[str]) -> str | None:
 
 
 def reordered(words: list[str], commands: Iterable[str]) -> str | None:
-    """The line with its command first, where options or a score stand before it; else None."""
+    """The line with its command first, where options or a score precede it; else None."""
     known = set(commands)
     place = next((i for i, word in enumerate(words) if word in known), None)
     if not place:

@@ -34,7 +34,7 @@ class LazyGroup(click.Group):
         **options: Any,
     ) -> None:
         """`table` lists the commands; `sections` are the headings of `--help`, each with its
-        commands in order. Without any they stand under one heading, in the order of the table.
+        commands in order. Without any they are listed under one heading, in the order of the table.
         """
         super().__init__(*args, **options)
         self.table = table
@@ -100,7 +100,7 @@ class LazyGroup(click.Group):
         if typed := habits.instead(words[:1]):
             return f"No such option '{words[0]}'. Use: {typed}"
         if words[0] in habits.BEHIND:
-            return f"{words[0]} stands behind a command, such as: ergon check piece.yaml {words[0]}"
+            return f"{words[0]} follows a command, such as: ergon check piece.yaml {words[0]}"
         return f"{error.format_message()} {_ALL}."
 
     def _unknown(self, args: list[str]) -> str:

@@ -66,14 +66,14 @@ def measure(
     force: bool,
     dry: bool,
 ) -> None:
-    """Measure a key of a device, which nobody may touch meanwhile.
+    """Measure a key of a device, which must not be touched meanwhile.
 
     DEVICE is a URL or a name of your list, with its axis: frame:/dev/ttyACM0#1, tgr0.1. The key is
     pushed so little at first that it hardly moves, then more and more (a ladder), and never near
     an end of its travel. Then come takes of strikes, of single ticks of random sign (rain), and a
-    held-out gesture, of knocks or along what --score plays on a key, by which the parts of the
-    model are judged. What a key is made of is then found as by `ergon metrology fit`. Ctrl-C ends
-    every force at once.
+    held-out gesture, of knocks or along what --score plays on a key, which judges the parts of the
+    model. What a key is made of is then found as by `ergon metrology fit`. Ctrl-C ends every force
+    at once.
     """
     from ergon.exchange.safe import check_target
     from ergon.workshop.metrology.gesture import MeasurementError

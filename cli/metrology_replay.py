@@ -63,10 +63,10 @@ def replay(
     """Give a key and the model of a calibration the same gesture, and compare their motions.
 
     A device is pushed by the ladder and then by knocks, or along what --score plays on a key, and
-    nobody may touch it; of a take the recorded gesture counts. Drawn are the force that was asked
+    must not be touched; of a take the recorded gesture counts. Drawn are the force that was asked
     for, the real key and its model, and the residual (real less model); the table has the residual
-    of each second, also in steps of the sensor. --view shows the four in a browser as
-    curves that run, until Ctrl-C.
+    of each second, also in steps of the sensor. --view shows the four in a browser as curves that
+    run, until Ctrl-C.
     """
     from ergon.exchange.safe import check_target
     from ergon.workshop.metrology import comparison

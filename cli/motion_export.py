@@ -52,8 +52,8 @@ def export(
 ) -> None:
     """Write a motion file as npz, CSV or glTF.
 
-    npz and CSV hold the displacement of every point at every instant [m]; empty, or NaN, is what
-    nobody computed; npz also holds where points in space are, each as one. glTF 2.0 holds an
+    npz and CSV hold the displacement of every point at every instant [m]; empty, or NaN, is a value
+    that was not computed; npz also holds where points in space are, each as one. glTF 2.0 holds an
     animated node for each point, for Blender and its like.
     """
     from ergon.exchange.motion import instants, read_manifest

@@ -31,7 +31,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
 def new(console: Console, name: str, template: str) -> None:
     """Make a folder with a score that plays.
 
-    It holds score.yaml, an instrument of its own, a README and the schema by which an editor
+    It holds score.yaml, an instrument of its own, a README and the schema with which an editor
     completes and explains names. Nothing that exists is overwritten.
     """
     from ergon.exchange.new_folder import new_folder

@@ -233,7 +233,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
 
 
 def _seen(rows: list[PlanRow]) -> str:
-    """The table of parts that nobody hears, but that are computed to be seen."""
+    """The table of unheard parts that are computed to be drawn."""
     return f"\nseen, and not heard (--see all):\n{_table(rows)}" if rows else ""
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 def table(rows: Iterable[Sequence[str]], *, right: bool = False) -> str:
     """Rows of as many cells as the first, a line each, in columns as wide as their widest cell.
 
-    Cells stand to the left of their column, or to the `right`.
+    Cells are aligned to the left of their column, or to the `right`.
     """
     cells = list(rows)
     widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]

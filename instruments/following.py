@@ -46,7 +46,7 @@ def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
         Field("offset", k.POSITION, "added to the position", 0.0),
         Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
     )
-    record = Record("following", "a value that goes by where a MAT is", fields, build)
+    record = Record("following", "a value that depends on the position of a MAT", fields, build)
     return Field("follows", NamesOf(record, "parameter"), doc, ())
 
 

@@ -20,7 +20,9 @@ def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Modu
         return module
     place = module.places.get("follows", module.place)
     if part.struck is not None:
-        message = f"{who}: follows: what follows a MAT stands in an instrument, not in a key"
+        message = (
+            f"{who}: follows: a value that follows a MAT belongs to an instrument, not to a key"
+        )
         part_names.collector.error("E304", message, place)
         return replace(module, fields={**module.fields, "follows": ()})
     by_parameter: dict[str, following.Following] = {}

@@ -560,5 +560,5 @@ def _inside(modules: Iterable[Module]) -> Iterator[str]:
 
 
 def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:
-    """The full names that a path may stand for: first with the prefix of its file, then without."""
+    """The full names that a path may mean: first with the prefix of its file, then without."""
     return (f"{prefix}.{path}", path) if prefix else (path,)

@@ -59,7 +59,7 @@ def acts(
 ) -> tuple[Act, ...]:
     """The acts of an instrument; the first is what a stroke without further words means.
 
-    A module of the name of an act, or of one that an act brings, stands in its place. Reports acts
+    A module of the name of an act, or of one that an act brings, replaces it. Reports acts
     that have no range.
     """
     result = []
@@ -93,7 +93,7 @@ def acts(
 
 
 def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], Reach] | None:
-    """What an act strikes, by which impulses; None if that is not known, which is reported."""
+    """What an act strikes, with its impulses; None if that is not known, which is reported."""
     if body["impulse"] is None:
         if body["at"]:
             body.error("E103", f"{body.context.of('')} has no 'impulse': 3mNs..40mNs, say", "at")

@@ -64,7 +64,7 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Any text; the option alone stands for `if_alone`, if that is a text."""
+    """Any text; the option alone means `if_alone`, if that is a text."""
 
     if_alone: str | None = None
 
@@ -76,7 +76,7 @@ Accepted = Integer | Number | Quantities | Choice | Path | Switch | Text
 class Option:
     """What a field of options means, and what it accepts.
 
-    `metavar` stands for the value in help. The default is shown there as `shown`. The command line
+    `metavar` names the value in help. The default is shown there as `shown`. The command line
     demands a required one.
     """
 

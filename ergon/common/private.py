@@ -48,7 +48,7 @@ def is_own(status: os.stat_result) -> bool:
 
 
 def is_own_alone(status: os.stat_result) -> bool:
-    """Whether the user owns a file or folder, and nobody else may change it."""
+    """Whether the user owns a file or folder, and no other user may change it."""
     return is_own(status) and not (hasattr(os, "geteuid") and status.st_mode & _OTHERS_WRITE)
 
 

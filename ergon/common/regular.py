@@ -13,14 +13,14 @@ from ergon.common.errors import ErgonError
 
 
 class NotRegularError(ErgonError, OSError):
-    """The name stands for a folder, a pipe, a socket or a device."""
+    """The name refers to a folder, a pipe, a socket or a device."""
 
 
 def open_regular(path: Path) -> BufferedReader:
     """Open a regular file for reading. Raises OSError, also for a name that no file can have.
 
     Opening a pipe would wait for its other end, and a device has no end: O_NONBLOCK opens both
-    at once, and `fstat` then tells the kind of the open file.
+    at once, and `fstat` then gives the kind of the open file.
     """
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
     flags |= getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)

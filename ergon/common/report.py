@@ -1,4 +1,4 @@
-"""Messages and progress of long work, for whoever calls it."""
+"""Messages and progress of long work, for its caller."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def clean(text: str) -> str:
 
 
 def printable(text: str) -> str:
-    """The text as one line: `?` stands for each character that is not printable."""
+    """The text as one line: `?` replaces each character that is not printable."""
     if text.isprintable():  # the fast path: every name of a score is passed
         return text
     return "".join(c if c.isprintable() else "?" for c in text)

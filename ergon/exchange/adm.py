@@ -48,7 +48,7 @@ class ChannelLayout:
 
 
 def chunks(sounded: ChannelLayout, title: str) -> bytes:
-    """The chunks `chna` and `axml`, to stand in a file before its samples."""
+    """The chunks `chna` and `axml`, which precede the samples of a file."""
     return _chunk(b"chna", _chna(sounded)) + _chunk(b"axml", _axml(sounded, title).encode())
 
 

@@ -28,7 +28,7 @@ class Chunk:
 
 
 def chunks(data: bytes) -> list[Chunk]:
-    """All chunks of a file in their order; a group stands before what it holds.
+    """All chunks of a file in their order; a group precedes its contents.
 
     Sizes are big-endian, and data of odd size are followed by a byte. Raises NotIffError.
     """

@@ -1,7 +1,7 @@
 """The chunks of a WAVE file, written and read: RIFF or RF64, extensible format, broadcast data.
 
 `core-rs/live/src/audio/wave.rs` writes the same header for float samples: a performance records
-without Python, so that no interpreter stands between its sound and the disk. It reads nothing.
+without Python, so no interpreter runs between its sound and the disk. It reads nothing.
 
 Sources: Microsoft, "Multiple channel audio data and WAVE files" (WAVE_FORMAT_EXTENSIBLE); EBU Tech
 3306 (RF64 and ds64); ITU-R BS.2088 (BW64, the same by another name); EBU Tech 3285
@@ -117,7 +117,7 @@ class WaveInfo:
 
     @property
     def plan(self) -> str | None:
-        """Hash of the plan by which it was computed."""
+        """Hash of the plan that computed it."""
         match = _PLAN.search(self.description)
         return match[1] if match and self.originator == ORIGINATOR else None
 

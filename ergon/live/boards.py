@@ -85,7 +85,7 @@ def read_config() -> dict[str, Any]:
 
 
 def config_bytes() -> bytes:
-    """The user's list as it stands in its file; empty where there is none. Raises BoardError."""
+    """The user's list as its file holds it; empty where there is none. Raises BoardError."""
     if config_folder() is None:
         return b""
     path = config_path()

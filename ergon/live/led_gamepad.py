@@ -145,7 +145,7 @@ class GamepadPort:
 
     @property
     def rumbles(self) -> bool:
-        """Whether it tells of forces by its motors."""
+        """Whether its motors signal forces."""
         return self._rumble.is_there
 
     def _feel(self) -> None:

@@ -71,7 +71,7 @@ class OscServer:
         command: Command = refuse_command,
         key: str = "",
     ) -> None:
-        """Open the sockets; whoever writes the `key` before an address is the user.
+        """Open the sockets; a sender that writes the `key` before an address is the user.
 
         Raises OscError, or PythonOscMissingError without python-osc.
         """
@@ -313,7 +313,7 @@ def _printable(address: str) -> str:
 
 
 def _open_socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
-    """A datagram socket, and the address that `where` stands for."""
+    """A datagram socket, and the address that `where` names."""
     opened = None
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(*where, type=socket.SOCK_DGRAM)[0]

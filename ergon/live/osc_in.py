@@ -53,7 +53,7 @@ def request_handlers(
     handler_of: Callable[[str], Handler],
     command: Command = refuse_command,
 ) -> dict[str, Handler]:
-    """Address → handler of its arguments. `gain` is the ratio that 0 dB stands for; `handler_of`
+    """Address → handler of its arguments. `gain` is the ratio of 0 dB; `handler_of`
     gives the handler of an input by its name.
     """
     parts = stage.listening.parts()

@@ -110,7 +110,7 @@ class SenderCheck:
             if row.port == port and (row.address == address or row.address.is_unspecified)
         ]
         if not senders:
-            return _stranger("its socket is closed already, so that its user cannot be told")
+            return _stranger("its socket is closed already, so its user cannot be identified")
         if any(row.user not in (_ROOT, os.geteuid()) for row in senders):
             return _stranger("it belongs to another user")
         inodes = frozenset(row.inode for row in senders)
@@ -125,7 +125,7 @@ class SenderCheck:
                 self._noted.clear()
             self._noted[address, port] = noted
         if noted.is_shared:
-            return _stranger("its port can be shared, so that its user cannot be told")
+            return _stranger("its port can be shared, so its user cannot be identified")
         if self._emptied < noted.trusted_from:
             return _stranger("it is new while strangers send; what it sends from now on is heard")
         return FROM_USER

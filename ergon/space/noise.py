@@ -1,4 +1,4 @@
-"""Pink noise by which loudspeakers are told apart: the same samples on every machine."""
+"""Pink noise that identifies loudspeakers: the same samples on every machine."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ LAW_FIELDS = (
 
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
-    doc = "constants of the law that go by where a MAT is"
+    doc = "constants of the law that depend on the position of a MAT"
     return (
         BETWEEN,
         *LAW_FIELDS,

@@ -19,7 +19,7 @@ def _mass(quantities: Quantities) -> Field:
 
 
 def _mas(quantities: Quantities) -> tuple[Field, ...]:
-    doc = "that M goes by where another MAT is"
+    doc = "that M depends on the position of another MAT"
     return (_mass(quantities), _X0, _V0, following.field(quantities.mass, ENDPOINT, doc))
 
 

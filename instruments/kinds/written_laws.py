@@ -32,7 +32,7 @@ def law_kind(
         )
 
     def fields(quantities: Quantities) -> tuple[Field, ...]:
-        text = "constants that go by where a MAT is"
+        text = "constants that depend on the position of a MAT"
         return (*in_space(quantities), following.field(quantities.constant, ENDPOINT, text))
 
     def check(values: Values) -> None:

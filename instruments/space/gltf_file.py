@@ -244,7 +244,7 @@ def _triangles(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, in
 
 
 def _placed(node: Mapping[str, Any]) -> _Matrix:
-    """The matrix by which a node places its points."""
+    """The matrix that places the points of a node."""
     if "matrix" in node:  # by columns
         m = _floats(node["matrix"], 16)
         return tuple((m[row], m[4 + row], m[8 + row], m[12 + row]) for row in range(3))

@@ -177,7 +177,7 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
 
 
 def _instrument_lines(name: str, scope: Scope) -> str:
-    """The lines that play an instrument, where its name stands for a verb."""
+    """The lines that play an instrument, where its name replaces a verb."""
     message = f"{quote(name)} is an instrument, not a verb; "
     if any(part.startswith(f"{name}.") for part in scope.instruments):
         return message + f'write {name} = "c4 e4*2", {name} notes C4 E4 every 1, or {name} C4 f'

@@ -78,7 +78,7 @@ class Takes(BlockCommand):
 
 @dataclass(frozen=True, slots=True)
 class Remove(BlockCommand):
-    """Remove what a name stands for, and what belongs to it alone."""
+    """Remove what a name refers to, and what belongs to it alone."""
 
     name: str
 

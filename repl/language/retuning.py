@@ -106,7 +106,7 @@ def retune(
 
 
 # fmt: off
-SET_TUNING_FORM = form("set", "set", "an instrument, or the score, goes by another tuning",
+SET_TUNING_FORM = form("set", "set", "another tuning for an instrument, or for the score",
     "set bell.tuning edo 19", retune,
     Slot("target", "INSTRUMENT.tuning|tuning", TARGET),
     Slot("fields", "edo N|A4 HERTZ|scale FILE [keys FILE]|off …", FIELDS,

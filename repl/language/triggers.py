@@ -1,4 +1,4 @@
-"""Rules by which a block runs by itself: at intervals, or when a condition on bar and beat
+"""Rules that run a block automatically: at intervals, or when a condition on bar and beat
 holds.
 """
 

@@ -169,7 +169,7 @@ def _read_with_level(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _read_doing(section: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
-    """Read a player, or the name of strikes: a name that is neither is told of both."""
+    """Read a player, or the name of strikes: the message for a name that is neither lists both."""
 
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if text not in getattr(scope, section):
@@ -456,7 +456,7 @@ def module_names(scope: Scope) -> dict[str, str]:
 
 
 def act_names(scope: Scope) -> dict[str, str]:
-    """The acts by which a line may play an instrument, each with a hint."""
+    """The acts with which a line may play an instrument, each with a hint."""
     return {
         f"{part}.{act}": f"a way to play {part}"
         for part, acts in scope.acts.items()

@@ -202,7 +202,7 @@ def verbs_matching(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def find_verb(word: str) -> str:
-    """The verb that a word stands for. Raises TextError."""
+    """The verb that a word means. Raises TextError."""
     every = (*VERBS, *SUBJECT_VERBS, "=")
     some = verbs_matching(word, every)
     if len(some) > 1:

@@ -1,4 +1,4 @@
-"""Rules by which blocks run by themselves, and their fields in a journal."""
+"""Rules that run blocks automatically, and their fields in a journal."""
 
 from __future__ import annotations
 

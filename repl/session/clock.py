@@ -127,7 +127,7 @@ def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:
 
 
 def clock_at_beat(clock: Clock, tempo: TempoMap, beat: float, seconds: float) -> Clock:
-    """The clock of another piece, which continues at a beat if this one runs, else stands there."""
+    """The clock of another piece, which continues at a beat if this one runs, else stops there."""
     return running_clock(tempo, beat, seconds) if clock.is_running else Clock(None, beat)
 
 

@@ -203,7 +203,7 @@ class SessionCore:
         return line.result().piece.tempo_map.written(line.beat), draft.checked
 
     def resolved(self, when: When) -> When:
-        """When a line acts; `sync d1` as the beat that it stands for now. Raises NotTakenError."""
+        """When a line acts; `sync d1` as the beat that it means now. Raises NotTakenError."""
         if not isinstance(when, Sync):
             return when
         known = (*self.scope.strikes, *self.scope.players)

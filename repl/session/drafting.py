@@ -59,7 +59,7 @@ class Sketch:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A line as it was `asked` for, and as it stands among the waiting `lines`, made from the
+    """A line as it was `asked` for, and its entry among the waiting `lines`, made from the
     `base_lines`; `checked` is its version.
     """
 

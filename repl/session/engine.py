@@ -165,7 +165,7 @@ class Engine(Protocol):
         """
 
     def set_input(self, number: int, value: float) -> int | None:
-        """Set an input that is told its values, full scale 1; otherwise like `strike`."""
+        """Set an input whose values are sent, full scale 1; otherwise like `strike`."""
 
     def record_sound(self, path: Path) -> None:
         """Write the sound that is heard to a new file, from the next tick on.
@@ -267,7 +267,7 @@ class SteppedEngine:
         return self._act_now(lambda playing: playing.strike(point, impulse))
 
     def set_input(self, number: int, value: float) -> int:
-        """Set an input that is told its values, full scale 1, from the next frame on."""
+        """Set an input whose values are sent, full scale 1, from the next frame on."""
         return self._act_now(lambda playing: playing.tell(number, value))
 
     def _act_now(self, act: Callable[[_core.Simulation], bool]) -> int:

@@ -8,7 +8,7 @@
 | structure | soonest frame      | soonest or grid     | a new stage | slips with later lines    |
 | start     | soonest frame      | soonest frame       | a new stage | slips with later lines    |
 
-Any of them may name its beat (`at`, `in`). While the piece stands it then waits until the piece
+Any of them may name its beat (`at`, `in`). While the piece is stopped it then waits until the piece
 gets there.
 """
 

@@ -139,7 +139,7 @@ class LiveEngine:
         return None if self._final_status else self._performance.strike(point, impulse)
 
     def set_input(self, number: int, value: float) -> int | None:
-        """Set an input that is told its values, full scale 1, at the next tick."""
+        """Set an input whose values are sent, full scale 1, at the next tick."""
         return None if self._final_status else self._performance.tell(number, value)
 
     def record_sound(self, path: Path) -> None:

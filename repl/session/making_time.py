@@ -21,7 +21,7 @@ class MakingTime:
     """The time of making that is to be expected: that of the slower of the last two [s].
 
     It falls as fast as it rises, so that one slow line makes no later line wait. It is time of
-    the engine, which may compute faster than it sounds, or stand still.
+    the engine, which may compute faster than it sounds, or stop.
     """
 
     engine: Engine

@@ -1,4 +1,4 @@
-"""Where MIDI controllers stand: what a message moves, as a share of its way."""
+"""Positions of MIDI controllers: what a message moves, as a share of its way."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Controllers:
         self._values = [0] * _CONTROLLERS
 
     def shares(self, message: Moved, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
-        """What a message moves, and where that stands now, from 0 to 1; of pairs of controllers
+        """What a message moves, and its position now, from 0 to 1; of pairs of controllers
         those that are mapped.
 
         The upper bits put the lower ones at 0, until these come (MIDI 1.0, control change).

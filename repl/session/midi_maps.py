@@ -98,7 +98,7 @@ def note_lines(version: Version, note: int) -> Iterator[str]:
 
 
 def share_line(source: str, share: float, version: Version) -> str | None:
-    """The line that sets what a controller leads to, which stands at a share (0 to 1) of its way;
+    """The line that sets what a controller leads to, which is at a share (0 to 1) of its range;
     None if it has no map.
     """
     control = version.maps.get(source)

@@ -27,7 +27,7 @@ _PITCH = ".transpose"
 
 
 class Zones:
-    """The channels of zones, the notes that they play, and where their controllers stand."""
+    """The channels of zones, the notes that they play, and the positions of their controllers."""
 
     def __init__(self) -> None:
         """Begin without zones: then a channel counts for nothing."""

@@ -100,7 +100,7 @@ class Moments:
         return beat, start
 
     def frame_of(self, tempo: TempoMap, beat: float) -> int:
-        """The first frame of the tick of a beat; the soonest frame where the piece stands."""
+        """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
         return frame_of(beat, self._present(tempo), self.soonest_frame())
 
     def _present(self, tempo: TempoMap) -> Present:

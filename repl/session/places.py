@@ -28,9 +28,8 @@ class Present(NamedTuple):
 
 
 class Place(NamedTuple):
-    """The beat on which a line acts, and the frame at which it takes over; None: the piece stands,
-    and has not reached that beat.
-    """
+    """The beat on which a line acts, and the frame at which it takes over; None: the piece is
+    stopped, and has not reached that beat."""
 
     beat: float
     start: int | None
@@ -76,7 +75,7 @@ def place_of(
 
 
 def frame_of(beat: float, present: Present, soonest: int) -> int:
-    """The first frame of the tick of a beat; the soonest frame where the piece stands."""
+    """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
     clock, tempo, _, timing = present
     if not clock.is_running:
         return soonest
@@ -93,7 +92,7 @@ def _resolved(tempo: TempoMap, position: Position) -> float:
 
 def _past(when: When, beat: float, present: Present) -> NotTakenError:
     asked = when.text if isinstance(when, Position) and when.text else ""
-    verb = "is" if present.clock.is_running else "stands"
+    verb = "is" if present.clock.is_running else "is stopped"
     here = present.tempo.written(present.beat)
     return NotTakenError(
         f"{asked or present.tempo.written(beat)} is past: the piece {verb} at {here}"

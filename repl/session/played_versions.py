@@ -1,4 +1,4 @@
-"""Which version of a session played in which frames; other programs are told of them."""
+"""Which version of a session played in which frames, and what other programs receive of it."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def rehearsal_stage(piece: Piece, name: str) -> Stage | None:
     """A stage with a gesture alone on the first key that plays it; all other keys that play it are
     tried too.
 
-    A gesture that nobody plays needs one key that can follow it; None if there is no key. Raises
+    A gesture without a player needs one key that can follow it; None if there is no key. Raises
     StageError.
     """
     plays = {

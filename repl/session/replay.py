@@ -283,7 +283,7 @@ def _initial_versions(replay: JournalContent, version: Version) -> PastVersionSt
 
 
 def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
-    """The last version, a clock that stands at the last bar, and the history; no sound is computed.
+    """The last version, a clock stopped at the last bar, and the history; no sound is computed.
 
     Raises JournalError, NotTakenError.
     """

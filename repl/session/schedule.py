@@ -117,7 +117,7 @@ class Schedule:
         return self.moments.place(self.head.piece.tempo_map, when, grid)
 
     def frame_of(self, beat: float) -> int:
-        """The first frame of the tick of a beat; the soonest frame where the piece stands."""
+        """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
         return self.moments.frame_of(self.head.piece.tempo_map, beat)
 
     # --- taking a line ---------------------------------------------------------------------------

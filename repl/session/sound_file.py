@@ -30,7 +30,7 @@ class SoundFile:
         self._path, self._is_ending, self._missing = path, False, 0
 
     def end(self, engine: Engine) -> Path:
-        """End the file; `report_change` tells when it is complete. Raises NotTakenError."""
+        """End the file; `report_change` reports when it is complete. Raises NotTakenError."""
         if self._path is None or self._is_ending:
             raise NotTakenError("no sound is being recorded; `record audio FILE` begins")
         engine.end_sound()

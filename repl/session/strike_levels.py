@@ -1,4 +1,4 @@
-"""Levels of strikes in a session: by which ratio the impulses of each are scaled, 0 in silence."""
+"""Levels of strikes in a session: the ratio that scales the impulses of each, 0 in silence."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class StrikeLevels:
         return first if not self._has(name) and self._has(first) else name
 
     def ratio(self, name: str) -> float:
-        """The ratio by which impulses are scaled."""
+        """The ratio that scales impulses."""
         key = self.key(name)
         is_heard = key not in self.muted and (not self.solo or key in self.solo)
         return self.gains.get(key, 1.0) if is_heard else 0.0

@@ -35,7 +35,7 @@ Struck = tuple[Place, Reach | None]  # with the range of its strengths, if it is
 
 
 class Stroke(NamedTuple):
-    """What the beginning of a note strikes, and by which impulse [N·s].
+    """What the beginning of a note strikes, and its impulse [N·s].
 
     If it `lasts`, the end of the note strikes it by the opposite impulse.
     """
@@ -218,14 +218,14 @@ def pressed_places(version: Version, note: int, value: int) -> Iterator[tuple[Pl
 
 
 def _played_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
-    """The acts by which a note plays an instrument. Raises NotTakenError."""
+    """The acts with which a note plays an instrument. Raises NotTakenError."""
     if notes.impulse is not None or _types_lines(piece, notes):
         return []
     return _acts(piece, notes.target, note)
 
 
 def _pressing_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
-    """The acts by which the pressure on the key of a note plays its instrument, if it has one.
+    """The acts with which the pressure on the key of a note plays its instrument, if any.
     Raises NotTakenError.
     """
     name = notes.target.partition(".")[0]
@@ -269,7 +269,7 @@ def _act_strokes(version: Version, act: Act, level: Level, path: str) -> Iterato
 
 
 def _acts(piece: Piece, target: str, note: int) -> list[Act]:
-    """The act by which an instrument is played at a note; none if it does not have the note.
+    """The act that plays an instrument at a note; none if it does not have the note.
     Raises NotTakenError.
     """
     name = target.partition(".")[0]
@@ -298,7 +298,7 @@ def _by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str
 
 
 def _act(piece: Piece, target: str, part: str) -> Act:
-    """The act by which a part of an instrument is played. Raises NotTakenError."""
+    """The act that plays a part of an instrument. Raises NotTakenError."""
     name, _, act_name = target.partition(".")
     instrument = piece.instruments.get(part)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}

@@ -1,6 +1,6 @@
-"""Parts that nobody hears yet: a line that makes or changes one is refused if it cannot be played.
+"""Unheard parts: a line that makes or changes one is refused if it cannot be played.
 
-A plan leaves out what nobody hears, so that the engine first looks at such a part when a later
+A plan leaves out unheard parts, so the engine first looks at such a part when a later
 line lets it be heard. That line would be refused for a mistake of the earlier one.
 """
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def check_unheard(before: Piece, stage: Stage) -> None:
-    """Check the instruments of a stage that nobody hears and that the piece `before` lacks, or has
+    """Check the unheard instruments of a stage that the piece `before` lacks, or has
     with other values. Raises StageError for each module that the engine refuses.
     """
     piece, known = stage.piece, before.instruments

@@ -73,8 +73,8 @@ class Version:
 
     What it has: `guides` has the guide of each real hand, by player; `maps` the MIDI maps and
     `rules` the rules of blocks, by name; `strike_levels` the levels of strikes; `sounds_as` the
-    names by which the engine knows keys and instruments that were renamed while they sound;
-    `is_running` is True while the piece runs.
+    names in the engine of keys and instruments that were renamed while they sound; `is_running` is
+    True while the piece runs.
 
     From files: `read_texts` has the texts that the line read from the disk, and `discarded_spots`
     the places where typed values gave way to them; `read_files` has the texts of further files

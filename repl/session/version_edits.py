@@ -387,4 +387,6 @@ def _defined(command: Define, running: RunningVersion) -> str:
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):
         return sentence
-    return f"{sentence}; nobody plays it yet, and of the keys only {', '.join(able)} can follow it"
+    return (
+        f"{sentence}; no player plays it yet, and of the keys only {', '.join(able)} can follow it"
+    )

@@ -34,12 +34,12 @@ VersionEdit = Callable[[Version, float], Version]
 class WaitingLine:
     """An accepted line that has not taken effect yet.
 
-    It acts on beat `beat`, and takes over at frame `start`; None: the piece stands, and has not
-    reached that beat. It starts the piece at its beat (`sets_running`), or stops it there
-    (False). A line that `resets` puts all masses at their start; one that `is_now` acts as soon
-    as possible; one that `sets_all` restores an earlier version. The beat of one that `is_named`
-    was asked for. `base` and `version` are the versions before and after it, `clock` the clock
-    after it. `n_slips` counts how often it was not ready in time.
+    It acts on beat `beat`, and takes over at frame `start`; None: the piece is stopped, and has not
+    reached that beat. It starts the piece at its beat (`sets_running`), or stops it there (False).
+    A line that `resets` puts all masses at their start; one that `is_now` acts as soon as possible;
+    one that `sets_all` restores an earlier version. The beat of one that `is_named` was asked for.
+    `base` and `version` are the versions before and after it, `clock` the clock after it. `n_slips`
+    counts how often it was not ready in time.
     """
 
     number: int
@@ -130,7 +130,7 @@ class WaitingLines:
         return next(coming, self.base)
 
     def inserted(self, line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
-        """The lines with one more, and that line as it stands among them.
+        """The lines with one more, and the entry of that line.
 
         If it needs what a later line defines, it takes effect together with that line. Lines
         whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of

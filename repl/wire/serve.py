@@ -79,8 +79,8 @@ class SessionServer:
         watch: SignalWatch | None = None,
         follow: Callable[[], Callable[[], Sounding]] = lambda: _no_sound,
     ) -> None:
-        """Serve a session to which nobody else submits lines; `watch` is told the signals that end
-        it.
+        """Serve a session to which no other program submits lines; `watch` receives the signals
+        that end it.
 
         `follow` begins to look at what sounds, for a prompt that asks for it.
         """

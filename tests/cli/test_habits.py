@@ -26,7 +26,7 @@ HABITS = [
     ("-help", 2, "ergon help"),
     ("?", 2, "Use: ergon help"),
     ("-v", 2, "ergon check piece.yaml -v"),
-    ("--verbose", 2, "--verbose stands behind a command"),
+    ("--verbose", 2, "--verbose follows a command"),
     ("--list", 2, "`ergon help` lists all commands"),
     ("quit", 2, "`ergon help` lists all commands"),
     ("piece.yaml", 2, "ergon render piece.yaml"),

@@ -203,4 +203,4 @@ keys:
       m: {MAS: {M: 20g}}
       p: {MAS: {M: 20g, follows: {M: {of: m, from: 1g, to: 2g}}}}
 """
-    assert any("not in a key" in told for *_, told in check_reports(text))
+    assert any("not to a key" in message for *_, message in check_reports(text))

@@ -268,7 +268,7 @@ def test_place_before_the_stopped_beat_is_refused(delayed: Delayed) -> None:
     delayed.run(1.0)
     delayed.ok("stop now")
     delayed.run(0.1)
-    assert "is past: the piece stands at 9|" in delayed.type("ada plays knock at 2|1").text
+    assert "is past: the piece is stopped at 9|" in delayed.type("ada plays knock at 2|1").text
 
 
 def test_save_of_a_tempo_at_a_later_bar(delayed: Delayed, tmp_path: Path) -> None:
