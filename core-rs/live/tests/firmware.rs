@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use ergon_live::device::calibrate::{DirectionError, Pulse, direction};
+use ergon_live::device::calibrate::{DirectionError, Pulse, directions};
 use ergon_live::device::{self, Sample, Url};
 use ergon_live::safety::{Guarded, Limits};
 
@@ -80,8 +80,10 @@ fn the_sketch_is_a_device() {
     );
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
-    let mut tries =
-        (0..TRIES).map(|_| direction(&mut device, 0, Pulse::from_spec(&spec), 1e-3, &go));
+    let mut tries = (0..TRIES).map(|_| {
+        let signs = directions(&mut device, &[0], Pulse::from_spec(&spec), 1e-3, &go);
+        signs.expect("the board answers")[0]
+    });
     // A pulse that was held up moves the key too little, or to one side only.
     let result =
         tries.find(|result| !matches!(result, Err(DirectionError::Still | DirectionError::OneWay)));

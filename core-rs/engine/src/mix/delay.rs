@@ -84,19 +84,19 @@ impl Delay {
 
     /// The samples that leave the line next, no more than its length.
     pub(super) fn copy_oldest(&self, out: &mut [f64]) {
-        let first = (self.past.len() - self.at).min(out.len());
+        let first = (self.past.len() - self.write_index).min(out.len());
         let (early, late) = out.split_at_mut(first);
-        early.copy_from_slice(&self.past[self.at..self.at + first]);
+        early.copy_from_slice(&self.past[self.write_index..self.write_index + first]);
         late.copy_from_slice(&self.past[..late.len()]);
     }
 
     /// Put in the newest samples, no more than its length.
     pub(super) fn push_all(&mut self, samples: &[f64]) {
-        let first = (self.past.len() - self.at).min(samples.len());
+        let first = (self.past.len() - self.write_index).min(samples.len());
         let (early, late) = samples.split_at(first);
-        self.past[self.at..self.at + first].copy_from_slice(early);
+        self.past[self.write_index..self.write_index + first].copy_from_slice(early);
         self.past[..late.len()].copy_from_slice(late);
-        self.at = (self.at + samples.len()) % self.past.len();
+        self.write_index = (self.write_index + samples.len()) % self.past.len();
     }
 
     /// Continue with the newest samples of another line, as many as fit. Allocates nothing.
