@@ -28,7 +28,7 @@ HAMMERS: dict[str, tuple[str, dict[str, Any]]] = {
 # One whose body hardly moves, a skin, a string with a rail, a heavy plate with one.
 SOME = ("church", "marimba", "snare", "kick", "piano", "thunder")
 # These swing so far at fff that they meet the hammer where it rests.
-SWING = ("cable", "thunder", "bloom", "cymbal", "spring")
+SWING = ("cable", "thunder", "bloom", "cymbal", "spring", "timpani")
 
 
 def reach(name: str) -> tuple[float, float]:
