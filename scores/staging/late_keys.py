@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
     from ergon.instruments.model import Module, Target
     from ergon.notation.text.errors import Collector
-    from ergon.scores.reading.piece import Key, Piece
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.playing import Key
 
 
 def links_on_keys(piece: Piece) -> Iterator[tuple[str, Target, Module]]:

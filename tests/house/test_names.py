@@ -13,10 +13,9 @@ ROOT = Path(__file__).parents[2]
 OLDER = {
     "benches": 14,
     "cli": 4,
-    "core-rs/bridge": 38,
-    "core-rs/engine": 214,
-    "core-rs/live": 40,
-    "core-rs/view": 6,
+    "core-rs/bridge": 22,
+    "core-rs/engine": 1,
+    "core-rs/live": 1,
     "docs": 3,
     "ergon/api": 10,
     "ergon/common": 1,

@@ -71,7 +71,9 @@ def test_delayed_key_in_a_render_and_on_an_emulated_device(work_folder: Path):
     assert np.abs(listened).max() > 1e-6
     assert np.abs(late - listened).max() < 1e-6 * np.abs(listened).max()
     score.write_text(SCORE.replace("{calib: key.yaml}", "{calib: key.yaml, delay: 0s}"))
-    assert np.abs(rendered(score, "at-once.wav")[:n] - listened).max() > 0.01 * np.abs(listened).max()
+    assert (
+        np.abs(rendered(score, "at-once.wav")[:n] - listened).max() > 0.01 * np.abs(listened).max()
+    )
 
 
 def test_delay_of_a_key_in_a_real_hand_is_that_of_the_device():

@@ -336,7 +336,7 @@ impl Device {
 /// Timings that `checkup` measured.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Checkup {
-    found: Measured,
+    measured: Measured,
     stats: Stats,
 }
 
@@ -345,36 +345,36 @@ impl Checkup {
     /// SCHED_FIFO priority that the thread got; None: no real-time priority.
     #[getter]
     fn priority(&self) -> Option<i32> {
-        self.found.granted.fifo
+        self.measured.granted.fifo
     }
 
     /// Whether memory is locked in RAM.
     #[getter]
     fn locked(&self) -> bool {
-        let Granted { locked, .. } = self.found.granted;
+        let Granted { locked, .. } = self.measured.granted;
         locked
     }
 
     /// Duration of the measurement [s].
     #[getter]
     fn seconds(&self) -> f64 {
-        self.found.seconds
+        self.measured.seconds
     }
 
     /// Lateness of each tick [s], (n_ticks,); empty in lockstep.
     fn lateness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.found.lateness)
+        seconds(py, &self.measured.lateness)
     }
 
     /// Time from each force to its reply [s], (n_replies,).
     fn round_trips<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        seconds(py, &self.found.round_trips)
+        seconds(py, &self.measured.round_trips)
     }
 
     /// Forces without a reply within 20 ms.
     #[getter]
     fn unanswered(&self) -> u64 {
-        self.found.unanswered
+        self.measured.unanswered
     }
 
     /// Received bytes that belong to no packet.
@@ -391,8 +391,8 @@ impl Checkup {
 }
 
 impl Checkup {
-    fn new(found: Measured, stats: Stats) -> Self {
-        Self { found, stats }
+    fn new(measured: Measured, stats: Stats) -> Self {
+        Self { measured, stats }
     }
 }
 

@@ -55,7 +55,7 @@ type StemTuple = (PathBuf, u64, u64, Vec<usize>);
 /// A piece that is being played.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Performance {
-    own: Mutex<Option<perform::Performance>>,
+    performance: Mutex<Option<perform::Performance>>,
     /// Outside the lock, so that a stop never waits for it.
     control: perform::Control,
 }
@@ -163,7 +163,7 @@ impl Performance {
         })
         .map(|performance| Self {
             control: performance.control(),
-            own: Mutex::new(Some(performance)),
+            performance: Mutex::new(Some(performance)),
         })
     }
 
@@ -187,7 +187,7 @@ impl Performance {
             time: event.time,
             sentence: event.sentence.clone(),
         };
-        self.with(|own| own.sound_events().iter().map(named).collect())
+        self.with(|performance| performance.sound_events().iter().map(named).collect())
     }
 
     /// Edges of the silence of panics, from number `since` on.
@@ -204,7 +204,13 @@ impl Performance {
 
     /// The force limit of each real hand in the piece that the performance began with.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
-        self.with(|own| own.hand_limits().iter().map(HandLimit::new).collect())
+        self.with(|performance| {
+            performance
+                .hand_limits()
+                .iter()
+                .map(HandLimit::new)
+                .collect()
+        })
     }
 
     /// The force limit of a real hand in another piece with this response [N/m], (n_ticks,); None if the hand is not
@@ -216,13 +222,13 @@ impl Performance {
         response: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Option<HandLimit>> {
         let response = response.as_slice()?;
-        let key = self.with(|own| own.hand_key(hand))?;
+        let key = self.with(|performance| performance.hand_key(hand))?;
         Ok(key.map(|key| py.detach(|| HandLimit::new(&key.limit(response)))))
     }
 
     /// The sound output, as a sentence.
     fn output(&self) -> PyResult<String> {
-        self.with(|own| own.output().info().sentence)
+        self.with(|performance| performance.output().info().sentence)
     }
 
     /// The sound input, and what is missing of it.
@@ -247,7 +253,7 @@ impl Performance {
 
     /// Priority and memory lock of the physics thread, in words; None until it runs.
     fn granted(&self) -> PyResult<Option<String>> {
-        self.with(|own| own.granted().map(|granted| granted.to_string()))
+        self.with(|performance| performance.granted().map(|granted| granted.to_string()))
     }
 
     /// Silence within 5 ms and zero force at the next tick, until `release`.
@@ -262,23 +268,23 @@ impl Performance {
 
     /// Let the gain glide to `gain` in 20 ms, from the next tick on; False if too many commands wait.
     fn gain(&self, gain: f64) -> PyResult<bool> {
-        self.with(|own| own.gain(gain))
+        self.with(|performance| performance.gain(gain))
     }
 
     /// Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
     fn record_audio(&self, path: PathBuf) -> PyResult<()> {
-        self.with(|own| own.record_audio(&path))?
+        self.with(|performance| performance.record_audio(&path))?
             .map_err(|error| module_error("audio", error))
     }
 
     /// End the file of `record_audio`; False if too many commands wait.
     fn end_audio(&self) -> PyResult<bool> {
-        self.with(|own| own.end_audio())
+        self.with(|performance| performance.end_audio())
     }
 
     /// The state of the file of `record_audio`; None if there was none.
     fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
-        let status = self.with(|own| own.audio_recorded())?;
+        let status = self.with(|performance| performance.audio_recorded())?;
         Ok(status.map(|status| AudioRecorded {
             first: status.first,
             frames: status.frames,
@@ -294,18 +300,18 @@ impl Performance {
     /// outcome.
     fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
         let impulse = strike_impulse(impulse)?;
-        self.with(|own| own.strike(point, impulse))
+        self.with(|performance| performance.strike(point, impulse))
     }
 
     /// Let an input of `Timeline.told_in` go to a value, at the next tick; returns a ticket, as `strike`.
     fn tell(&self, number: u64, value: f64) -> PyResult<Option<u64>> {
         let value = finite_input(value)?;
-        self.with(|own| own.set_input(number, value))
+        self.with(|performance| performance.set_input(number, value))
     }
 
     /// Let the gain of a group of the mixer's routes glide in 20 ms; False if too many commands wait.
     fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
-        self.with(|own| own.part_gain(group, gain))
+        self.with(|performance| performance.part_gain(group, gain))
     }
 
     /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
@@ -357,7 +363,7 @@ impl Performance {
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
-            self.with(|own| own.change(at, change).map_err(plain_error))?
+            self.with(|performance| performance.change(at, change).map_err(plain_error))?
         })
     }
 
@@ -375,7 +381,7 @@ impl Performance {
     /// Wait until the last frame is computed; False when `seconds` have passed first.
     fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
         let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, SECONDS_MAX));
-        while !self.with(|own| own.is_done())? {
+        while !self.with(|performance| performance.is_done())? {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return Ok(false);
@@ -388,12 +394,12 @@ impl Performance {
 
     /// Why the recording cannot be written at present; None if it can, or if there is none.
     fn recording_trouble(&self) -> PyResult<Option<String>> {
-        self.with(|own| own.recording_trouble())
+        self.with(|performance| performance.recording_trouble())
     }
 
     /// Wait up to `patience` [s] until everything was heard, and close; returns the remaining events.
     fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<PerformanceEvent>> {
-        let Some(performance) = self.own().take() else {
+        let Some(performance) = self.lock().take() else {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, SECONDS_MAX));
@@ -405,12 +411,14 @@ impl Performance {
 }
 
 impl Performance {
-    fn own(&self) -> MutexGuard<'_, Option<perform::Performance>> {
-        self.own.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Option<perform::Performance>> {
+        self.performance
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(crate) fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
-        let mut performance = self.own();
+        let mut performance = self.lock();
         let performance = performance.as_mut();
         performance
             .map(ask)

@@ -188,7 +188,7 @@ impl Guard {
         if rest >= limit.accepted {
             return Ok(None); // unstable at rest: the certificate refuses it
         }
-        // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `most`.
+        // If λ at rest is near or above `trusted`, links may still use a quarter of the distance from it to `accepted`.
         let has_poles = limit.has_poles;
         let limit = f64::max(limit.trusted, rest + 0.25 * (limit.accepted - rest));
         set_reaches(&mut watches, limit - rest, w);

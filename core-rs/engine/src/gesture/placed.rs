@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::profile::{PathError, Profile};
 
-/// A path placed in the piece: position x at time t of the path becomes x·scale at the instant `at` + t·stretch.
+/// A path placed in the piece: position x at time t of the path becomes x·scale at `instant` + t·stretch.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -80,7 +80,7 @@ impl Placed {
         self.scaled(self.profile.evaluate(self.profile_time(t)))
     }
 
-    /// [`Placed::at`] with a cursor, as [`Profile::at_from`].
+    /// [`Placed::evaluate`] with a cursor, as [`Profile::evaluate_from`].
     pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         self.scaled(self.profile.evaluate_from(cursor, self.profile_time(t)))
     }

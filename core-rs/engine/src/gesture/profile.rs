@@ -234,7 +234,7 @@ impl Profile {
         self.on_piece(self.search(t), t)
     }
 
-    /// [`Profile::at`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
+    /// [`Profile::evaluate`] with a cursor, which begins at 0: O(1) while `t` changes in small steps.
     pub fn evaluate_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
         let mut piece = (*cursor).min(self.t.len() - 1);
         for _ in 0..WALK {

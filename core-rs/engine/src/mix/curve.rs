@@ -182,11 +182,11 @@ impl Curve {
 mod tests {
     use super::*;
 
-    fn point(frame: i64, value: f64, way: Segment) -> Point {
+    fn point(frame: i64, value: f64, segment: Segment) -> Point {
         Point {
             frame,
             value,
-            segment: way,
+            segment,
         }
     }
 

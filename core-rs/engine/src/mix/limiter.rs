@@ -60,7 +60,7 @@ pub struct Limiter {
     latency: usize,
     /// Factor by which the reduction falls in one frame.
     release: f64,
-    /// The last `latency` frames, oldest at `at`.
+    /// The last `latency` frames, oldest at `write_index`.
     delay: Vec<f64>,
     /// Reductions of the last `latency` + 1 frames in fixed point, before the mean; the next one is written at
     /// `next_held`.

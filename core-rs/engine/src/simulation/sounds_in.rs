@@ -48,7 +48,7 @@ impl Simulation {
         channels.max().unwrap_or_default()
     }
 
-    /// Let the input of a number ([`InputSource::Told`]) go to a value from the next frame on, full scale 1. Returns
+    /// Let the input of a number ([`InputSource::Value`]) go to a value from the next frame on, full scale 1. Returns
     /// false if no playing input has this number, or the value is not finite. Before its first value, the input is
     /// heard from the timeline's samples.
     pub fn tell(&mut self, number: u64, value: f64) -> bool {

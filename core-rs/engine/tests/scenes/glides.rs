@@ -48,7 +48,7 @@ fn listen_to_all(network: &mut Network) {
     }
 }
 
-/// The old version up to frame `at`, the new one from then on: (n_frames · n_out).
+/// The old version up to frame `border`, the new one from then on: (n_frames · n_out).
 fn joined(old: &Arc<Plan>, new: &Arc<Plan>, border: u64, n_frames: u64) -> Vec<f64> {
     let mut old = Simulation::planned(old.clone(), plain()).unwrap();
     let n_out = old.n_out();

@@ -5,7 +5,7 @@
 //! heard (`HeardTimes`). The physics thread never waits: while a picture has not been fetched, the next one is skipped
 //! and counted, and its contacts and levels are added to the one after.
 
-mod heard_times;
+mod output_times;
 mod showing;
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use ergon_engine::simulation::{Glance, Look, Simulation};
 use ergon_view::record::{Recorder, Setup, add_squares};
 use triple_buffer::{Input, Output, triple_buffer};
 
-pub use heard_times::HeardTimes;
+pub use output_times::HeardTimes;
 #[cfg(test)]
 pub(super) use showing::Relay;
 pub use showing::Showing;
