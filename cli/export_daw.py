@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _DRUMS, _FIRST_DRUM = 9, 36  # channel from 0, and key of the first one
 _CHANNELS = [channel for channel in range(16) if channel != _DRUMS]
+_CHANNELS_MAX = 1024
 _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
@@ -64,11 +65,19 @@ def export_daw(
     with file_group(force=asked.force, inputs=loaded.inputs) as small:
         for path, content in files.items():
             small.write(path, content)
+        project_file = None
+        if prepared is not None and tempo_path in files:
+            # Its stems and its length are known after the sound, but its room is taken before.
+            project_file = small.open(project_path, binary=True)
+            project_file.write(b" " * _project_room(clock, stage))
+            project_file.flush()
         if prepared is not None:
             done = write(prepared, console)
-            if tempo_path in files:
-                files[project_path] = _project(clock, piece.title, done, output)
-                small.write(project_path, files[project_path])
+        if project_file is not None and done is not None:
+            files[project_path] = _project(clock, piece.title, done, output)
+            project_file.seek(0)
+            project_file.write(files[project_path])
+            project_file.truncate()
     for path in files:
         console.wrote(path)
     if done is not None:
@@ -110,6 +119,18 @@ def _project(
     mix = SoundTrack("mix", Path(done.files.mix.path).name, is_muted=bool(tracks))
     sounds = SoundFormat(done.files.n_frames / format.rate, format.rate, format.n_channels)
     return project(*clock, title, [*tracks, mix], sounds).encode()
+
+
+def _project_room(
+    clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]], stage: Stage
+) -> int:
+    """Bytes that the project takes at most: two stems of each instrument, and the mix."""
+    from ergon.exchange.reaper import SoundFormat, SoundTrack, project
+
+    names = [name for part in stage.piece.instruments for name in (f"{part}-dry", f"{part}-wet")]
+    tracks = [SoundTrack(name, f"stems/0000_{name}.flac") for name in [*names, "mix"]]
+    sounds = SoundFormat(stage.n_analysed_frames / stage.rate, int(stage.rate), _CHANNELS_MAX)
+    return len(project(*clock, stage.piece.title, tracks, sounds).encode())
 
 
 def _note_tracks(stage: Stage) -> list[NoteTrack]:

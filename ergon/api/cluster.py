@@ -121,7 +121,7 @@ class Cluster:
             what = f"the scheduler at {self.on} has no workers any more"
         return ClusterError(f"{what}; what arrived is kept: the same command goes on from there")
 
-    def heard(self, answer: Answer) -> None:
+    def receive(self, answer: Answer) -> None:
         """Count what the worker has computed."""
         with self._telling:
             worker_total = self._shares_by_worker.setdefault(answer["worker"], _WorkerShare())
@@ -170,9 +170,9 @@ class Sharing:
         answer: Answer = self.cluster.result(future)
         return answer
 
-    def heard(self, answer: Answer, n_frames: int) -> None:
+    def receive(self, answer: Answer, n_frames: int) -> None:
         """Count what the worker has computed."""
-        self.cluster.heard(answer)
+        self.cluster.receive(answer)
 
 
 def count_of(on: str, report: Report) -> int:

@@ -83,7 +83,7 @@ class Workers(Protocol):
     def answer(self, future: Future[Answer]) -> Answer:
         """The answer of a future that has ended. Raises ClusterError."""
 
-    def heard(self, answer: Answer, n_frames: int) -> None:
+    def receive(self, answer: Answer, n_frames: int) -> None:
         """Note that an answer is used; `n_frames` is summed over its islands."""
 
 
@@ -258,7 +258,7 @@ class RemoteSimulation(StretchedSimulation):
             for key, sound, state in zip(chain.keys, sounds, answer["states"], strict=True):
                 self._store.put(key, sound, state)
         self.n_computed += n_frames * len(sizes)
-        self._workers.heard(answer, n_frames * len(sizes))
+        self._workers.receive(answer, n_frames * len(sizes))
         self._keep(chain, stop, sounds, answer["states"])
 
     def _keep(

@@ -8,8 +8,8 @@ from fresh import PLAIN_GLIBC, digest, disabled
 SCRIPT = """
 import hashlib, sys
 from oracle.core import play, simulation
-from oracle.scenes import whole
-out = play(simulation(whole(0.5), 44100.0), 22050, int(sys.argv[1]))
+from oracle.scenes import complete_scene
+out = play(simulation(complete_scene(0.5), 44100.0), 22050, int(sys.argv[1]))
 print(hashlib.sha256(out.tobytes()).hexdigest(), float(abs(out).max()) > 0.0)
 """
 MATHS = """

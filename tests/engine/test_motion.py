@@ -245,7 +245,7 @@ def test_a_file_is_segments_with_an_index(filmed: tuple) -> None:
     head = next(at for kind, _, _, at in replica.chunks if kind == STATE)
     late = Replica(data[:head] + data[byte:])
     instants = t0 + np.array([0.0, 0.2, 0.71])
-    all_there, from_there = replica.displacements(instants), late.at(instants)
+    all_there, from_there = replica.displacements(instants), late.displacements(instants)
     assert np.abs(all_there - from_there).max() == 0.0
 
 

@@ -17,6 +17,7 @@ from sweep import few
 
 from docs.generators.pages import Block, blocks, commands, merged, put
 from ergon.scores.reading.load import load
+from ergon.scores.staging.refusals import StageError
 from ergon.scores.staging.stage import stage
 from tests.scores import test_library
 
@@ -46,7 +47,10 @@ def check(block: Block, path: Path) -> None:
     loaded = load(room if is_layout else path, text=text)
     result = list(loaded.diagnostics)
     if loaded.piece is not None:
-        result += stage(loaded.piece).diagnostics
+        try:
+            result += stage(loaded.piece).diagnostics
+        except StageError:  # high notes of a body of modes: a plan leaves out what nobody hears
+            result += stage(loaded.piece, planned=True).diagnostics
     wrong = [f for f in result if f.code[0] != "N"]
     if "mistake" in block.notes:
         assert wrong, f"{block.where}: nothing is wrong here"

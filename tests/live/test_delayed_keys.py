@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from checked import check
-from duets import played, recorded, said, sound
+from duets import command_output, played, recorded, sound
 from emulators import emulator
 
 from ergon.scores.reading.load import load
@@ -36,7 +36,7 @@ render: {tail: 500ms}
 
 
 def rendered(score: Path, name: str) -> np.ndarray:
-    code, words = said("render", score, "--bits", "float", "-o", name)
+    code, words = command_output("render", score, "--bits", "float", "-o", name)
     assert code == 0, words
     return sound(Path(name))
 

@@ -13,7 +13,7 @@ from sessions import Stepped
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import families
 
-EMPTY = "ergon: 1\nrates: {audio: 8kHz}\ntempo: [{at: 1|1, bpm: 240}]\nmix: {channels: 2}\n"
+EMPTY = "ergon: 1\nrates: {audio: 32kHz}\ntempo: [{at: 1|1, bpm: 240}]\nmix: {channels: 2}\n"
 KICK = "d1 strikes kick.hammer every 1 impulse 200mNs"
 MINE = """\
 ergon: 1

@@ -213,12 +213,12 @@ def beats(text, every="1", tempo=FLAT, start=0.0, length=lambda name: None, **mo
     [
         ("a b", {}, [0, 1]),
         ("a b", {"every": "1/2", "times": 2}, [0, 0.5, 1, 1.5]),
-        ("a b", {"every": "1bar", "at": 1.0, "times": 2}, [1, 5, 9, 13]),
+        ("a b", {"every": "1bar", "start": 1.0, "times": 2}, [1, 5, 9, 13]),
         ("a b", {"every": "500ms", "times": 2}, [0, 0.5, 1, 1.5]),  # a beat is a second
         ("a b", {"until": 3}, [0, 1, 2]),
         ("a b", {"until": 3.5}, [0, 1, 2, 3]),
         ("a b", {"until": 6, "times": 2}, [0, 1, 2, 3]),
-        ("a (b c)", {"until": 4, "at": 2.0}, [2, 3, 3.5]),
+        ("a (b c)", {"until": 4, "start": 2.0}, [2, 3, 3.5]),
         # A Euclidean rhythm lasts a bar unless `every` says how long a step is.
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8)}, [0, 1.5, 3]),
         ("a", {"every": None, "euclid": rhythm.Euclid(3, 8, 2), "times": 2},
