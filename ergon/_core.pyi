@@ -1331,8 +1331,7 @@ class Plan:
         whose beginning has not changed is not tried again; the plan is the same as without a
         store. Exceptions of `store` are raised.
         `like`: a plan of another version, whose modes of unchanged bodies are used again.
-        `share` (0 to 1): the part of the allowance of work that the trials may take; 0 is a
-        draft, the cheapest stable plan.
+        `share` (0 to 1): the part of the allowance of work that the trials may take.
         `seen`: parts that somebody looks at. They are computed even if nobody hears them; the
         samples that are heard do not change.
         `seen_every`: parts that nobody hears may be computed once in this many frames.

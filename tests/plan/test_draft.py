@@ -64,18 +64,6 @@ def test_no_trial_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
         assert all(row.error_db is None for row in plan.rows()) == is_draft
 
 
-def test_draft_computes_contacts_once_a_step() -> None:
-    from ergon.api import score as scores
-    from ergon.api.options import AccuracyOptions
-
-    options = AccuracyOptions(draft=True)
-    plan = scores.stage_piece(scores.read("a.yaml", options), options).stage.plan
-    assert plan is not None
-    stepped = [row.contact_substeps for row in plan.rows() if row.what == "stepped"]
-    assert stepped
-    assert set(stepped) == {1}
-
-
 @pytest.mark.parametrize("other", [["--error", "-40dB"], ["--method", "ca"], ["--cents", "3"]])
 def test_a_draft_has_no_accuracy(other: list[str], capsys: Capture) -> None:
     assert app.run(["render", "a.yaml", "--draft", *other]) == 2

@@ -151,7 +151,7 @@ pub struct Known<'a> {
     pub like: Option<&'a Plan>,
     /// Results of trials of earlier plans; new ones are kept there too.
     pub store: Option<&'a dyn TrialStore>,
-    /// The part of the allowance of work that trials may take (0 to 1); 0: a draft, planned for the lowest cost.
+    /// The part of the allowance of work that trials may take (0 to 1).
     pub share: f64,
     /// Parts that are displayed: those that no output hears are computed too, without changing any sample of what is
     /// heard.

@@ -29,7 +29,6 @@ use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
-use crate::plan::trial::pilot;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
 use crate::plan::trial::record::TrialStore;
 use crate::plan::{Known, Plan, Unit};
@@ -47,8 +46,6 @@ struct Maker<'a> {
     pins: Pins,
     memo: Memo<'a>,
     allowance: Allowance,
-    /// The cheapest stable plan is wanted, and nothing is tried.
-    is_draft: bool,
     /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
     /// Parts that are displayed, and the units that are computed only for that.
@@ -81,7 +78,6 @@ pub(super) fn make(
     let mut maker = Maker {
         pins: Pins::new(pins),
         allowance: Allowance::new(network.n_mat() + network.n_lia(), known.share),
-        is_draft: known.share == 0.0,
         memo: Memo::new(known.like.map_or(&[], |like| &like.solved)),
         store: known.store,
         seen: known.seen,
@@ -170,7 +166,6 @@ impl<'a> Maker<'a> {
             budget,
             pins: Pins::new(None),
             allowance: Allowance::new(network.n_mat() + network.n_lia(), 0.0),
-            is_draft: false,
             memo: Memo::new(&[]),
             store: None,
             seen: &[],
@@ -433,7 +428,6 @@ impl<'a> Maker<'a> {
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,
-                    None if self.is_draft => pilot::draft(&assemble)?,
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.

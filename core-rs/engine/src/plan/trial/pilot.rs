@@ -46,7 +46,7 @@ pub(in crate::plan) fn pilot(
             ChosenIsland::unmeasured(assemble(How::fine(1, MethodChoice::ByBudget))?).into(),
         );
     }
-    let island = lowest_stable(assemble, false)?;
+    let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
     if timeline.is_open || timeline.hands().next().is_some() {
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
@@ -353,28 +353,17 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
     }
 }
 
-/// The island of a draft: nothing is tried. Contacts and laws are computed once a step, for what they cost between frames
-/// depends on the motion, and may be a hundred times as much.
-pub(in crate::plan) fn draft(
-    assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
-) -> Result<ChosenIsland, Error> {
-    lowest_stable(assemble, true).map(ChosenIsland::unmeasured)
-}
-
 /// The island at the lowest oversampling at which it is stable.
 fn lowest_stable(
     assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
-    is_plain: bool,
 ) -> Result<Assembled, Error> {
-    let how = |oversampling| How {
-        is_plain,
-        ..How::fine(oversampling, MethodChoice::ByBudget)
-    };
-    match assemble(how(1)) {
+    match assemble(How::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable = higher.filter_map(|oversampling| assemble(how(oversampling)).ok());
+            let mut stable = higher.filter_map(|oversampling| {
+                assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok()
+            });
             stable.next().ok_or(error)
         }
         other => other,
