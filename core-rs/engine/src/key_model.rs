@@ -175,7 +175,7 @@ impl KeyModel {
     /// use ergon_engine::key_model::KeyModel;
     ///
     /// // 400 g on 60 N/m, 1.2 N·s/m and 50 mN of dry friction, pushed by 0.6 N
-    /// let key = KeyModel::of_row(&[0.4, 60.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])?;
+    /// let key = KeyModel::from_row(&[0.4, 60.0, 1.2, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])?;
     /// let path = key.path(&[0.6; 4000], 1000.0, None)?;
     /// let end = path[3999];
     /// assert!((end - 0.01).abs() <= 0.05 / 60.0, "it rests where friction holds it: {end}");

@@ -16,7 +16,7 @@ use super::profile::{PathError, Profile};
 /// let path = Arc::new(Profile::through(&[point(0.0, 0.0), point(1.0, 4e-3)])?);
 /// let placed = Placed::transformed(path, 10.0, 0.5, 2.0, false)?; // at 10 s, half as far, half as fast
 /// assert_eq!((placed.start(), placed.stop()), (10.0, 12.0));
-/// assert!((placed.at(11.0).0 - 1e-3).abs() < 1e-12);
+/// assert!((placed.evaluate(11.0).0 - 1e-3).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]

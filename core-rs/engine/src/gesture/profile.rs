@@ -92,7 +92,7 @@ pub enum PathError {
 ///
 /// let point = |t, x| Point { t, x, curve: Curve::Smooth };
 /// let path = Profile::through(&[point(0.0, 0.0), point(0.1, 6e-3), point(0.3, 0.0)])?;
-/// let (x, v, _) = path.at(0.1);
+/// let (x, v, _) = path.evaluate(0.1);
 /// assert!((x - 6e-3).abs() < 1e-12);
 /// assert!(path.range(0.0, 0.3).1 >= 6e-3 && v.is_finite());
 /// # Ok::<(), Box<dyn std::error::Error>>(())

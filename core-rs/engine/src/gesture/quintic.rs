@@ -23,7 +23,7 @@ pub struct Knot {
 ///
 /// let at_rest = |t, x| Knot { t, x, ..Knot::default() };
 /// let piece = Quintic::joining(at_rest(0.0, 0.0), at_rest(1.0, 4e-3));
-/// assert!((piece.at(0.5).0 - 2e-3).abs() < 1e-12); // symmetric
+/// assert!((piece.evaluate(0.5).0 - 2e-3).abs() < 1e-12); // symmetric
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Quintic {

@@ -117,13 +117,13 @@ impl Pan {
 /// point and after the last one, the gain is constant. It may be that of one channel of a [`Pan`], too.
 ///
 /// ```
-/// use ergon_engine::mix::curve::{Curve, Point, Way};
+/// use ergon_engine::mix::curve::{Curve, Point, Segment};
 ///
-/// let from = Point { frame: 100, value: 0.01, way: Way::Line };
-/// let to = Point { frame: 200, value: 1.0, way: Way::Line };
+/// let from = Point { frame: 100, value: 0.01, segment: Segment::Line };
+/// let to = Point { frame: 200, value: 1.0, segment: Segment::Line };
 /// let curve = Curve::new(vec![from, to]);
-/// assert!((curve.at(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
-/// assert_eq!((curve.at(0), curve.at(1000)), (0.01, 1.0));
+/// assert!((curve.value(150) - 0.1).abs() < 1e-15); // -20 dB, halfway from -40 dB
+/// assert_eq!((curve.value(0), curve.value(1000)), (0.01, 1.0));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
