@@ -20,7 +20,7 @@ use crate::plan::trial::horizon;
 use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt, longer};
 use crate::plan::trial::prune_modes::prune;
-use crate::plan::trial::reference::{Reference, is_plain_first, plain_reference, reference};
+use crate::plan::trial::reference::{Climb, Reference, is_plain_first, plain_reference, reference};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Search, Tried};
 use crate::plan::trial::waveform_error::{
@@ -113,8 +113,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
 
     /// Finds the cheapest plain island that is not heard to differ from its finer twins; `None` if there is none.
     fn find_plain(&self) -> Result<Option<PilotOutcome>, Error> {
-        let played = (&self.runs, &self.spans);
-        let outcome = plain_reference(self.assemble, played, self.budget, self.allowance);
+        let outcome = plain_reference(&self.climb(), self.allowance);
         let Some(reference) = unless_spent(outcome)?.flatten() else {
             return Ok(None);
         };
@@ -123,6 +122,15 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         tried
             .map(|tried| self.finished(tried, &stretches))
             .transpose()
+    }
+
+    fn climb(&self) -> Climb<'_, F> {
+        Climb {
+            assemble: self.assemble,
+            runs: &self.runs,
+            spans: &self.spans,
+            budget: self.budget,
+        }
     }
 
     fn search<'b>(
@@ -151,8 +159,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(None);
         };
         let first = Candidate::new(island.clone(), substeps, None).counted(&run);
-        let played = (&self.runs, &self.spans);
-        let outcome = reference((self.assemble, &first), played, self.budget, self.allowance);
+        let outcome = reference(&self.climb(), &first, self.allowance);
         let Some(reference) = unless_spent(outcome)?.flatten() else {
             return Ok(Some(self.unmeasured(first, run)?));
         };

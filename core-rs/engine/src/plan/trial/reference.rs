@@ -78,26 +78,20 @@ impl Reference {
 }
 
 /// What a search for a reference plays, and how.
-struct Climb<'a, F> {
-    assemble: &'a F,
-    runs: &'a Runs,
-    spans: &'a Spans,
-    budget: &'a Budget,
+pub(in crate::plan) struct Climb<'a, F> {
+    pub(in crate::plan) assemble: &'a F,
+    pub(in crate::plan) runs: &'a Runs,
+    pub(in crate::plan) spans: &'a Spans,
+    pub(in crate::plan) budget: &'a Budget,
 }
 
 /// Finds the reference of an island whose first run was `first`; `None` if no two runs of one family can be played.
 pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
-    (assemble, first): (&F, &Candidate),
-    (runs, spans): (&Runs, &Spans),
-    budget: &Budget,
+    climb: &Climb<'_, F>,
+    first: &Candidate,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let climb = Climb {
-        assemble,
-        runs,
-        spans,
-        budget,
-    };
+    let (spans, budget) = (climb.spans, climb.budget);
     let highest = 8 * TIMES_MAX;
     let substeps = first_substeps(first);
     let mut best: Option<Reference> = None;
@@ -129,23 +123,15 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
 
 /// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
 pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
-    assemble: &F,
-    (runs, spans): (&Runs, &Spans),
-    budget: &Budget,
+    climb: &Climb<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let climb = Climb {
-        assemble,
-        runs,
-        spans,
-        budget,
-    };
     let part = allowance.fraction(SHARE);
     let [.., plain] = Family::REFERENCE_FAMILIES;
     let reached = climb.family((plain, 1), 1..=2 * TIMES_MAX, &part);
     allowance.spend_fraction(&part, SHARE);
     match reached {
-        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(budget))),
+        Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),
         Err(TrialError::AllowanceSpent) => Ok(None),
         Err(error) => Err(error),
     }
