@@ -136,7 +136,7 @@ def test_meters_and_marks(folder: Path, project: Block):
     assert marks == [(name, float(seconds)) for name, _, seconds in rows]
 
 
-def test_a_title_with_quotes_stands_in_the_notes(project: Block):
+def test_reaper_title_with_quotes(project: Block):
     (notes,) = blocks(project, "NOTES")
     assert notes[1] == [["made by ergon"], ["""Two "stems" and 'more'"""]]
 

@@ -145,7 +145,7 @@ def test_what_is_refused(tmp_path: Path, data: bytes, message: str):
         sound.read_info(tmp_path / "a.aiff")
 
 
-def test_a_cut_file_is_read_as_far_as_it_goes(tmp_path: Path):
+def test_read_of_a_cut_aiff_file(tmp_path: Path):
     (tmp_path / "a.aiff").write_bytes(form(COMM, SSND)[:-2])
     info = sound.read_info(tmp_path / "a.aiff")
     assert info.damage is not None

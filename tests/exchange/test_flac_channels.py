@@ -94,7 +94,7 @@ def test_it_folds_without_naming_its_channels(tmp_path: Path):
         ("TITLE=Ring", 0, ()),
     ],
 )
-def test_a_mask_in_a_comment(tmp_path: Path, comment, n_speakers, effects):
+def test_channel_mask_in_a_flac_comment(tmp_path: Path, comment, n_speakers, effects):
     """7.1 as the program `flac` writes it."""
     written(tmp_path / "a.flac", b"")
     commented(tmp_path / "a.flac", comment)
@@ -104,7 +104,7 @@ def test_a_mask_in_a_comment(tmp_path: Path, comment, n_speakers, effects):
     assert np.array_equal(read, FRAMES)
 
 
-def test_a_file_without_a_layout_has_no_further_blocks(tmp_path: Path):
+def test_flac_blocks_without_a_layout(tmp_path: Path):
     written(tmp_path / "a.flac", b"")
     blocks, _ = metadata((tmp_path / "a.flac").read_bytes())
     assert {kind for kind, _ in blocks}.isdisjoint({2})

@@ -78,7 +78,7 @@ def test_a_phrase_in_phrases_is_renamed_from_any_place(score):
     in_editor(score(PHRASES), act)
 
 
-def test_what_cannot_be_renamed(score):
+def test_rename_refused_by_the_language_server(score):
     async def act(editor: Editor) -> None:
         await editor.diagnostics(lambda reported: not reported)
         for where, new, message in (

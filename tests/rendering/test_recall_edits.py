@@ -236,7 +236,7 @@ def test_unplayed_note_leaves_the_mix_as_it_is(
     assert digest(scratch) == digest(first)
 
 
-def test_what_moves_without_a_stroke_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unplayed_instrument_that_begins_away_from_rest(monkeypatch: pytest.MonkeyPatch) -> None:
     """An instrument that nothing plays is no silence if it begins away from its rest."""
     score = Score()
     first = rendered(score, monkeypatch)

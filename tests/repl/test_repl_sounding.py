@@ -98,7 +98,7 @@ def test_place_after_a_typed_line_names_its_text(tmp_path: Path):
     session.close()
 
 
-def test_nothing_sounds_in_a_stopped_piece(tmp_path: Path):
+def test_sounding_of_a_stopped_piece_is_empty(tmp_path: Path):
     session = Stepped(SCORE, tmp_path)
     assert followed(session, 0.5, 0.1) == []
     session.close()

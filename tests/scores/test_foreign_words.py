@@ -97,7 +97,7 @@ def test_answers_have_a_place_and_what_to_write(written, instead, marked, words,
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if not case[0].startswith("out:")])
-def test_no_second_mistake_follows(case):
+def test_foreign_words_cause_a_single_message(case):
     written, instead, *_ = case
     assert len(diagnostics(SCORE.replace(written, instead, 1))) == 1
 

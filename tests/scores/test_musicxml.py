@@ -327,6 +327,6 @@ def test_rests_in_an_incomplete_bar_do_not_fill_it(tmp_path):
     assert played(path) == [(0.0, "C4", 4.0), (4.0, "D4", 1.0), (5.0, "G3", 4.0), (5.0, "E4", 4.0)]
 
 
-def test_a_bar_without_notes_lasts_as_long_as_its_rests(tmp_path):
+def test_length_of_a_bar_of_rests(tmp_path):
     path = written(tmp_path, part(note("C", 4, 8), REST.format(12), note("E", 4, 8)))
     assert played(path) == [(0.0, "C4", 4.0), (10.0, "E4", 4.0)]

@@ -42,7 +42,7 @@ def test_every_use_follows_and_strikes_stay(old):
     assert set(after.phrases) == {*piece.phrases, "gruppetto"} - {old}
 
 
-def test_a_name_that_would_change_the_piece_is_refused():
+def test_rename_refuses_a_name_that_changes_the_piece():
     """In an entry the name of a phrase hides that of an instrument."""
     texts = Texts("s.yaml", SCORE)
     piece = texts.load().piece
