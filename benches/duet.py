@@ -72,7 +72,7 @@ def _played(
         audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--unchecked", "--json")
         ready = () if ahead is None else ("--ahead", str(ahead))
         command = [*ERGON, "duet", str(score), *live, *audio, *ready]
-        output, beside = _told(command, loops)
+        output, beside = _duet_result(command, loops)
     gaps = output["underruns"] + (output["dropped"] > 0)
     late = output["late_ticks"] / output["ticks"]
     saved = "" if ahead is None else f", {ahead:,} kept ready"
@@ -92,7 +92,7 @@ def _played(
     )
 
 
-def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare | None]:
+def _duet_result(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare | None]:
     """The result of a duet, and a bare loop that ran during it."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -67,7 +67,7 @@ class _Typed(TypedSession[SteppedEngine]):
         return spent, (commit["frame"] - frame) / TICK
 
 
-def _whole_piece() -> float:
+def _full_stage_ms() -> float:
     """The processor time of reading and staging the whole piece [ms], which each line once took."""
     texts = Texts("enter.yaml", hundred())
     begun = time.thread_time()
@@ -91,7 +91,7 @@ def enter() -> list[Row]:
             gc.collect()
             gc.freeze()
             for number in range(_ROUNDS):
-                complete.append(_whole_piece())
+                complete.append(_full_stage_ms())
                 for kind, (lines, _) in _KINDS.items():
                     for line in lines:
                         spent, until = typed.typed(line)

@@ -22,7 +22,7 @@ RATE = 44100.0
 COLUMNS = "what,number,s_per_s,set_up_s,peak_mb\n"
 _RINGS = (3, 9, 28, 91, 288, 500)  # of a hex gong: 1e2 to 3e6 modules
 _OSCILLATORS = (100, 1_000, 10_000, 100_000, 1_000_000, 10_000_000)
-_HEARD_MAX = 1_000_000
+_POSITIONS_MAX = 1_000_000
 _BANK_MAX = 2_000_000  # what one BANK may have
 _ERGONS = (100, 1_000, 10_000, 100_000, 1_000_000)
 _CELLS = 1_000
@@ -73,7 +73,7 @@ def _apart(what: str, size: int) -> list[float]:
     return result
 
 
-def _one(what: str, size: int) -> list[float]:
+def _measured_size(what: str, size: int) -> list[float]:
     start = time.thread_time()
     network = _core.Network()
     network.part("body")
@@ -97,8 +97,8 @@ def _one(what: str, size: int) -> list[float]:
             for mat in listened:
                 network.start(mat, 1e-6, 0.0)
     # Positions are added in pieces, so that the lists of this file do not dominate the memory.
-    for index in range(0, len(listened), _HEARD_MAX):
-        positions = [(mat, 1, 1.0) for mat in listened[index : index + _HEARD_MAX]]
+    for index in range(0, len(listened), _POSITIONS_MAX):
+        positions = [(mat, 1, 1.0) for mat in listened[index : index + _POSITIONS_MAX]]
         network.listen(f"out{index}", positions=positions)
     number = network.n_mat + network.n_lia
     n_frames = max(64, min(int(RATE), int(_WORK / number)))
@@ -132,4 +132,4 @@ def _peak() -> float:
 
 
 if __name__ == "__main__":
-    print(json.dumps(_one(sys.argv[1], int(sys.argv[2]))))
+    print(json.dumps(_measured_size(sys.argv[1], int(sys.argv[2]))))

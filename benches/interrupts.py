@@ -148,7 +148,7 @@ def _memory() -> Row:
     peaks = []
     for seed in range(_SCORES):
         result = check(mutated(texts[seed % len(texts)], random.Random(seed)))
-        assert result.code in (0, 1, None), result.said
+        assert result.code in (0, 1, None), result.output
         peaks.append(result.peak / 1e6)
     text = f"at most {max(peaks):.0f} MB, median {median(peaks):.0f} MB"
     values = {"most_mb": max(peaks), "median_mb": median(peaks), "scores": _SCORES}

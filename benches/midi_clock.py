@@ -46,7 +46,7 @@ def _session(folder: Path, name: str) -> tuple[Session, LiveEngine]:
     return session, engines[0]
 
 
-def _heard_beats(session: Session, ear: HearingClock, beats: np.ndarray) -> np.ndarray:
+def _beat_instants(session: Session, ear: HearingClock, beats: np.ndarray) -> np.ndarray:
     """The instants at which beats are heard [s]."""
     running = session.schedule.running
     tempo = running.version.piece.tempo_map
@@ -98,10 +98,10 @@ def midi_clock(minutes: float = 1.0) -> list[Row]:
                 if beat > done and ends - now < 60.0 * minutes:
                     number = np.array([beat])
                     late.append(
-                        clocks[24 * beat][0] - float(_heard_beats(output, ears[0], number)[0])
+                        clocks[24 * beat][0] - float(_beat_instants(output, ears[0], number)[0])
                     )
                     both = [
-                        float(_heard_beats(session, ear, number)[0])
+                        float(_beat_instants(session, ear, number)[0])
                         for session, ear in zip((output, player_session), ears, strict=True)
                     ]
                     apart.append(both[1] - both[0])

@@ -95,7 +95,7 @@ class Checked:
     code: int | None
     peak: int
     seconds: float
-    said: str
+    output: str
 
 
 def check(text: str, folder: Path = LIBRARY, *, patience: float = 60.0) -> Checked:
@@ -132,7 +132,9 @@ def check(text: str, folder: Path = LIBRARY, *, patience: float = 60.0) -> Check
         os.waitpid(child, 0)
     _drain(output, message)
     os.close(output)
-    return Checked(ended, _told_peak(message) or peak, time.monotonic() - began, message.decode())
+    return Checked(
+        ended, _reported_peak(message) or peak, time.monotonic() - began, message.decode()
+    )
 
 
 def _checked(text: str, folder: Path) -> int:
@@ -149,8 +151,8 @@ def _checked(text: str, folder: Path) -> int:
     return code
 
 
-def _told_peak(said: bytearray) -> int:
-    found = re.search(rb"\npeak (\d+)\n$", said)
+def _reported_peak(output: bytearray) -> int:
+    found = re.search(rb"\npeak (\d+)\n$", output)
     return int(found[1]) if found else 0
 
 

@@ -29,7 +29,7 @@ PIECES = (
     "feathers-small",
 )
 # Threads of libraries.
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+_SINGLE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 _CA = ("--method", "ca")
 _HEAD = (
     "piece", "length", "cores", "the plan says", "ratio", "of that planning",
@@ -74,7 +74,7 @@ def cost(score: Path, length: float, options: Sequence[str] = ()) -> Cost | None
     """The cost of a piece by a plan with these options; None if it is refused."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        variables = {**_ONE_THREAD, "ERGON_CACHE": "off", "XDG_CACHE_HOME": name}
+        variables = {**_SINGLE_THREAD, "ERGON_CACHE": "off", "XDG_CACHE_HOME": name}
         planning, plan = ergon(["plan", "--json", *options, str(score)], folder, variables)
         if plan.returncode:
             return None

@@ -22,14 +22,14 @@ _OUTPUTS = 24
 _LENGTH = 60.0  # seconds over which ergons are laid
 _STRIKES = 0.16  # a second on each oscillator
 _FRAMES = 44_100
-_AT_LEAST = 230_000  # modules, each ergon counted as the MAS and the BUT it stands for
+_MODULES_MIN = 230_000  # modules, each ergon counted as the MAS and the BUT it stands for
 
 
 def quetzalcoatl(_: Loops | None) -> list[Row]:
     """The speed relative to real time, on two threads; and what the plan changed, if anything."""
     network, timeline, ergons = scene()
     modules = network.n_mat + network.n_lia + 2 * ergons
-    assert modules >= _AT_LEAST, f"{modules} modules"
+    assert modules >= _MODULES_MIN, f"{modules} modules"
     side = sides.engine("ergon", planned(network, timeline, threads=THREADS))
     taken = sides.seconds(ROUNDS, [side], _FRAMES)["ergon"]
     speed = _FRAMES / RATE / taken

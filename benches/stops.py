@@ -28,7 +28,7 @@ from benches.measure import Row
 _ERGON = [sys.executable, "-m", "ergon.cli"]
 _FORCE = 0.01  # [N]; less is none
 _AFTER = 0.3  # [s] that the board is watched after a stop
-_AT_WORK = 1.0  # [s] after which a slow line is surely at work
+_BUSY_SECONDS = 1.0  # [s] after which a slow line is surely at work
 _PATIENCE = 60.0  # [s] for a force to be there
 # A line that never ends: it locks a C mutex twice, and releases the GIL meanwhile.
 _SLOW = (
@@ -90,8 +90,10 @@ def stops(runs: int = 5) -> list[Row]:
             for method in WAYS:
                 if (where, state, method) not in LEFT_OUT:
                     result[method] = [_stopped(where, state, method) for _ in range(runs)]
-                    print(f"  {where:8} {state:4} {method:5} {_told(result[method])}", flush=True)
-            output = "; ".join(f"{method} {_told(times)}" for method, times in result.items())
+                    print(
+                        f"  {where:8} {state:4} {method:5} {_summary(result[method])}", flush=True
+                    )
+            output = "; ".join(f"{method} {_summary(times)}" for method, times in result.items())
             rows.append(
                 Row(
                     f"zero force after a stop, {where}, {state}, {runs} runs each",
@@ -106,7 +108,7 @@ def stops(runs: int = 5) -> list[Row]:
     return rows
 
 
-def _told(times: list[float]) -> str:
+def _summary(times: list[float]) -> str:
     return f"median {1e3 * median(times):.1f} ms, most {1e3 * max(times):.1f} ms"
 
 
@@ -125,7 +127,7 @@ def _stopped(where: str, state: str, method: str) -> float:
         _until(board, lambda force: abs(force) > 0.3)
         if state == "slow":
             prompt.enter(_SLOW)
-            time.sleep(_AT_WORK)
+            time.sleep(_BUSY_SECONDS)
         began = time.monotonic()
         prompt.stop(method)
         time.sleep(_AFTER)

@@ -21,7 +21,7 @@ RATE = 44100.0
 ROUNDS = 5
 N = 1_000
 _M, _F, _T60 = 8e-3, 20.0, 3000.0  # partials up to 12.7 kHz; that at 1 kHz lasts 1.2 s
-_AT, _HIGH = 199, 1e-3
+_KICK_POINT, _HIGH = 199, 1e-3
 TAPS = (249, 499)
 _FRAMES = 44_100  # a multiple of three, as the stencil wants it
 # Rounding differs between a state of x and x⁻ and a state of x and its step; it grows over the
@@ -51,7 +51,14 @@ def string(loops: Loops | None) -> list[Row]:
             Side("C, a stencil", partial(_stencil, loops, a, b, x, d)),
         ]
     name = "Faust mi.lib, double"
-    numbers = {"n": N, "K": a, "Z": b, "at": _AT, "high": _HIGH, "kick": float(d[_AT])}
+    numbers = {
+        "n": N,
+        "K": a,
+        "Z": b,
+        "at": _KICK_POINT,
+        "high": _HIGH,
+        "kick": float(d[_KICK_POINT]),
+    }
     numbers |= {"first": TAPS[0], "second": TAPS[1]}
     built = sides.attempt(lambda: Side(name, partial(faust.Program("string", numbers).begin, RATE)))
     if isinstance(built, Side):
@@ -69,7 +76,9 @@ def string(loops: Loops | None) -> list[Row]:
 
 def _pulled() -> Floats:
     i = np.arange(N)
-    return np.where(i <= _AT, _HIGH * (i + 1) / (_AT + 1), _HIGH * (N - i) / (N - _AT))
+    return np.where(
+        i <= _KICK_POINT, _HIGH * (i + 1) / (_KICK_POINT + 1), _HIGH * (N - i) / (N - _KICK_POINT)
+    )
 
 
 def _network() -> _core.Network:

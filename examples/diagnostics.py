@@ -30,5 +30,5 @@ def diagnostics(score: str) -> list[dict[str, object]]:
 
 
 if __name__ == "__main__":
-    for found in diagnostics(SCORE):
-        print(json.dumps(found))
+    for diagnostic in diagnostics(SCORE):
+        print(json.dumps(diagnostic))

@@ -11,7 +11,7 @@ class Missing(Exception):
     """A peer that is not installed or fails; the text says which and why."""
 
 
-def found(program: str, package: str) -> str:
+def program_path(program: str, package: str) -> str:
     """Path of a program; raises Missing, with the Debian package that has it."""
     path = shutil.which(program)
     if path is None:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benches.peers import by_difference, command, found
+from benches.peers import by_difference, command, program_path
 
 _SOURCE = Path(__file__).parent / "bank.csd"
 SHORT, LONG = 0.5, 2.5  # seconds of sound
@@ -16,7 +16,7 @@ SHORT, LONG = 0.5, 2.5  # seconds of sound
 
 def bank(cells: Sequence[tuple[float, float]]) -> Callable[[], float]:
     """Cells as (f [Hz], t60 [s]). A call gives the seconds that LONG - SHORT of sound take."""
-    csound = found("csound", "csound")
+    csound = program_path("csound", "csound")
     folder = tempfile.TemporaryDirectory()
 
     def run(sound: float) -> float:

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benches.peers import Missing, command, found
+from benches.peers import Missing, command, program_path
 
 _HERE = Path(__file__).parent
-_KEPT = _HERE.parent.parent / "out" / "benches"
+_BUILD_FOLDER = _HERE.parent.parent / "out" / "benches"
 FLAGS = ["-O3", "-march=native"]
 
 
@@ -23,12 +23,12 @@ class Program:
 
     def __init__(self, name: str, numbers: Mapping[str, float | int]) -> None:
         """Compile, unless the same was compiled before (minutes); raises Missing."""
-        faust, cxx = found("faust", "faust"), found("g++", "g++")
+        faust, cxx = program_path("faust", "faust"), program_path("g++", "g++")
         written = "".join(f"{key} = {value!r};\n" for key, value in numbers.items())
         sources = [_HERE / "faust.cpp", _HERE / f"{name}.dsp"]
         versions = command([faust, "--version"]) + command([cxx, "--version"])
         output = "".join([versions, written, *FLAGS, *(path.read_text() for path in sources)])
-        folder = _KEPT / f"{name}-{hashlib.sha256(output.encode()).hexdigest()[:16]}"
+        folder = _BUILD_FOLDER / f"{name}-{hashlib.sha256(output.encode()).hexdigest()[:16]}"
         library = folder / "program.so"
         if not library.is_file():
             print(f"compiling {name}.dsp: once, a minute or two", file=sys.stderr, flush=True)

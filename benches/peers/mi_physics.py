@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benches.peers import Missing, command, found
+from benches.peers import Missing, command, program_path
 from benches.sides import Floats
 
 _DRIVER = Path(__file__).parent / "MiPhysics.java"
@@ -29,7 +29,7 @@ class Program:
 
     def __init__(self) -> None:
         """Compile; raises Missing."""
-        java, javac = found("java", "default-jre"), found("javac", "default-jdk")
+        java, javac = program_path("java", "default-jre"), program_path("javac", "default-jdk")
         self._java = java
         sources = Path(os.environ.get("MIPHYSICS", "/nowhere"))
         engine = sources / "miPhysics" / "Engine"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benches.peers import Missing, command, found
+from benches.peers import Missing, command, program_path
 from benches.sides import Floats
 
 _OBJECTS = Path("/usr/lib/pd/extra/pmpd")
@@ -26,7 +26,7 @@ class Program:
 
     def __init__(self) -> None:
         """Look for both."""
-        self._pd = found("pd", "puredata-core")
+        self._pd = program_path("pd", "puredata-core")
         if not _OBJECTS.is_dir():
             raise Missing(f"{_OBJECTS} is not here (Debian: pd-pmpd)")
         self._folder = tempfile.TemporaryDirectory()

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from benches.peers import by_difference, command, found
+from benches.peers import by_difference, command, program_path
 
 SHORT, LONG = 1.0, 5.0  # seconds of sound
 _AUDIO = 2  # rate of a UGen
@@ -20,7 +20,7 @@ def bank(cells: Sequence[tuple[float, float]], each: int) -> Callable[[], float]
     """Cells as (f [Hz], t60 [s]), `each` of them in a synth; a call returns the seconds that LONG -
     SHORT of sound take.
     """
-    scsynth = found("scsynth", "supercollider-server")
+    scsynth = program_path("scsynth", "supercollider-server")
     folder = tempfile.TemporaryDirectory()
     groups = [cells[i : i + each] for i in range(0, len(cells), each)]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from benches.peers import Missing, command, faust, found
+from benches.peers import Missing, command, faust, program_path
 from benches.voice_cost import Voices, counted
 
 RATE, BLOCK = 44100, 256
@@ -54,7 +54,7 @@ def _modes(count: int) -> Opcode:
 
 def csound(name: str) -> Voices:
     """Voices of an opcode, `mode × 5` being five in a voice; raises Missing."""
-    program = found("csound", "csound")
+    program = program_path("csound", "csound")
     kind, _, count = name.partition(" × ")
     opcode = _modes(int(count)) if kind == "mode" else _OPCODES[kind]
     folder = tempfile.TemporaryDirectory()

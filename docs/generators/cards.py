@@ -60,7 +60,7 @@ class Figures:
     loudness: float
     treble: float
     click: float
-    lean: float
+    mean_level: float
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ def text(card: Card, texts: dict[str, Any]) -> str:
         "share "
         "of "
         f"{figures.treble:.0f} dB above 16 kHz ({figures.click:.0f} dB in its first 2 ms), and a "
-        f"mean {-figures.lean:.0f} dB below its peak. The "
+        f"mean {-figures.mean_level:.0f} dB below its peak. The "
         f"middle one peaks at {figures.loudness:.0f} dB re {_unit(figures)}.".replace("-", "−"),
         "",
         "| strongest modes | note | level [dB] | T60 [s] |",

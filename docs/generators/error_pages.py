@@ -57,7 +57,7 @@ def codes() -> dict[str, Code]:
     return {code: Code(code, **entry) for code, entry in table.items()}
 
 
-def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
+def reports_and_score(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
     """All reports about a text: when it is read, staged, and run for a second."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name, content in entry.files.items():
@@ -93,15 +93,15 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
         return [*reports, *played.gains()], loaded
 
 
-def told(entry: Code, text: str) -> list[str]:
+def reports_in_full(entry: Code, text: str) -> list[str]:
     """The reports with this code alone, in full."""
-    reports, loaded = found(entry, text)
+    reports, loaded = reports_and_score(entry, text)
     return [full(d, loaded.files) for d in reports if d.code == entry.code]
 
 
 def page(entry: Code) -> str:
     """One page in Markdown."""
-    messages = told(entry, entry.bad)
+    messages = reports_in_full(entry, entry.bad)
     if not messages:
         raise AssertionError(f"the example of {entry.code} does not get it")
     files = "".join(_shown(name, content) for name, content in entry.files.items())

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from docs.generators.error_pages import codes, found, pages
+from docs.generators.error_pages import codes, pages, reports_and_score
 from ergon.notation.text.errors import (
     MAX_SHOWN,
     RENDERERS,
@@ -133,7 +133,7 @@ def test_committed_pages_are_what_the_checker_says():
 
 @pytest.mark.parametrize("entry", codes().values(), ids=codes())
 def test_good_examples_get_no_report(entry):  # the bad ones stand in the pages
-    after, _ = found(entry, entry.good)
+    after, _ = reports_and_score(entry, entry.good)
     assert not [d for d in after if d.code != "N401"]
 
 
