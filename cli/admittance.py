@@ -21,13 +21,13 @@ from .outcome import Refused
 from .tables import table as columns
 
 _SHOWN = 12  # peaks in the terminal
-_ARGUMENTS = {"forced": "FROM", "heard": "TO"}
+_ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 
 
 @click.command()
 @options.score
 @click.argument("forced", metavar="FROM")
-@click.argument("heard", metavar="[TO]...", nargs=-1)
+@click.argument("observed", metavar="[TO]...", nargs=-1)
 @click.option("--low", metavar="FREQUENCY", default="20Hz", show_default=True, help="The lowest.")
 @click.option("--high", metavar="FREQUENCY", default="5kHz", show_default=True, help="The highest.")
 @click.option("--count", type=click.IntRange(2), default=COUNT, show_default=True, help="How many.")
@@ -43,7 +43,7 @@ def admittance(
     console: Console,
     score_path: str,
     forced: str,
-    heard: tuple[str, ...],
+    observed: tuple[str, ...],
     table: str | None,
     npz: str | None,
     svg: str | None,
@@ -58,7 +58,7 @@ def admittance(
     """
     try:
         admittance = find_admittance(
-            score_path, forced, heard, AdmittanceOptions(**arguments), report=console
+            score_path, forced, observed, AdmittanceOptions(**arguments), report=console
         )
     except OptionError as error:
         if error.option not in _ARGUMENTS:
@@ -74,7 +74,7 @@ def admittance(
     if console.json:
         _records(console, admittance)
     elif not (table or npz or svg):
-        console.data("".join(_peaks(admittance, row) for row in range(len(admittance.heard))))
+        console.data("".join(_peaks(admittance, row) for row in range(len(admittance.observed))))
 
 
 def _write(
@@ -100,7 +100,7 @@ def _write(
                 frequency_hz=admittance.frequencies,
                 admittance=admittance.values,
                 forced=np.array(admittance.forced),
-                heard=np.array(admittance.heard),
+                heard=np.array(admittance.observed),
             )
         if svg is not None:
             files.write(svg, admittance.plot().svg.encode())
@@ -113,7 +113,7 @@ def _peaks(admittance: Admittance, row: int) -> str:
     """The highest peaks of a point, from the lowest frequency on."""
     from ergon.notation.tables.notes import nearest_note
 
-    head = f"velocity of {admittance.heard[row]} for a force at {admittance.forced}"
+    head = f"velocity of {admittance.observed[row]} for a force at {admittance.forced}"
     f, levels, phases = admittance.frequencies, admittance.decibels[row], admittance.phases[row]
     all_peaks = admittance.peaks(row)
     peaks = sorted(all_peaks[:_SHOWN].tolist())
@@ -134,7 +134,7 @@ def _peaks(admittance: Admittance, row: int) -> str:
 
 
 def _records(console: Console, admittance: Admittance) -> None:
-    for i, name in enumerate(admittance.heard):
+    for i, name in enumerate(admittance.observed):
         levels = admittance.decibels[i].tolist()
         console.record(
             "admittance",
@@ -149,13 +149,13 @@ def _records(console: Console, admittance: Admittance) -> None:
 
 def _rows(admittance: Admittance) -> Iterator[Sequence[object]]:
     head = ["frequency_hz"]
-    for name in admittance.heard:
+    for name in admittance.observed:
         head += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
     yield head
     levels = admittance.decibels
     for column, f in enumerate(admittance.frequencies.tolist()):
         row: list[object] = [repr(f)]
-        for i in range(len(admittance.heard)):
+        for i in range(len(admittance.observed)):
             value = complex(admittance.values[i, column])
             row += [f"{levels[i, column]:.6f}", repr(value.real), repr(value.imag)]
         yield row

@@ -78,7 +78,7 @@ def _lines(bell: Bell) -> str:
     order = np.argsort(-bell.energy)[:_SHOWN]
     for i in sorted(order):
         deviation = bell.deviation
-        level = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.heard[i]), 1e-10))
+        level = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
         rows.append(
             (
                 str(i + 1),
@@ -119,7 +119,7 @@ def _records(console: Console, bell: Bell) -> None:
             frequency_hz=float(bell.f[i]),
             t60_s=float(bell.t60[i]),
             levels={
-                name: float(bell.levels[i, place_index] * bell.heard[i])
+                name: float(bell.levels[i, place_index] * bell.listened[i])
                 for place_index, name in enumerate(bell.places)
             },
             energy=float(bell.energy[i]),

@@ -122,7 +122,7 @@ def _safety(console: Console) -> None:
                 console.record("fault", fault=row.fault, **asdict(cell))
             else:
                 mark = "  EXCEEDS ITS BOUND" if cell.exceeds else ""
-                console.data(f"    {cell.device:9}  {cell.said}{mark}\n")
+                console.data(f"    {cell.device:9}  {cell.sentence}{mark}\n")
     if exceeding:
         raise Findings(
             "a force lasts longer, is greater or grows faster than its "
@@ -181,8 +181,8 @@ def _device(console: Console, url: str, seconds: float, ticks: bool) -> None:
 
 def _tell(console: Console, finding: Finding) -> None:
     if console.json:
-        console.record(finding.what, **finding.numbers, said=finding.said, todo=finding.todo)
+        console.record(finding.what, **finding.numbers, said=finding.sentence, todo=finding.todo)
         return
-    console.data(f"{finding.what:8} {finding.said}\n")
+    console.data(f"{finding.what:8} {finding.sentence}\n")
     if finding.todo:
         console.data(f"{'':8} -> {finding.todo}\n")

@@ -62,7 +62,7 @@ def compare(console: Console, first_path: str, other: str) -> None:
             console.record(
                 "figure",
                 name=_called(each),
-                a=each.one,
+                a=each.first,
                 b=each.other,
                 deviation=each.deviation,
                 deviations=each.deviations,
@@ -80,7 +80,7 @@ def _called(each: Difference) -> str:
     name, other = each.names
     if name == other or each.other is None:
         return name
-    return other if each.one is None else f"{name.partition('.')[0]}/{other.removeprefix('mode')}"
+    return other if each.first is None else f"{name.partition('.')[0]}/{other.removeprefix('mode')}"
 
 
 def _row(each: Difference) -> str:
@@ -90,9 +90,13 @@ def _row(each: Difference) -> str:
     mode, _, what = name.partition(".")
     unit, scale = MODE_FIELDS[what] if what else UNITS[name]
     label = f"{mode.replace('mode', 'mode ')} {what}" if what else name
-    a, b = (f"{'none':>12}" if x is None else f"{x * scale:12.5g}" for x in (each.one, each.other))
+    a, b = (
+        f"{'none':>12}" if x is None else f"{x * scale:12.5g}" for x in (each.first, each.other)
+    )
     apart = (
-        "" if each.one is None or each.other is None else f"{(each.other - each.one) * scale:.4g}"
+        ""
+        if each.first is None or each.other is None
+        else f"{(each.other - each.first) * scale:.4g}"
     )
     far = "" if each.deviations is None else f"{each.deviations:.3g}"
     return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
@@ -102,7 +106,7 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
     """Say which figures differ, and the chi squared of all together."""
     known = [(abs(each.deviations), each) for each in compared if each.deviations is not None]
     far = sorted((pair for pair in known if pair[0] > _FAR), key=lambda pair: -pair[0])
-    lacking = [_called(each) for each in compared if each.one is None or each.other is None]
+    lacking = [_called(each) for each in compared if each.first is None or each.other is None]
     if far:
         listing = ", ".join(f"{_called(each)} by {sigma:.3g}" for sigma, each in far)
         console.say(f"more than {_FAR:g} standard deviations apart: {listing}")

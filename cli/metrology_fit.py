@@ -140,7 +140,7 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
     Raises Refused if the take cannot be used for measuring.
     """
     from ergon.exchange.recording import read_description
-    from ergon.workshop.metrology.gesture import MeasurementError, of_recording
+    from ergon.workshop.metrology.gesture import MeasurementError, gesture_from_recording
 
     take = read(console, path)
     names = take.names
@@ -153,7 +153,9 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
     number = 0 if hand is None else names.index(hand)
     try:
-        return of_recording(take, number, loses_requests=is_of_wire, force_step=force_step)
+        return gesture_from_recording(
+            take, number, loses_requests=is_of_wire, force_step=force_step
+        )
     except MeasurementError as error:
         raise Refused(f"{path}: {error}") from None
 
@@ -206,7 +208,7 @@ def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
 def _added_part(stage: Stage) -> str:
     """What a stage added, in the units of a score."""
     from ergon.workshop.metrology.calibration_file import t60
-    from ergon.workshop.metrology.parameters import INDEX, n_modes, of_mode
+    from ergon.workshop.metrology.parameters import INDEX, mode_indices, n_modes
 
     row = stage.fit.row
     figures = {name: float(row[index]) for name, index in INDEX.items()}
@@ -226,7 +228,7 @@ def _added_part(stage: Stage) -> str:
             return f"{figures['delay'] * 1e3:.4g} ms"
     if not n_modes(row):
         return "none"
-    mass, frequency, ratio = (float(row[index]) for index in of_mode(n_modes(row) - 1))
+    mass, frequency, ratio = (float(row[index]) for index in mode_indices(n_modes(row) - 1))
     return f"{mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
 
 

@@ -167,9 +167,11 @@ def _tell(console: Console, result: Replay, noise: float | None, step: float | N
             columns = f"{moved * 1e3:9.3g} mm{_off(rms, 11, step)}{_off(largest, 9, step)}"
             console.data(f"{second:5d}{columns}\n")
     if console.json:
-        console.record("replay", rms_m=result.rms, most_m=result.most, noise_m=noise, step_m=step)
+        console.record(
+            "replay", rms_m=result.rms, most_m=result.residual_max, noise_m=noise, step_m=step
+        )
         return
-    columns = f"{_off(result.rms, 11, step)}{_off(result.most, 9, step)}"
+    columns = f"{_off(result.rms, 11, step)}{_off(result.residual_max, 9, step)}"
     console.data(f"{'all':>5}{'':12}{columns}\n")
     if noise is not None:
         # Real and model are compared as the sensor reads them: an exact model leaves the sensor's

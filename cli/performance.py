@@ -64,7 +64,7 @@ class ShownPerformance:
         performance = self._performance
         try:
             self._console.say(performance.output())
-            if sentence := performance.heard().sentence:
+            if sentence := performance.sound_input().sentence:
                 self._console.say(f"input: {sentence}")
             begin()
             if osc is not None:
@@ -75,7 +75,7 @@ class ShownPerformance:
             while not performance.wait(_LOOK):
                 self._show()
             self._show(last=True)
-            status, sound_input = performance.status(), performance.heard()
+            status, sound_input = performance.status(), performance.sound_input()
             self._rest()
         except BaseException:
             performance.panic()

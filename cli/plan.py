@@ -117,7 +117,7 @@ def _shares_text(shares: Shares) -> str:
     """The loads of the processes, and what bounds the time."""
     if shares.dearest is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
-    faster = shares.whole / shares.longest
+    faster = shares.total / shares.longest
     text = f"on {plural(shares.count, 'worker')}: "
     text += ", ".join(f"{load:.2g}" for load in shares.loads[:_LOADS])
     text += f"{', …' if shares.count > _LOADS else ''}; here {shares.home:.2g}, and the mix; "

@@ -27,7 +27,7 @@ class _Records(Progress):
         self._record, self._task, self._total, self._rate = record, task, total, rate
         self._start = self._last = time.monotonic()
 
-    def at(self, done: int) -> None:
+    def advance(self, done: int) -> None:
         now = time.monotonic()
         if now - self._last < _RECORD_EVERY:
             return
@@ -63,7 +63,7 @@ class _Bar(Progress):
     def __exit__(self, *ended: object) -> None:
         self._rich.stop()
 
-    def at(self, done: int) -> None:
+    def advance(self, done: int) -> None:
         now = time.monotonic()
         if now - self._last < _DRAW_EVERY and done < self._total:
             return

@@ -117,7 +117,7 @@ def stability(
     with laboratory.workers(on, score_path, loaded, trust, console) as others:
         surveyors = None if others is None else others.surveyors(*asked)
         with console.progress("mapping", total, 0.0) as progress:
-            surveys = survey_all(maps, progress.at, surveyors)
+            surveys = survey_all(maps, progress.advance, surveyors)
     if console.json:
         for record in map_table.records(surveys):
             console.record("spot", **record)

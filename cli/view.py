@@ -61,6 +61,7 @@ _FLAGS = {"rate": "fps", "start": "from", "end": "until"}  # flags that are name
 )
 @click.option(
     "--at",
+    "address",
     metavar="HOST:PORT",
     default="127.0.0.1:0",
     show_default=True,
@@ -84,7 +85,7 @@ def view(
     score_path: str,
     sound: Path | None,
     see: str | None,
-    at: str,
+    address: str,
     stage: bool,
     strobe: bool,
     movie: str | None,
@@ -112,7 +113,7 @@ def view(
             _film(console, maker, shown)
             return
         asked = {"sound": shown.sound is not None, "stage": stage, "strobe": strobe}
-        serve_shown(console, shown, at, [name for name, wanted in asked.items() if wanted])
+        serve_shown(console, shown, address, [name for name, wanted in asked.items() if wanted])
 
 
 def shown_of(

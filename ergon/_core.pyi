@@ -126,7 +126,8 @@ def decibels(level: float) -> float:
     """Ratio of amplitudes for a level [dB]."""
 
 def path_values(
-    points: Sequence[tuple[float, float, Literal["smooth", "line", "hold"]]], at: Sequence[float]
+    points: Sequence[tuple[float, float, Literal["smooth", "line", "hold"]]],
+    instants: Sequence[float],
 ) -> list[float]:
     """Values at instants [s] of the path through points (t [s], x, the way to the point).
 
@@ -795,10 +796,11 @@ class Network:
         self,
         parts: Sequence[str],
         forced: Sequence[int],
-        heard: Sequence[Sequence[int]],
+        observed: Sequence[Sequence[int]],
         frequencies: Sequence[float],
     ) -> NDArray[np.complex128]:
-        """Velocity of each of `heard` over a force at `forced`, (n_heard, n_frequencies) [(m/s)/N].
+        """Velocity of each of `observed` over a force at `forced`, (n_observed, n_frequencies)
+        [(m/s)/N].
 
         A point is one or more masses: each gets the force, and their velocities are added up.
         The parts are taken by themselves, contacts open, laws at their slope at rest. Infinite
@@ -870,7 +872,7 @@ class Take:
     duration: float
     def part(self, first: float, last: float) -> Take:
         """The part between two instants [s], which begins at zero. Raises EngineError."""
-    def at(self, t: float) -> PathPoint:
+    def evaluate(self, t: float) -> PathPoint:
         """The motion at t [s]."""
     def positions(self, t: _Floats) -> _Floats:
         """Positions [m] at instants t [s], both (n,); fastest where t rises."""
@@ -915,7 +917,7 @@ class Recording:
     duration: float  # from the first tick to the end of the last [s]
     dropped: int  # rows and events that did not fit into the buffer while recording
     lost_bytes: int
-    whole: bool  # nothing of the file is lost
+    is_complete: bool  # nothing of the file is lost
     finished: bool  # the recorder came to its end
     damage: str | None  # a sentence on what is wrong with the file, and what is left
     def ticks(self) -> NDArray[np.uint64]:
@@ -1023,7 +1025,7 @@ class Timeline:
         self,
         key: int,
         take: Take,
-        at: float,
+        start: float,
         *,
         scale: float = 1.0,
         stretch: float = 1.0,
@@ -1037,11 +1039,13 @@ class Timeline:
         layer: bool = False,
         source: int = 0,
     ) -> int:
-        """A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index."""
+        """A gesture that plays a take from `start` to `until` [s]: x·scale at t·stretch; its
+        index.
+        """
     def strike(
         self,
         mat: int,
-        at: float,
+        start: float,
         *,
         impulse: float | None = None,
         mass: float | None = None,
@@ -1049,7 +1053,7 @@ class Timeline:
         lasts: float | None = ...,
         source: int = 0,
     ) -> None:
-        """A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] and speed [m/s].
+        """A strike on a MAT at `start` [s]: an impulse [N·s], or a mass [kg] and speed [m/s].
 
         The force of an impulse is Blackman's window over `lasts` [s], 0 to 0.05. None is 0.19 ms;
         under `ca` one step. Raises EngineError if the MAT is fixed or it lasts longer.
@@ -1152,7 +1156,7 @@ class Timeline:
         1, at the rate of the timeline, are heard from frame 0 on if no live sound is given.
         Raises EngineError.
         """
-    def told_in(
+    def controlled_input(
         self, number: int, samples: _Floats, *, gain: float, clamp: float, glide: float
     ) -> int:
         """Declare an input that Simulation.tell tells values by its `number`; returns its index.
@@ -1169,30 +1173,30 @@ class Timeline:
         constant: float | None = None,
         take: Take | None = None,
         sound: int | None = None,
-        at: float = 0.0,
+        start: float = 0.0,
         scale: float = 1.0,
-        own: bool = True,
+        is_exclusive: bool = True,
     ) -> None:
         """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, a take, or an
         input.
 
-        `sound` is an index that `sound_in` or `told_in` returned: frame n is computed with value
-        n times `scale`. The take begins at `at` [s]; before that its first value holds, after
-        its end its last. With `own` the drive belongs to the MAT's part, so that the free copy
-        of a key feels it too.
+        `sound` is an index that `sound_in` or `controlled_input` returned: frame n is computed
+        with value n times `scale`. The take begins at `start` [s]; before that its first value
+        holds, after its end its last. If it `is_exclusive`, the drive belongs to the MAT's part, so
+        that the free copy of a key feels it too.
         """
     def hand(
         self,
         mat: int,
         tick_frames: int,
         *,
-        way: Literal["hold", "line"] = "line",
+        interpolation: Literal["hold", "line"] = "line",
         positions: _Floats | None = None,
     ) -> int:
         """A real hand that moves a MAT, in ticks of `tick_frames` frames; its index.
 
-        `positions` (n_ticks,) [m]: a stand-in or a recording of the hand. `way`: between two ticks
-        the position is held, or goes along a line.
+        `positions` (n_ticks,) [m]: a stand-in or a recording of the hand. `interpolation`: between
+        two ticks the position is held, or goes along a line.
         """
 
 # --- what is computed ---------------------------------------------------------------------------
@@ -1559,7 +1563,7 @@ class Simulation:
     @property
     def n_channels_in(self) -> int:
         """Channels of a sound card that the inputs of the timeline need."""
-    def felt(self, hand: int) -> float:
+    def hand_force(self, hand: int) -> float:
         """Mean force of the piece on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
         """An independent copy in the same state."""
@@ -1872,7 +1876,7 @@ class ViewServer:
         path: Path | str | None = None,
         *,
         sound: Path | str | None = None,
-        at: str = "127.0.0.1:0",
+        address: str = "127.0.0.1:0",
         key: str,
         leads: Sequence[Lead] = ...,
     ) -> Self:
@@ -1976,7 +1980,7 @@ class AudioInfo:
 class AudioEvent:
     """An event of an output, e.g. an underrun or a server that died."""
 
-    at: float  # since the output was opened [s]
+    time: float  # since the output was opened [s]
     frame: int
     sentence: str
 
@@ -2240,7 +2244,7 @@ class Performance:
         """
     def output(self) -> str:
         """The sound output, as a sentence."""
-    def heard(self) -> SoundInput:
+    def sound_input(self) -> SoundInput:
         """The sound input, and what is missing of it."""
     def granted(self) -> str | None:
         """Priority and memory lock of the physics thread, in words; None until it runs."""
@@ -2280,7 +2284,7 @@ class Performance:
         """
     def change(
         self,
-        at: int,
+        frame: int,
         *,
         simulation: Simulation | None = None,
         old: Simulation | None = None,
@@ -2294,14 +2298,14 @@ class Performance:
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
     ) -> int:
-        """Make a change at frame `at`, the first of a tick; returns a ticket. Arguments that are
+        """Make a change at `frame`, the first of a tick; returns a ticket. Arguments that are
         None change nothing.
 
         An event "changed" with the ticket confirms the change; an event "late" says that nothing
         was changed, because the frame had passed, another simulation than `old` was playing, or
         it was revoked.
 
-        `simulation`, whose `start` is `at`, takes over from `old`, a simulation by the plan that
+        `simulation`, whose `start` is `frame`, takes over from `old`, a simulation by the plan that
         plays until then; without `old` it begins anew. `mixer` takes gains and filters over.
         `gains` are (group, gain). `standins`: for each hand new stand-in positions from this
         tick on [m], (n_ticks,); an empty array keeps the old ones. `forces`: for each hand the

@@ -31,8 +31,8 @@ class Decays(Shape):
             pairs.append(pair)
         if not 2 <= len(pairs) <= MAX_DECAYS:
             message = (
-                f"{context.of(name)}: decays at {len(pairs)} frequencies are written; write from 2 "
-                f"to {MAX_DECAYS}, or one time for the lowest mode"
+                f"{context.label(name)}: decays at {len(pairs)} frequencies are written; write "
+                f"from 2 to {MAX_DECAYS}, or one time for the lowest mode"
             )
             context.error("E106", message, node.place)
             return MISSING

@@ -138,7 +138,7 @@ class DrawnActs:
 
     def _is_known(self, body: Values, word: str, led: LinkRange) -> bool:
         """Whether a link is one that an act brings, and has no such constant; reports others."""
-        who, constant = body.context.of(word), WORDS[word].constant
+        who, constant = body.context.label(word), WORDS[word].constant
         brings = None if led.link not in self._links else self._written[self._links[led.link]]
         if brings is None:
             message = f"{who}: no act brings a link {quote(led.link)}; write it in `with`"
@@ -146,7 +146,7 @@ class DrawnActs:
             body.error("E301", message, word, suggestion=near)
             return False
         link = brings["with"][led.link]
-        fields = link.given.get(link.kind, MISSING) if link is not MISSING else MISSING
+        fields = link.by_name.get(link.kind, MISSING) if link is not MISSING else MISSING
         if fields is MISSING:
             return False  # reported already
         if link.kind != "LNL":

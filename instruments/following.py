@@ -33,7 +33,7 @@ def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
 
     def build(values: Values) -> Any:
         if values["span"] == 0.0:
-            message = f"{values.context.of('span')}: 0 m would change nothing; write a length"
+            message = f"{values.context.label('span')}: 0 m would change nothing; write a length"
             values.error("E105", message, "span")
             return MISSING
         names = ("of", "from", "to", "offset", "span")
@@ -50,7 +50,7 @@ def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
     return Field("follows", NamesOf(record, "parameter"), doc, ())
 
 
-def of(module: Module) -> Mapping[str, Following]:
+def followings(module: Module) -> Mapping[str, Following]:
     """The parameters of a module that follow a MAT, by name."""
     if module.kind not in ("LNL", "MAS"):
         return {}
@@ -59,17 +59,17 @@ def of(module: Module) -> Mapping[str, Following]:
 
 def targets(module: Module) -> Iterator[Target]:
     """The MATs that parameters of a module follow."""
-    return (one.of for one in of(module).values() if isinstance(one.of, Target))
+    return (one.of for one in followings(module).values() if isinstance(one.of, Target))
 
 
 def check_mass(values: Values) -> None:
     """Report another parameter of a MAS than M, and a mass that is not above 0."""
     for name, following in _written(values).items():
         if name != "M":
-            message = f"{values.context.of('follows')}: of a MAS only M follows a MAT"
+            message = f"{values.context.label('follows')}: of a MAS only M follows a MAT"
             values.error("E111", message, "follows")
         elif following is not MISSING and min(following.start, following.stop) <= 0.0:
-            message = f"{values.context.of('follows')}: a mass is above 0"
+            message = f"{values.context.label('follows')}: a mass is above 0"
             values.error("E105", message, "follows")
 
 
@@ -83,11 +83,11 @@ def check_constants(values: Values) -> None:
     written = _written(values)
     for name in written:
         if name in values.nodes:
-            message = f"{values.context.of(name)}: it follows a MAT too; keep one of the two"
+            message = f"{values.context.label(name)}: it follows a MAT too; keep one of the two"
             values.error("E111", message, name)
     if len(written) > CONSTANTS_MAX:
         message = (
-            f"{values.context.of('follows')}: at most {CONSTANTS_MAX} constants of a law follow "
+            f"{values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law follow "
             "MATs"
         )
         values.error("E105", message, "follows")
@@ -101,6 +101,6 @@ def values(
     """
     return [
         (name, (mat(value.of), value.offset, value.span, value.start, value.stop))
-        for name, value in of(module).items()
+        for name, value in followings(module).items()
         if isinstance(value.of, Target)
     ]

@@ -15,7 +15,7 @@ def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Modu
     """The module with names of MATs looked up; followings that are refused are reported and left
     out.
     """
-    written = following.of(module)
+    written = following.followings(module)
     if not written:
         return module
     place = module.places.get("follows", module.place)

@@ -69,7 +69,7 @@ def resolved(
         else:
             fields["damping"] = named.damping
     written = fields["constants"]
-    follows = following.of(module)
+    follows = following.followings(module)
     starts = {name: own.start for name, own in follows.items()}
     fields["constants"] = {**constants, **written, **starts}
     interval = fields.pop("interval", None)

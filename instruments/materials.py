@@ -98,17 +98,17 @@ MATERIALS: Mapping[str, Material] = {
 
 
 def _material(values: Values) -> Any:
-    if any(name not in values.given for name in values.nodes):
+    if any(name not in values.by_name for name in values.nodes):
         return MISSING  # reported
     like = values["like"]
-    parameters = {name: value for name, value in values.given.items() if name != "like"}
+    parameters = {name: value for name, value in values.by_name.items() if name != "like"}
     if like is not None:
         if "young" in parameters:  # a material without a grain
             parameters.setdefault("across", None)
         return replace(MATERIALS[like], **parameters)
     missing = [name for name in ("density", "young", "poisson", "loss") if name not in parameters]
     if missing:
-        message = f"{values.context.of('material')} has no {', '.join(missing)}; write "
+        message = f"{values.context.label('material')} has no {', '.join(missing)}; write "
         message += "what is missing, or a named material that it is `like`"
         values.context.error("E103", message, values.node.place)
         return MISSING

@@ -46,21 +46,21 @@ def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values
         if not values.written("material"):
             _needs_material(kind, values)
             return values
-        if any(name not in values.given for name in values.nodes):
+        if any(name not in values.by_name for name in values.nodes):
             return None  # a field was refused already
-        resolved = resolve(values, values.given["material"])
+        resolved = resolve(values, values.by_name["material"])
     except _Refused as refused:
         if not quietly:
-            where = values.context.of(refused.field)
+            where = values.context.label(refused.field)
             values.error(refused.code, f"{where}: {refused.message}", refused.field)
         return None
     place = values.nodes["material"]
     gone = (*MATTER, "masses") if kind == "PLATE" else MATTER
-    fields = {name: value for name, value in values.given.items() if name not in gone}
+    fields = {name: value for name, value in values.by_name.items() if name not in gone}
     nodes = {name: node for name, node in values.nodes.items() if name not in gone}
     resolved = {name: value for name, value in resolved.items() if value is not None}
     nodes |= {name: nodes.get(name, place) for name in resolved}
-    return replace(values, given={**fields, **resolved}, nodes=nodes)
+    return replace(values, by_name={**fields, **resolved}, nodes=nodes)
 
 
 def _needs_material(kind: str, values: Values) -> None:
@@ -70,7 +70,7 @@ def _needs_material(kind: str, values: Values) -> None:
             message = "a size in metres needs a material; write for instance `material: steel` too"
             raise _Refused("E103", message, name)
     for name, count in (("radius", "radius: 12, rings"), ("sides", "sides: [40, 25], masses")):
-        if _is_size(values.given.get(name)):
+        if _is_size(values.by_name.get(name)):
             message = "a size in metres needs a material; write for instance `material: bronze` "
             message += f"too, or {count}"
             raise _Refused("E103", message, name)
@@ -85,7 +85,7 @@ def _open(values: Values, names: tuple[str, ...], what: str) -> str:
     """The name in `names` that is not written, and follows from the others; refuses none or
     several.
     """
-    missing = [name for name in names if name not in values.given]
+    missing = [name for name in names if name not in values.by_name]
     words = f"{', '.join(names[:-1])} and {names[-1]}"
     if not missing:
         others = f"{', '.join(names[:-2])} and {names[-2]}"
@@ -115,7 +115,7 @@ def _pitch(f: float) -> float:
 
 
 def _string(values: Values, matter: Material) -> dict[str, Any]:
-    fields = dict(values.given)
+    fields = dict(values.by_name)
     stretch = 2.0 if values["ends"] == "left" else 1.0  # a quarter of a wave fits, not a half
     if "M" in fields:
         if "length" not in fields:
@@ -123,7 +123,7 @@ def _string(values: Values, matter: Material) -> dict[str, Any]:
         share = _string_share(values["ends"], fields.get("masses", _STRING_MASSES[0]))
         line = fields["M"] / (share * fields["length"])
         fields.setdefault("diameter", sqrt(4.0 * line / (pi * matter.density)))
-        values = replace(values, given=fields)
+        values = replace(values, by_name=fields)
     unknown = _open(values, ("length", "diameter", "f", "tension"), "a STRING of a material")
     plain = bool(values.written("stiffness"))
     bent = 0.0 if plain else fields.get("inharmonicity")  # B, if it is written
@@ -202,7 +202,7 @@ def _decays(f: float, loss: Any) -> Any:
 
 
 def _plate(values: Values, matter: Material) -> dict[str, Any]:
-    fields = dict(values.given)
+    fields = dict(values.by_name)
     is_disc = _is_size(fields.get("radius"))
     _plate_form(values, "disc" if is_disc else "rectangle")
     is_membrane = _is_membrane(values)
@@ -212,7 +212,7 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
     if "M" in fields and "thickness" not in fields:
         mesh, share = _mesh(is_disc, rim, wide, high, fields.get("masses", _MASSES[0]), is_membrane)
         fields["thickness"] = fields["M"] / (share * area * matter.density)
-        values = replace(values, given=fields)
+        values = replace(values, by_name=fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
     unknown = _open(values, names, "a PLATE of a material and a size")
     thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
@@ -252,12 +252,12 @@ def _plate(values: Values, matter: Material) -> dict[str, Any]:
 
 def _is_membrane(values: Values) -> bool:
     """Whether tension alone holds the plate in shape; `bending: false` says so too."""
-    return "tension" in values.given or values.given.get("bending", True) is None
+    return "tension" in values.by_name or values.by_name.get("bending", True) is None
 
 
 def _plate_form(values: Values, shape: str) -> None:
     """Refuse fields that contradict each other."""
-    fields = values.given
+    fields = values.by_name
     if values.written("radius") and values.written("sides"):
         raise _Refused("E111", "`radius` is written too; keep one of the two", "sides")
     if not _is_size(fields.get("radius" if shape == "disc" else "sides")):

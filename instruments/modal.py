@@ -57,19 +57,19 @@ def listed(values: Values) -> Values | None:
     """The fields of a BANK whose modes are listed, with its count; None if an error was
     reported.
     """
-    fields, nodes = dict(values.given), dict(values.nodes)
+    fields, nodes = dict(values.by_name), dict(values.nodes)
     if any(name not in fields for name in ("f", "t60", "gain") if name in nodes):
         return None  # refused already
     f, t60, gain = (fields.get(name) for name in ("f", "t60", "gain"))
     if not isinstance(f, Each):
         for name, value in (("t60", t60), ("gain", gain)):
             if isinstance(value, Each):
-                message = f"{values.context.of(name)}: a list of values needs a list of "
+                message = f"{values.context.label(name)}: a list of values needs a list of "
                 values.error("E103", message + "frequencies, such as f: [200Hz, 453Hz]", name)
                 return None
         return values
     if wrong := values.written("count", "spread"):
-        message = f"{values.context.of(wrong[0])}: its modes are listed one by one; remove it"
+        message = f"{values.context.label(wrong[0])}: its modes are listed one by one; remove it"
         values.error("E111", message, wrong[0])
         return None
     if isinstance(t60, tuple) and not isinstance(t60, Each) and t60[0] == t60[1]:
@@ -77,11 +77,15 @@ def listed(values: Values) -> Values | None:
     gain = Each((1.0,) * len(f)) if gain is None else gain
     for name, value in (("t60", t60), ("gain", gain)):
         if name == "gain" and any(one <= 0.0 for one in gain):
-            message = f"{values.context.of(name)}: a mode of gain 0 does not move; remove the mode"
+            message = (
+                f"{values.context.label(name)}: a mode of gain 0 does not move; remove the mode"
+            )
             values.error("E202", message, name)
             return None
         if value is not None and (not isinstance(value, Each) or len(value) != len(f)):
-            message = f"{values.context.of(name)}: there are {len(f)} frequencies; write as many "
+            message = (
+                f"{values.context.label(name)}: there are {len(f)} frequencies; write as many "
+            )
             if not isinstance(value, Each):
                 message += "values, as a list"
             else:
@@ -93,7 +97,7 @@ def listed(values: Values) -> Values | None:
         fields["t60"] = t60
     place = nodes.get("modes", nodes["f"])
     nodes |= {"count": place, "gain": nodes.get("gain", place)}
-    return replace(values, given=fields, nodes=nodes)
+    return replace(values, by_name=fields, nodes=nodes)
 
 
 # --- files ----------------------------------------------------------------------------------------
@@ -108,13 +112,13 @@ def from_file(
     """The fields of a BANK or MODES with the modes of the file that it names, moved by an
     `interval` if there is one.
     """
-    name = values.given.get("modes")
+    name = values.by_name.get("modes")
     if name is None:
         return values
     conflicting = values.written("f", "t60", "gain", "count", "spread", "places")
     if conflicting:
         message = (
-            f"{values.context.of(conflicting[0])}: `modes` is written too; keep one of the two"
+            f"{values.context.label(conflicting[0])}: `modes` is written too; keep one of the two"
         )
         values.error("E111", message, conflicting[0])
         return _without(values)
@@ -122,26 +126,26 @@ def from_file(
     columns = None if table is None else _columns(table, values, collector)
     if columns is None:
         return _without(values)
-    fields = {field: value for field, value in values.given.items() if field != "modes"}
+    fields = {field: value for field, value in values.by_name.items() if field != "modes"}
     nodes, node = dict(values.nodes), values.nodes["modes"]
     for field, column in columns.items():
         fields[field] = moved(field, column, fields["interval"]) if "interval" in fields else column
         nodes[field] = node
     fields.pop("interval", None)
-    return replace(values, given=fields, nodes=nodes)
+    return replace(values, by_name=fields, nodes=nodes)
 
 
 def _without(values: Values) -> Values:
     """The fields after an error: f counts as written, but has no value."""
-    fields = {name: value for name, value in values.given.items() if name != "f"}
-    return replace(values, given=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
+    fields = {name: value for name, value in values.by_name.items() if name != "f"}
+    return replace(values, by_name=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
 def _columns(table: Document, values: Values, collector: Collector) -> dict[str, Any] | None:
     """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
     reported.
     """
-    who, asked = values.context.of("modes"), values.place_of("modes")
+    who, asked = values.context.label("modes"), values.place_of("modes")
     is_bank = "gain" in values.record.by_name
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
     rows: list[tuple[float, ...]] = []
@@ -293,7 +297,7 @@ def placed(values: Values) -> Values | None:
 
     None if an error was reported.
     """
-    fields, nodes = dict(values.given), dict(values.nodes)
+    fields, nodes = dict(values.by_name), dict(values.nodes)
     if any(name not in fields for name in ("f", "t60", "places") if name in nodes):
         return None  # refused already
     f, t60, places = fields.get("f"), fields.get("t60"), fields.get("places")
@@ -307,7 +311,7 @@ def placed(values: Values) -> Values | None:
     names = list(places)
     if (wrong := _wrong_name(names)) is not None or not names:
         wrong = wrong or "name a place at least, such as rim: [1, 0.5]"
-        values.error("E110", f"{values.context.of('places')}: {wrong}", "places")
+        values.error("E110", f"{values.context.label('places')}: {wrong}", "places")
         return None
     lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in places.items()}}
     for name, levels in lists.items():
@@ -315,15 +319,19 @@ def placed(values: Values) -> Values | None:
         if levels is MISSING:
             return None
         if levels is not None and len(levels) != len(f):
-            message = f"{values.context.of(name)}: there are {len(f)} frequencies; write as many "
+            message = (
+                f"{values.context.label(name)}: there are {len(f)} frequencies; write as many "
+            )
             values.error("E106", message + f"values, not {len(levels)}", field)
             return None
         if field == "places" and not any(levels):
-            message = f"{values.context.of(name)}: all levels are 0, so that nothing moves there; "
+            message = (
+                f"{values.context.label(name)}: all levels are 0, so that nothing moves there; "
+            )
             values.error("E202", message + "remove the place", field)
             return None
     fields["places"] = tuple(places.items())
-    return replace(values, given=fields, nodes=nodes)
+    return replace(values, by_name=fields, nodes=nodes)
 
 
 def retuned_modes(
@@ -334,14 +342,14 @@ def retuned_modes(
 
     `tune` moves the other modes by the same interval; their decays keep their ratios.
     """
-    fields, nodes = dict(body.given), dict(body.nodes)
+    fields, nodes = dict(body.by_name), dict(body.nodes)
     f = fields.get("f")
     for name in member.written("f", "t60", "M"):
-        value = member.given.get(name)
+        value = member.by_name.get(name)
         if value is None or not f:
             continue
         if name != "M" and value[0] != value[1]:
-            member.error("E202", f"{member.context.of(name)}: only a BANK has a range", name)
+            member.error("E202", f"{member.context.label(name)}: only a BANK has a range", name)
             continue
         if name == "f":
             fields["f"] = Each(tune(f, value[0]))
@@ -353,4 +361,4 @@ def retuned_modes(
         else:
             fields["t60"] = Each(value[:1])
         nodes[name] = member.nodes[name]
-    return replace(body, given=fields, nodes=nodes)
+    return replace(body, by_name=fields, nodes=nodes)

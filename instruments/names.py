@@ -242,7 +242,7 @@ class PartNames:
 
     def tuning_of(self, path: str) -> Tuning | None:
         """The tuning of the notes of what a path names: of its instrument, or of the score."""
-        return tuning.of_path(path, self.tunings, self.tuning)
+        return tuning.tuning_of_path(path, self.tunings, self.tuning)
 
     def target(
         self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""

@@ -65,7 +65,7 @@ _LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
 
 
 def _listening(values: Values) -> Any:
-    value = values.given.get(values.kind, MISSING)
+    value = values.by_name.get(values.kind, MISSING)
     if value is MISSING:
         return MISSING
     nearest = None
@@ -77,7 +77,7 @@ def _listening(values: Values) -> Any:
         if (nearest is None) == (not value.kind):
             values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
             return MISSING
-        value = value.given.get(value.kind, ()) if value.kind else ()
+        value = value.by_name.get(value.kind, ()) if value.kind else ()
     names = (value,) if isinstance(value, Name) else value
     place = values.place_of(values.kind)
     return Listening(values.context.name, values.kind, names, nearest, place, is_distance)

@@ -96,18 +96,20 @@ def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], R
     """What an act strikes, with its impulses; None if that is not known, which is reported."""
     if body["impulse"] is None:
         if body["at"]:
-            body.error("E103", f"{body.context.of('')} has no 'impulse': 3mNs..40mNs, say", "at")
+            body.error("E103", f"{body.context.label('')} has no 'impulse': 3mNs..40mNs, say", "at")
             return None
         if pressing:
             mass, reach = pressing[0]
             return (Name(mass, body.place),), reach
         if not any(body.written(word) for word in WORDS):
-            message = f"{body.context.of('')} has no 'impulse': the softest and the hardest stroke"
+            message = (
+                f"{body.context.label('')} has no 'impulse': the softest and the hardest stroke"
+            )
             body.error("E103", f"{message}, such as 3mNs..40mNs; a bow has `draw` and `press`")
         return None
     soft, hard = body["impulse"]
     if not 0.0 < soft < hard:
-        message = f"{body.context.of('impulse')}: the softest and the hardest stroke are "
+        message = f"{body.context.label('impulse')}: the softest and the hardest stroke are "
         body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
         soft, hard = _ANY_REACH  # strikes by this act are not refused once more
     return body["at"] or (), Reach(soft, hard, body["turns"])
@@ -115,7 +117,7 @@ def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], R
 
 def _release(body: Values) -> tuple[Hold, ...]:
     written = body["release"]
-    if written is None or not all(name in written.given for name in ("at", "impulse")):
+    if written is None or not all(name in written.by_name for name in ("at", "impulse")):
         return ()
     impulse = written["impulse"]
     return (Hold(written["at"], Reach(impulse, impulse), is_lifted=True),)

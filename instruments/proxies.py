@@ -51,19 +51,23 @@ def check(values: Values) -> None:
     """Report fields that do not go together."""
     ways = values.written(*_WAYS)
     if not ways:
-        message = f"{values.context.of('')}: a PROXY needs at, follows or shares"
+        message = f"{values.context.label('')}: a PROXY needs at, follows or shares"
         values.error("E103", message)
     elif len(ways) > 1:
-        message = f"{values.context.of(ways[1])}: `{ways[0]}` is written too; keep one of the two"
+        message = (
+            f"{values.context.label(ways[1])}: `{ways[0]}` is written too; keep one of the two"
+        )
         values.error("E111", message, ways[1])
     only: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
     only |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
     for name in values.written(*only):
         if not values.written(*only[name]):
-            message = f"{values.context.of(name)}: only a PROXY with {' or '.join(only[name])} has "
+            message = (
+                f"{values.context.label(name)}: only a PROXY with {' or '.join(only[name])} has "
+            )
             values.error("E111", f"{message}this field", name)
     if 0.0 in (values["span"] or ()):
-        message = f"{values.context.of('span')}: a span of 0 m would not move it; write a length"
+        message = f"{values.context.label('span')}: a span of 0 m would not move it; write a length"
         values.error("E105", message, "span")
 
 

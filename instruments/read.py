@@ -228,7 +228,7 @@ def _with_more(first: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
 
 
-def whole(kind: str, values: Values, axes: int = 1) -> bool:
+def has_required_fields(kind: str, values: Values, axes: int = 1) -> bool:
     """Whether all required fields of a module are there, after `like:` is followed; reports an
     error if not.
     """
@@ -239,9 +239,9 @@ def whole(kind: str, values: Values, axes: int = 1) -> bool:
     required = [field for field in table.fields if field.required]
     for field in required:
         if field.name not in values.nodes and field.name not in values.misspelt:
-            message = f"{values.context.of('')} has no '{field.name}': {field.shape.words()}"
+            message = f"{values.context.label('')} has no '{field.name}': {field.shape.words()}"
             values.context.error("E103", message, values.place)
-    return all(field.name in values.given for field in required)
+    return all(field.name in values.by_name for field in required)
 
 
 def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
@@ -265,8 +265,8 @@ def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[M
 def _with_modules(name: str, values: Values, axes: int) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
     _core.poll(_MODULE_STEPS)
-    body = _followed(values.kind, values.given[values.kind], axes)
-    if body is None or not whole(values.kind, body, axes):
+    body = _followed(values.kind, values.by_name[values.kind], axes)
+    if body is None or not has_required_fields(values.kind, body, axes):
         return values, ()
     return values, with_ground_point(module(name, values.kind, body, axes))
 
@@ -325,28 +325,32 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
     space = _space(values)
     axes = 1 if space is None else space.axes
     if values.kind:
-        body = values.given[values.kind]
+        body = values.by_name[values.kind]
         if body is not MISSING and axes == 1:
             body = _retuned(values, body)
-        if body is not MISSING and body is not None and whole(values.kind, body, axes):
+        if (
+            body is not MISSING
+            and body is not None
+            and has_required_fields(values.kind, body, axes)
+        ):
             built.append(module("", values.kind, body, axes))
     elif extra := [
         name
         for name in values.written("t60", "M")
-        if values.given.get(name, MISSING) is not MISSING
+        if values.by_name.get(name, MISSING) is not MISSING
     ]:
         message = (
-            f"{values.context.of(extra[0])}: only an instrument of one generator has this field"
+            f"{values.context.label(extra[0])}: only an instrument of one generator has this field"
         )
         values.error("E111", message, extra[0])
     elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
-        values.error("E202", f"{values.context.of('f')}: only a BANK has a range", "f")
+        values.error("E202", f"{values.context.label('f')}: only a BANK has a range", "f")
     built += modules(values, axes, recall)
     if not values.kind and not values.written("modules"):
-        values.error("E103", f"{values.context.of('')} has no modules")
+        values.error("E103", f"{values.context.label('')} has no modules")
     if values.kind and values.written("modules"):
         message = (
-            f"{values.context.of('modules')}: the instrument is a "
+            f"{values.context.label('modules')}: the instrument is a "
             f"{values.kind} already; keep one of the two"
         )
         values.error("E111", message, "modules")
@@ -383,20 +387,22 @@ def _space(values: Values) -> Space | None:
     """The space of an instrument; None if its masses move along one axis. Reports fields that do
     not fit.
     """
-    axes = values["space"] if "space" in values.given else 1
+    axes = values["space"] if "space" in values.by_name else 1
     is_written = values.record is INSTRUMENT.forms["space"]
     if is_written and axes == 1:  # refused already
         axes = len(AXES)
     if axes > 1 and not is_written:
-        message = f"{values.context.of('')} begins with an instrument in space; write "
+        message = f"{values.context.label('')} begins with an instrument in space; write "
         values.error("E103", f"{message}`space: {axes}` in it too")
     if axes == 1:
         if values.written("gravity"):
-            message = f"{values.context.of('gravity')}: only an instrument in space has this field"
+            message = (
+                f"{values.context.label('gravity')}: only an instrument in space has this field"
+            )
             values.error("E111", f"{message}; write space: 2 or 3", "gravity")
         return None
     for name in values.written(*_SINGLE_AXIS):
-        message = f"{values.context.of(name)}: an instrument in space has no such field"
+        message = f"{values.context.label(name)}: an instrument in space has no such field"
         values.error("E111", message, name)
     return Space(axes, values["gravity"] or 0.0)
 
@@ -413,14 +419,12 @@ def _ca_rate(values: Values) -> float | None:
     if values["units"] != "ca":
         if values.written("at"):
             values.error(
-                "E111", f"{values.context.of('at')}: only `units: ca` has this field", "at"
+                "E111", f"{values.context.label('at')}: only `units: ca` has this field", "at"
             )
         return None
     if not values.written("at"):
-        message = (
-            f"{values.context.of('units')}: `ca` needs the rate of the network, such as at: 44100Hz"
-        )
-        values.error("E103", message, "units")
+        message = f"{values.context.label('units')}: `ca` needs the rate of the network, "
+        values.error("E103", message + "such as at: 44100Hz", "units")
     return values["at"] or 44100.0
 
 
@@ -428,9 +432,11 @@ def _no_matter(values: Values) -> None:
     """Refuse materials under `units: ca`, whose M, K and Z are plain numbers."""
     bodies = [values, *(values["modules"] or {}).values()] if values["units"] == "ca" else []
     for body in bodies:
-        fields = body.given.get(body.kind) if isinstance(body, Values) else None
+        fields = body.by_name.get(body.kind) if isinstance(body, Values) else None
         if isinstance(fields, Values) and fields.written("material"):
-            message = f"{fields.context.of('material')}: under `units: ca` M, K and Z are those of "
+            message = (
+                f"{fields.context.label('material')}: under `units: ca` M, K and Z are those of "
+            )
             message += "a discrete network, which no material sets; write them, or use SI units"
             fields.error("E111", message, "material")
 
@@ -447,15 +453,15 @@ def _retuned(values: Values, body: Values) -> Values | None:
         )
         return _followed("MODES", retuned_values)
     body = from_material(values.kind, body, quietly=True) or body
-    fields, nodes = dict(body.given), dict(body.nodes)
+    fields, nodes = dict(body.by_name), dict(body.nodes)
     for name in values.written("f", "t60", "M"):
-        if name not in values.given:
+        if name not in values.by_name:
             continue
-        value = values.given[name]
+        value = values.by_name[name]
         is_range = isinstance(value, tuple)
         if is_range and values.kind != "BANK":
             if value[0] != value[1]:
-                message = f"{values.context.of(name)}: only a BANK has a range"
+                message = f"{values.context.label(name)}: only a BANK has a range"
                 values.error("E202", message, name)
             value = value[0]
         fields[name], nodes[name] = value, values.nodes[name]

@@ -22,7 +22,7 @@ def _coefficient(values: Values) -> Any:
     if b <= INHARMONICITY_MAX:
         return b
     message = (
-        f"{values.context.of('inharmonicity')} would be {b:.3g}, above the maximum of "
+        f"{values.context.label('inharmonicity')} would be {b:.3g}, above the maximum of "
         f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
     )
     values.error("E202", message, "radius")
@@ -49,7 +49,7 @@ class Stretched:
 
     per_gap: float
 
-    def of(self, masses: int, ends: str) -> float:
+    def stretching(self, masses: int, ends: str) -> float:
         """q of the force q·S·d on every link of a row of masses."""
         gaps = masses - 1 + {"fixed": 2, "left": 1, "free": 0}[ends]
         return self.per_gap * gaps * gaps

@@ -55,13 +55,13 @@ class Interval:
     def then(self, other: Interval) -> Interval:
         """The sum of this interval and another."""
         if self.cents is not None and other.cents is not None:
-            return of_cents(self.cents + other.cents)
+            return interval_of_cents(self.cents + other.cents)
         return Interval(_times(self.ratio, other.power(1)))
 
     def back(self) -> Interval:
         """The inverse interval."""
         if self.cents is not None:
-            return of_cents(-self.cents)
+            return interval_of_cents(-self.cents)
         return Interval(float(1 / Fraction(repr(self.ratio))))
 
     def power(self, exponent: int) -> Fraction:
@@ -71,7 +71,7 @@ class Interval:
         return Fraction(repr(_core.pow(2.0, exponent * self.cents / 1200.0)))
 
 
-def of_cents(cents: float) -> Interval:
+def interval_of_cents(cents: float) -> Interval:
     """An interval of so many cents."""
     return Interval(_core.pow(2.0, cents / 1200.0), cents)
 
@@ -104,7 +104,7 @@ def parse_interval(text: str) -> Interval:
         message = f"{quote(word)} lies outside the range from -120st to 120st"
         raise TextError(message, length=len(word), code="E202")
     is_keys = match[2] == "st" and amount.denominator == 1
-    return replace(of_cents(cents), keys=int(amount) if is_keys else None)
+    return replace(interval_of_cents(cents), keys=int(amount) if is_keys else None)
 
 
 INTERVAL = Text(
@@ -127,7 +127,7 @@ TRANSPOSITION = Text(_parse_cents, "an interval, such as 2st", is_value=True)  #
 def between(low: float, high: float) -> Interval:
     """The interval from one frequency [Hz] to another."""
     a, b = _cents(low), _cents(high)
-    return Interval(high / low) if a is None or b is None else of_cents(float(b - a))
+    return Interval(high / low) if a is None or b is None else interval_of_cents(float(b - a))
 
 
 def pitch(frequency: float, interval: Interval) -> float:
@@ -168,7 +168,7 @@ def _cents(frequency: float) -> int | None:
 _POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def at_own_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
+def base_at_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
     """The base of an instrument, at the pitch that the instrument's own `f` and `transpose` ask
     for.
 
@@ -176,15 +176,15 @@ def at_own_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
     without a pitch.
     """
     interval = member["transpose"] if member.written("transpose") else None
-    f = member.given.get("f")
+    f = member.by_name.get("f")
     if not is_root and isinstance(f, tuple) and base.written("modules"):
         if member.written("modules") and f[0] != f[1]:
             return base
         base_pitch = named_pitch(base)
         if base_pitch is None:
             message = (
-                f"{member.context.of('f')}: {base.context.of('')} has no named pitch; write `f` "
-                "beside its modules, the pitch at which they are written, or `transpose`"
+                f"{member.context.label('f')}: {base.context.label('')} has no named pitch; write "
+                "`f` beside its modules, the pitch at which they are written, or `transpose`"
             )
             member.error("E103", message, "f")
         elif f[0] == f[1]:
@@ -195,7 +195,7 @@ def at_own_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
     if base["units"] == "ca" or member["units"] == "ca":
         name = "transpose" if member.written("transpose") else "f"
         message = (
-            f"{member.context.of(name)}: under `units: ca` K and Z are those of a discrete "
+            f"{member.context.label(name)}: under `units: ca` K and Z are those of a discrete "
             "network, "
             "whose modes no factor moves alike; write them in SI units"
         )
@@ -204,17 +204,17 @@ def at_own_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
     return _instrument(base, interval)
 
 
-def at_note(values: Values, note: str) -> Values:
+def instrument_at_note(values: Values, note: str) -> Values:
     """An instrument with `notes` at one of its notes; it must have a named pitch."""
     base_pitch, high = named_pitch(values), q.frequency(note)
     assert base_pitch is not None
-    fields = {name: value for name, value in values.given.items() if name != "notes"}
-    member = replace(values, given=fields)
+    fields = {name: value for name, value in values.by_name.items() if name != "notes"}
+    member = replace(values, by_name=fields)
     if not values.kind:
         member = _instrument(member, between(base_pitch, high))
     # Set `f` beside a generator, as if it were written.
     nodes = {"f": values.nodes["notes"], **values.nodes}
-    return replace(member, given={**member.given, "f": (high, high)}, nodes=nodes)
+    return replace(member, by_name={**member.by_name, "f": (high, high)}, nodes=nodes)
 
 
 def named_pitch(values: Values) -> float | None:
@@ -222,16 +222,16 @@ def named_pitch(values: Values) -> float | None:
 
     None for a range, and for mechanics.
     """
-    written = values.given.get("f")
+    written = values.by_name.get("f")
     if isinstance(written, tuple):
         return written[0] if written[0] == written[1] else None
     bodies = [body for body in (values["modules"] or {}).values() if isinstance(body, Values)]
     pitches = []
     for body in [values] if values.kind else bodies:
-        fields = body.given.get(body.kind)
+        fields = body.by_name.get(body.kind)
         if isinstance(fields, Values):
             fields = from_material(body.kind, fields, quietly=True) or fields
-        f = fields.given.get("f") if isinstance(fields, Values) else None
+        f = fields.by_name.get("f") if isinstance(fields, Values) else None
         if isinstance(f, tuple) and body.kind == "MODES":
             f = min(f, default=None)
         elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
@@ -242,7 +242,7 @@ def named_pitch(values: Values) -> float | None:
 
 
 def _instrument(values: Values, interval: Interval) -> Values:
-    fields = dict(values.given)
+    fields = dict(values.by_name)
     if isinstance(fields.get("modules"), dict):
         fields["modules"] = {
             name: _body(body, interval) if isinstance(body, Values) else body
@@ -253,14 +253,14 @@ def _instrument(values: Values, interval: Interval) -> Values:
     for name in ("f", "t60"):
         if name in fields:
             fields[name] = moved(name, fields[name], interval)
-    return replace(values, given=fields)
+    return replace(values, by_name=fields)
 
 
 def _body(body: Values, interval: Interval) -> Values:
-    fields = body.given.get(body.kind, MISSING)
+    fields = body.by_name.get(body.kind, MISSING)
     if not isinstance(fields, Values):
         return body
-    return replace(body, given={**body.given, body.kind: _fields(body.kind, fields, interval)})
+    return replace(body, by_name={**body.by_name, body.kind: _fields(body.kind, fields, interval)})
 
 
 def _fields(kind: str, fields: Values, interval: Interval) -> Values:
@@ -270,17 +270,17 @@ def _fields(kind: str, fields: Values, interval: Interval) -> Values:
     if is_mechanics(kind, fields):
         return fields
     fields = from_material(kind, fields, quietly=True) or fields
-    moved_fields = {name: moved(name, value, interval) for name, value in fields.given.items()}
+    moved_fields = {name: moved(name, value, interval) for name, value in fields.by_name.items()}
     if KINDS[kind].role == "law" or fields.written("modes"):
         moved_fields["interval"] = (
             moved_fields["interval"].then(interval) if "interval" in moved_fields else interval
         )
-    return replace(fields, given=moved_fields)
+    return replace(fields, by_name=moved_fields)
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:
     """Whether a module is below audible frequencies, so that it is not transposed."""
-    return is_slow(kind, fields.given)
+    return is_slow(kind, fields.by_name)
 
 
 def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:

@@ -74,7 +74,7 @@ def force(text: str, strokes: float) -> tuple[Floats, Floats]:
     for x in positions:
         staged.simulation.hold(hand.index, x)
         staged.simulation.process(out)
-        forces.append(staged.simulation.felt(hand.index))
+        forces.append(staged.simulation.hand_force(hand.index))
     first = round(_SETTLED / strokes / tick)
     return positions[first:], np.array(forces[first:])
 

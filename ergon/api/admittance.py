@@ -65,9 +65,9 @@ class AdmittanceOptions(ReadOptions):
 class Admittance:
     """Velocities of points under a force at one point, of parts taken by themselves.
 
-    `values` (n_heard, n_frequencies) [(m/s)/N] are complex: the velocity leads the force by
+    `values` (n_observed, n_frequencies) [(m/s)/N] are complex: the velocity leads the force by
     their angle. `frequencies` (n_frequencies,) [Hz] rise. `forced` is the name of the point
-    where the force acts, `heard` are the points whose velocity is given. If a point is several
+    where the force acts, `observed` are the points whose velocity is given. If a point is several
     masses, the force acts on each, and their velocities are added up. A value is infinite at an
     undamped resonance.
 
@@ -77,7 +77,7 @@ class Admittance:
 
     parts: tuple[str, ...]
     forced: str
-    heard: tuple[str, ...]
+    observed: tuple[str, ...]
     frequencies: NDArray[np.float64]
     values: NDArray[np.complex128]
     n_laws: int
@@ -86,7 +86,7 @@ class Admittance:
 
     @property
     def decibels(self) -> NDArray[np.float64]:
-        """Levels above 1 (m/s)/N [dB] (n_heard, n_frequencies)."""
+        """Levels above 1 (m/s)/N [dB] (n_observed, n_frequencies)."""
         import numpy as np
 
         with np.errstate(divide="ignore"):
@@ -94,7 +94,7 @@ class Admittance:
 
     @property
     def phases(self) -> NDArray[np.float64]:
-        """The angle by which the velocity leads the force [degrees] (n_heard, n_frequencies)."""
+        """The angle by which the velocity leads the force [degrees] (n_observed, n_frequencies)."""
         import numpy as np
 
         return np.degrees(np.angle(self.values))
@@ -104,11 +104,11 @@ class Admittance:
         from ergon.view.curve import CURVES_MAX, Curve
         from ergon.view.structure import admittance as draw
 
-        if len(self.heard) > CURVES_MAX:
+        if len(self.observed) > CURVES_MAX:
             reason = f"draws at most {CURVES_MAX} points; name fewer"
             raise OptionError("svg", reason)
         f, levels = self.frequencies.tolist(), self.decibels.tolist()
-        pairs = zip(self.heard, levels, strict=True)
+        pairs = zip(self.observed, levels, strict=True)
         curves = [Curve(f"velocity of {name}", f, row) for name, row in pairs]
         return Picture(draw(curves, title=f"Admittance: force at {self.forced}"))
 
@@ -127,13 +127,13 @@ class Admittance:
 def admittance(
     score: str | Path,
     forced: str,
-    heard: str | Sequence[str] = (),
+    observed: str | Sequence[str] = (),
     options: AdmittanceOptions | None = None,
     *,
     report: Report | None = None,
 ) -> Admittance:
-    """The velocity of points `heard` per force at `forced`, by frequency; without `heard`, that of
-    `forced`.
+    """The velocity of points `observed` per force at `forced`, by frequency; without
+    `observed`, that of `forced`.
 
     The parts of these points are taken by themselves, with the links between them; contacts are
     open, and laws are taken at their slope at rest. The whole network is solved at each
@@ -145,23 +145,23 @@ def admittance(
     axis = options.axis()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = (heard,) if isinstance(heard, str) else tuple(heard) or (forced,)
+    names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
     place = point(piece, "forced", forced)
-    ends = [point(piece, "heard", name) for name in names]
+    ends = [point(piece, "observed", name) for name in names]
     parts = tuple(dict.fromkeys(end.part for end in (place, *ends)))
     for number, end in enumerate((place, *ends)):
-        refuse_several_axes("heard" if number else "forced", piece, end.part)
+        refuse_several_axes("observed" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built
         network = built.network
         each = [network.elements([part]) for part in parts]
         if len({one.ca_rate for one in each}) > 1:
             reason = "lies in a part whose `units` or rate differ from those of the force's part"
-            raise OptionError("heard", reason)
+            raise OptionError("observed", reason)
         if options.peaks and options.frequencies is None:
             axis = _with_peaks(network, parts, axis)
         mats = [
-            _masses("heard" if number else "forced", end, built.assembly.members(end), each)
+            _masses("observed" if number else "forced", end, built.assembly.members(end), each)
             for number, end in enumerate((place, *ends))
         ]
         values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]

@@ -107,7 +107,7 @@ def write(prepared: PreparedFreeze, options: FreezeOptions, report: Report) -> F
             prepared.taps,
             _source(loaded, stage),
             prepared.folder,
-            progress.at,
+            progress.advance,
             n_frames=prepared.n_frames,
             force=options.force,
             threads=options.threads,
@@ -123,9 +123,9 @@ def _folder(path: str) -> Path:
 
 
 def _audible_parts(piece: Piece) -> list[str]:
-    from ergon.scores.staging.listening import heard
+    from ergon.scores.staging.listening import audible_outputs
 
-    return list(dict.fromkeys(instrument.name for _, instrument, _ in heard(piece)))
+    return list(dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece)))
 
 
 def _are_there(piece: Piece, parts: Iterable[str]) -> None:
@@ -163,7 +163,7 @@ def _source(loaded: Loaded, stage: Stage) -> Source:
         title=piece.title,
         score=digest_of(piece),
         seed=stage.piece.seed,
-        rate=float(scores.whole_rate(stage.rate)),
+        rate=float(scores.integer_rate(stage.rate)),
         version=_core.__version__,
         plan=stage.plan.hash if stage.plan else "",
     )

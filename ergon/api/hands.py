@@ -118,12 +118,12 @@ def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) 
     """
     from ergon import _core
     from ergon.live.boards import BoardError
-    from ergon.live.calibration import known_axes, own_axes
+    from ergon.live.calibration import calibrated_axes, known_axes
 
     try:
         calibrations = [known_axes(board.url) for board in boards]
         unsure = [
-            [axis for axis in board.axes if axis[0] not in own_axes(board.url)]
+            [axis for axis in board.axes if axis[0] not in calibrated_axes(board.url)]
             if board.has_motor and not unchecked
             else []
             for board in boards

@@ -71,7 +71,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     folder, frozen = _frozen(version, first.frozen, real, options, report)
     boards = calibrated_boards(boards, options.unchecked, report)
     with scores.staging(version.texts.load, report):
-        config = _config(piece, options, boards, first.heard, frozen, report)
+        config = _config(piece, options, boards, first.levels, frozen, report)
     ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     led = led_hands(piece, boards, report)
@@ -160,7 +160,7 @@ class _Beginning:
     version: Version
     clock: Clock
     past: PastVersions | None = None
-    heard: _GainAndReference | None = None
+    levels: _GainAndReference | None = None
     disk: Disk | None = None
     frozen: FrozenFolder | None = None
 
@@ -262,7 +262,7 @@ def _config(
     from ergon.live.perform import PlaybackConfig
 
     master = piece.mix.master
-    scores.whole_rate(piece.rate)
+    scores.integer_rate(piece.rate)
     audio = options.card
     if audio.startswith("file:"):  # typed lines need a session in real time
         audio = audio.replace("file:", "clock:", 1)
@@ -324,7 +324,7 @@ def _engine(
         except _core.EngineError as error:
             raise not_begun(error, str(error)) from None
         report.say(engine.performance.output())
-        if sentence := engine.performance.heard().sentence:
+        if sentence := engine.performance.sound_input().sentence:
             report.say(f"input: {sentence}")
         return engine
 

@@ -71,7 +71,7 @@ def serve(
     is_local = _is_loopback(address)
     key = _local_key(address) if is_local else secrets.token_hex(16)
     try:
-        server = _core.ViewServer(motion, sound=sound, at=address, key=key, leads=leads)
+        server = _core.ViewServer(motion, sound=sound, address=address, key=key, leads=leads)
     except _core.EngineError as error:
         raise OptionError(option, str(error)) from None
     if not is_local:

@@ -103,9 +103,9 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> PreparedP
 
 def _refuse_felt_automation(stage: Stage, real: Collection[str]) -> None:
     """Raise OptionError if automation changes what a hand feels, whose stability is not checked."""
-    from ergon.live.automated import felt_modules
+    from ergon.live.automated import tangible_modules
 
-    for player, names in felt_modules(stage, real).items():
+    for player, names in tangible_modules(stage, real).items():
         raise OptionError(
             "live",
             f"the automation of {', '.join(names)} can change the force on the key of {player}, "
@@ -121,7 +121,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
 
     try:
         with report.progress("going there", config.start, stage.rate) as progress:
-            return perform(stage, config, progress.at)
+            return perform(stage, config, progress.advance)
     except _core.EngineError as error:
         raise not_begun(error, _named(error, stage)) from None
 
@@ -193,7 +193,7 @@ def _config(
     written = options.record or options.record_input
     if options.loop and (written or options.audio.startswith("file:")):
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
-    scores.whole_rate(stage.rate)
+    scores.integer_rate(stage.rate)
     record = None if options.record is None else _recording(options.record, stage)
     config = PlaybackConfig(
         audio=options.card,

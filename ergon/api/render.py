@@ -270,7 +270,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
     file = options if isinstance(options, FileOptions) else FileOptions()
     return RenderJob(
         target=target,
-        format=WaveFormat(scores.whole_rate(stage.rate), n_channels, bits),
+        format=WaveFormat(scores.integer_rate(stage.rate), n_channels, bits),
         start=start,
         stop=stop,
         level=scores.level_of(piece, bits),
@@ -326,7 +326,7 @@ def _render_progress(
         scores.computing(stage, prepared.loaded, report),
         report.progress(task, n_frames, stage.rate) as progress,
     ):
-        yield progress.at
+        yield progress.advance
 
 
 def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:

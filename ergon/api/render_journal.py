@@ -68,7 +68,7 @@ def render_journal(
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,
-        format=WaveFormat(scores.whole_rate(again.rate), again.n_channels, options.bits or 24),
+        format=WaveFormat(scores.integer_rate(again.rate), again.n_channels, options.bits or 24),
         start=0,
         stop=again.n_frames,
         level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
@@ -93,7 +93,7 @@ def render_journal(
         _played(path),
         report.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress,
     ):
-        done = render(again, job, progress.at)
+        done = render(again, job, progress.advance)
     stage = again.running.stage
     return Completed(done, job, 0.0, stage.network, stage.simulation)
 

@@ -269,7 +269,7 @@ def played_level(piece: Piece) -> Level:
     return Level(None, 1.0 if limit is None else limit, HIGHPASS, 1.0, piece.mix.reference())
 
 
-def whole_rate(rate: float) -> int:
+def integer_rate(rate: float) -> int:
     """The rate of a file, which counts whole frames a second."""
     if rate != int(rate):
         raise OptionError(

@@ -53,7 +53,7 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     points = probed(piece)
     stage = stage_as_checked(points.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
-        moved, closed, bows = measure_excursions(stage, points, progress.at)
+        moved, closed, bows = measure_excursions(stage, points, progress.advance)
     fidelities = gesture_fidelities(stage)
     return Simulated(fidelities, moved, closed, stage.rate, points.left_out, bows, stage)
 
@@ -61,10 +61,10 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
 def never_stuck_warnings(done: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     warnings = []
-    stuck = {bow.rubbing.whole for bow in done.bows if bow.has_stuck}
+    stuck = {bow.rubbing.full_name for bow in done.bows if bow.has_stuck}
     for bow in done.bows:
         rubbing = bow.rubbing
-        if rubbing.whole in stuck or not bow.has_slipped:
+        if rubbing.full_name in stuck or not bow.has_slipped:
             continue
         message = (
             f"bow {quote(rubbing.name)} never sticks: once it has slipped, the speed of "
@@ -89,25 +89,27 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     """
     families = piece.note_families()
     closed = {
-        shared_name(closing.contact.whole, families) for closing in done.contacts if closing.times
+        shared_name(closing.contact.full_name, families)
+        for closing in done.contacts
+        if closing.times
     }
     nearest_of: dict[str, ContactClosings] = {}
     for closing in done.contacts:
-        known = nearest_of.get(closing.contact.whole)
+        known = nearest_of.get(closing.contact.full_name)
         if known is None or closing.deepest > known.deepest:
-            nearest_of[closing.contact.whole] = closing
+            nearest_of[closing.contact.full_name] = closing
     warnings = []
     for closing in nearest_of.values():
-        if shared_name(closing.contact.whole, families) in closed:
+        if shared_name(closing.contact.full_name, families) in closed:
             continue
         contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / done.rate)
         message = (
-            f"contact {quote(contact.whole)} never closes: {contact.a.name} comes within "
+            f"contact {quote(contact.full_name)} never closes: {contact.a.name} comes within "
             f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
         )
         help = "make the gap smaller by more than that, or the movement larger"
         if closing.deepest_swapped > 0.0:
-            part = contact.whole.rpartition(".")[0]
+            part = contact.full_name.rpartition(".")[0]
             ends = (end.name.removeprefix(f"{part}.") for end in (contact.b, contact.a))
             help = (
                 f"its ends may be swapped: as `between: [{', '.join(ends)}]` it closes, "

@@ -38,7 +38,7 @@ class _Player(NamedTuple):
     strokes.
     """
 
-    one: str
+    singular: str
     more: str
     strokes: Iterable[_Stroke]
 
@@ -54,7 +54,7 @@ def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     families = piece.note_families()
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
     warnings: dict[str, list[Diagnostic | None]] = {}
-    for full_name, points in groupby(done.contacts, lambda one: one.contact.whole):
+    for full_name, points in groupby(done.contacts, lambda one: one.contact.full_name):
         point_list = list(points)
         if any(one.first is not None for one in point_list):
             contact_diagnostic = _contact_warning(piece, done, point_list, kinds)
@@ -86,8 +86,8 @@ def _contact_warning(
         n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later)
         if n_as_far:
             when = scores.where(piece, first / done.rate)
-            message = f"contact {quote(contact.whole)} closes at {when} only, "
-            message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.one}"
+            message = f"contact {quote(contact.full_name)} closes at {when} only, "
+            message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
             help += "may not have returned"
             return Diagnostic("W334", message, contact.module.place, None, help)

@@ -246,9 +246,9 @@ def _asked(options: SweepOptions) -> dict[str, Any]:
 
 
 def _version() -> str:
-    from ergon.exchange.cache_folder import of_this_version
+    from ergon.exchange.cache_folder import versioned_key
 
-    return of_this_version("sweep")
+    return versioned_key("sweep")
 
 
 def _known(table: Table, wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
@@ -362,7 +362,7 @@ def _keep(
             seconds += outcome["figures"].get("cpu_s") or 0.0
             n_done += 1
             table.keep([rows[number] for number in sorted(rows)], force=options.force)
-            progress.at(n_done)
+            progress.advance(n_done)
             report.event("variant", **asdict(rows[variant.number]))
 
 

@@ -290,7 +290,7 @@ class _Search:
     ) -> None:
         import numpy as np
 
-        self.own, self.wanted = part, wanted
+        self.part, self.wanted = part, wanted
         self.values: list[Value] = []
         self.log_targets = np.log(list(wanted.values()))
         self.rank = 0
@@ -375,13 +375,13 @@ class _Search:
 
         from ergon import _core
 
-        network = self.own.network(values)
-        elements = network.elements([self.own.name])
+        network = self.part.network(values)
+        elements = network.elements([self.part.name])
         n, last = len(elements.mats), max(self.wanted)
         count = last + 2
         while True:
             try:
-                part_modes = network.part_modes(self.own.name, count=count)
+                part_modes = network.part_modes(self.part.name, count=count)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
             swings = np.flatnonzero(
@@ -392,7 +392,7 @@ class _Search:
             count = min(n, 2 * count)
         if len(swings) < last:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
-            raise OptionError("targets", f"name mode {last}, but {self.own.name} has {has}")
+            raise OptionError("targets", f"name mode {last}, but {self.part.name} has {has}")
         rows = swings[np.array(list(self.wanted)) - 1]
         return part_modes.poles[rows], part_modes.shapes[rows], elements
 
@@ -420,8 +420,8 @@ class _Search:
         from ergon import _core
 
         def matrices(factor: float) -> _core.Elements:
-            network = self.own.network({**numbers, value.where: number * factor})
-            return network.elements([self.own.name])
+            network = self.part.network({**numbers, value.where: number * factor})
+            return network.elements([self.part.name])
 
         try:
             up, down = matrices(math.exp(_NUDGE)), matrices(math.exp(-_NUDGE))

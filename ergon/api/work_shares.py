@@ -35,7 +35,7 @@ class Shares:
     dearest: WorkPiece | None
 
     @property
-    def whole(self) -> float:
+    def total(self) -> float:
         """The work of one process that computes everything."""
         return sum(self.loads) + self.home
 
@@ -48,7 +48,7 @@ class Shares:
     def bound(self) -> float:
         """The largest possible speed-up over one process, with any number of processes."""
         least = max(self.home, self.dearest.cost if self.dearest else 0.0)
-        return self.whole / least if least else 1.0
+        return self.total / least if least else 1.0
 
 
 def work_pieces(

@@ -29,7 +29,7 @@ class Progress:
     ) -> None:
         """End, however the work ended."""
 
-    def at(self, done: int) -> None:
+    def advance(self, done: int) -> None:
         """Set how much is done, in the unit of the total."""
 
 

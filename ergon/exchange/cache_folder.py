@@ -97,7 +97,7 @@ class CacheFolder:
         return self.path / f"{key}{self.suffix}"
 
 
-def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+def user_folder(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
     """The path of `name` in the user's own cache folder; None if nothing is to be kept."""
     setting = environment.get("ERGON_CACHE", "").lower()
     if setting in ("off", "0", "no") or (setting == PLANS and name != PLANS):
@@ -106,7 +106,7 @@ def of_user(name: str, environment: Mapping[str, str] = os.environ) -> Path | No
     return None if folder is None else folder / name
 
 
-def of_this_version(key: str) -> str:
+def versioned_key(key: str) -> str:
     """A key that only this version of the engine finds, since another may compute something
     else.
     """

@@ -112,7 +112,7 @@ def _to_gltf_axes(places: NDArray[np.float64]) -> NDArray[np.float32]:
 class _Scene:
     """Nodes, meshes and animations of a scene; all numbers lie in one buffer."""
 
-    at: NDArray[np.float64]
+    instants: NDArray[np.float64]
     nodes: list[dict[str, Any]] = field(default_factory=list)
     roots: list[int] = field(default_factory=list)
     _data: bytearray = field(default_factory=bytearray)
@@ -132,7 +132,7 @@ class _Scene:
         import numpy as np
 
         self._meshes.append({"primitives": [{"attributes": {"POSITION": self._octahedron()}}]})
-        self._times = self._instants(self.at.astype(np.float32))
+        self._times = self._instants(self.instants.astype(np.float32))
 
     def node(self, node: dict[str, Any]) -> int:
         """Add a node; returns its number."""
@@ -160,7 +160,7 @@ class _Scene:
         import numpy as np
 
         apart = _to_gltf_axes(b[1] - a[1])
-        if until <= self.at[0]:
+        if until <= self.instants[0]:
             apart[:] = 0.0
         line_node = self.node(
             {
@@ -172,11 +172,11 @@ class _Scene:
         )
         if a[0] in self._moved:
             self._move(line_node, "translation", self._moved[a[0]])
-        times = self.at.astype(np.float32)
+        times = self.instants.astype(np.float32)
         end = np.float32(until)
-        if self.at[0] < until <= self.at[-1]:
+        if self.instants[0] < until <= self.instants[-1]:
             n = int(np.searchsorted(times, end))
-            last = [np.interp(until, self.at, axis) for axis in apart.T]
+            last = [np.interp(until, self.instants, axis) for axis in apart.T]
             apart = np.vstack([apart[:n], [last], np.zeros((1, 3))]).astype(np.float32)
             times = np.append(times[:n], [end, np.nextafter(end, np.float32(np.inf))])
             self._move(line_node, "scale", self._sampler(self._instants(times), apart))

@@ -19,7 +19,7 @@ from ergon._core import TrialRecord
 from ergon.common.structured import parse_json
 
 from . import cache_folder
-from .cache_folder import CacheFolder, of_this_version
+from .cache_folder import CacheFolder, versioned_key
 
 _VERSION = 1
 _FILES_MAX = 4096
@@ -38,7 +38,7 @@ class PlanStore:
 
     def get(self, key: str) -> TrialRecord | None:
         """The record stored under a key; None if there is none."""
-        key = of_this_version(key)
+        key = versioned_key(key)
         data = self._folder.read(key)
         if data is None:
             return None
@@ -49,7 +49,7 @@ class PlanStore:
 
     def put(self, key: str, record: TrialRecord) -> None:
         """Store a record, if possible."""
-        key = of_this_version(key)
+        key = versioned_key(key)
         head = {"ergon_trial": _VERSION, "key": key, "hash": _hash(record)}
         content = {**head, **record._asdict()}
         self._folder.write(key, json.dumps(content, separators=(",", ":")).encode())
@@ -59,9 +59,9 @@ class PlanStore:
         self._folder.forget()
 
 
-def of_user(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
+def user_store(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
     """The user's own store of records; None if nothing is to be kept."""
-    folder = cache_folder.of_user("plans", environment)
+    folder = cache_folder.user_folder("plans", environment)
     return None if folder is None else PlanStore(folder)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from . import cache_folder
-from .cache_folder import CacheFolder, of_this_version
+from .cache_folder import CacheFolder, versioned_key
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,7 +46,7 @@ class StretchStore:
         """The stretch stored under a key; None if there is none."""
         import numpy as np
 
-        data = self._folder.read(of_this_version(key))
+        data = self._folder.read(versioned_key(key))
         if data is None or len(data) < _HEAD.size + _LENGTH.size:
             return None
         magic, checksum = _HEAD.unpack_from(data)
@@ -62,21 +62,21 @@ class StretchStore:
 
     def has(self, key: str) -> bool:
         """Whether there is a stretch under a key, which may still be damaged."""
-        return self._folder.has(of_this_version(key))
+        return self._folder.has(versioned_key(key))
 
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
         """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
         samples = sound.astype("<f8", copy=False).tobytes()
         rest = _LENGTH.pack(len(sound)) + samples + state
         head = _HEAD.pack(_MAGIC, zlib.crc32(rest))
-        return self._folder.write(of_this_version(key), head + rest)
+        return self._folder.write(versioned_key(key), head + rest)
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""
         self._folder.forget()
 
 
-def of_user(environment: Mapping[str, str] = os.environ) -> StretchStore | None:
+def user_store(environment: Mapping[str, str] = os.environ) -> StretchStore | None:
     """The user's own store of stretches; None if nothing is to be kept."""
-    folder = cache_folder.of_user("stretches", environment)
+    folder = cache_folder.user_folder("stretches", environment)
     return None if folder is None else StretchStore(folder)

@@ -31,7 +31,7 @@ CHECK_RATIO = 1.2
 _PROBE_FACTOR = 3.0  # a factor of stiffness and mass that shows whether a hand feels a CEL
 
 
-def felt_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
+def tangible_paths(stage: Stage, mat: int, held: Sequence[int]) -> dict[Where, Points]:
     """The automation of modules that a hand on the MAT `mat` can feel, as points in time.
 
     `held` are the MATs of all hands.
@@ -69,13 +69,15 @@ def _engine_values(
     return AutomatedValues(tuple(ties), tuple(factors))
 
 
-def felt_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
+def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
     """The modules with automation that real hands can feel, by player; players that feel none are
     left out."""
     hands = [hand for hand in stage.live if hand.player in players]
     mats = [hand.mat for hand in hands]
     modules_by_player = {
-        hand.player: [".".join(filter(None, where)) for where in felt_paths(stage, hand.mat, mats)]
+        hand.player: [
+            ".".join(filter(None, where)) for where in tangible_paths(stage, hand.mat, mats)
+        ]
         for hand in hands
         if stage.paths
     }

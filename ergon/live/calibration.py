@@ -92,7 +92,7 @@ def known_axes(url: str) -> dict[int, Axis]:
     return {number: axis for number, (axis, _) in _axes_in_list(url).items()}
 
 
-def own_axes(url: str) -> set[int]:
+def calibrated_axes(url: str) -> set[int]:
     """The axes of a device that were calibrated on this board. Raises BoardError."""
     return {number for number, (_, is_own) in _axes_in_list(url).items() if is_own}
 

@@ -25,15 +25,15 @@ _BEAT_MAX, _BEAT_MIN = 60.0 / 20.0, 60.0 / 400.0  # [s] of a beat that is follow
 
 
 class BeatEstimate(NamedTuple):
-    """The estimate: `at` [s] is the instant of `beat`, and a beat lasts `length` [s]."""
+    """The estimate: `instant` [s] is that of `beat`, and a beat lasts `length` [s]."""
 
-    at: float
+    instant: float
     beat: float
     length: float
 
     def instant_of(self, beat: float) -> float:
         """The instant of a beat [s]."""
-        return self.at + (beat - self.beat) * self.length
+        return self.instant + (beat - self.beat) * self.length
 
 
 class ClockFollower:

@@ -18,7 +18,7 @@ class FaultResult:
     """
 
     device: str
-    said: str
+    sentence: str
     seconds: float | None
     bound: float | None
     force: float

@@ -41,7 +41,7 @@ class Finding:
     """A measurement in words and numbers, and advice: `todo` is empty if nothing is wrong."""
 
     what: str
-    said: str
+    sentence: str
     todo: str = ""
     numbers: Mapping[str, object] = field(default_factory=dict)
 

@@ -18,7 +18,7 @@ from ergon.live.automated import (
     MAX_SETS,
     SHORT_CHANGE,
     AutomatedValues,
-    felt_paths,
+    tangible_paths,
     value_sets,
 )
 from ergon.scores.staging.built_network import COUPLING_ENDED, acting
@@ -227,7 +227,7 @@ def _automation_sets(
     stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
 ) -> tuple[AutomatedValues, ...]:
     """The values of automation that a hand may feel; a single empty set if it feels none."""
-    paths = felt_paths(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
+    paths = tangible_paths(stage, hand.mat, [other.mat for other in hands]) if stage.paths else {}
     if not paths:
         return (AutomatedValues(),)
     sets = tuple(islice(value_sets(stage, paths, start / stage.rate), MAX_SETS + 1))
@@ -329,7 +329,7 @@ def _glide_values(
     for glide in glides:
         first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
         share = min(1.0, max(0.0, (frame - first) / (last - first)))
-        if share == 1.0 and glide.own is None:
+        if share == 1.0 and glide.value_alone is None:
             continue
         where = glide.part, glide.module
         if len(glide.before) == 3:

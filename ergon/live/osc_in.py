@@ -59,13 +59,13 @@ def request_handlers(
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
 
-    def of(names: Iterable[str]) -> Callable[[float], None]:
+    def setter_for(names: Iterable[str]) -> Callable[[float], None]:
         mine = [groups[name] for name in names]
         return lambda ratio: _check_accepted(
             [performance.part_gain(group, ratio) for group in mine]
         )
 
-    owned = own_instruments(stage.piece, parts)
+    owned = exclusive_instruments(stage.piece, parts)
     inputs = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
         "/ergon/cmd": text_handler(command),
@@ -75,9 +75,9 @@ def request_handlers(
         "/ergon/gain": gain_handler(
             lambda ratio: _check_accepted([performance.gain(gain * ratio)])
         ),
-        **{f"/ergon/instrument/{name}/gain": gain_handler(of([name])) for name in parts},
+        **{f"/ergon/instrument/{name}/gain": gain_handler(setter_for([name])) for name in parts},
         **{
-            f"/ergon/player/{player}/gain": gain_handler(of(mine))
+            f"/ergon/player/{player}/gain": gain_handler(setter_for(mine))
             if mine
             else _shared_key_handler(player)
             for player, mine in owned.items()
@@ -86,7 +86,7 @@ def request_handlers(
     }
 
 
-def own_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
+def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
     """Player → those instruments of `parts` that links connect with the player's key and no
     other.
     """

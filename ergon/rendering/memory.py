@@ -43,7 +43,7 @@ class ComputedRender:
     def finish(self, job: RenderJob, n_simulated: int) -> None:
         """Store what is known once so many frames of the job are computed."""
         if self.recorder is not None:
-            self.recorder.end(Outcome.of(self._memory.simulation), job.ending)
+            self.recorder.end(Outcome.from_simulation(self._memory.simulation), job.ending)
         self._memory.levels.put(self._all, self._numbers, n_simulated)
         self._memory.store.forget()
 

@@ -42,7 +42,7 @@ class Outcome:
     energy_gains: tuple[_core.EnergyGain, ...] = ()
 
     @classmethod
-    def of(cls, simulation: _core.Simulation) -> Outcome:
+    def from_simulation(cls, simulation: _core.Simulation) -> Outcome:
         """The reports of a simulation now."""
         return cls(tuple(simulation.finer()), tuple(simulation.gains()))
 

@@ -109,7 +109,7 @@ class _Chain:
     """
 
     parts: list[_Part]
-    at: int = 0
+    frame: int = 0
     keys: list[str] = field(default_factory=list)
     asked: Future[Answer] | None = None
     sounds: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
@@ -204,27 +204,27 @@ class RemoteSimulation(StretchedSimulation):
             answer, chain.asked = self._workers.answer(chain.asked), None
             self._take(chain, answer)
         while chain.asked is None and not chain.is_home and self._is_wanted(chain):
-            stop = min(chain.at + stretches.STRETCH_FRAMES, self._n_frames)
+            stop = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
             chain.keys = [
-                self._simulation.island_key(part.island, chain.at, stop, part.key)
+                self._simulation.island_key(part.island, chain.frame, stop, part.key)
                 for part in chain.parts
             ]
             if not self._recall(chain, stop):
                 chain.asked = self._workers.submit(self._request(chain, stop))
 
     def _is_wanted(self, chain: _Chain) -> bool:
-        return chain.at < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
+        return chain.frame < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
 
     def _request(self, chain: _Chain, stop: int) -> Request:
         islands = [
             IslandRequest(number=part.number, before=part.key, key=key, state=part.state)
             for part, key in zip(chain.parts, chain.keys, strict=True)
         ]
-        return Request(at=chain.at, stop=stop, islands=islands)
+        return Request(at=chain.frame, stop=stop, islands=islands)
 
     def _recall(self, chain: _Chain, stop: int) -> bool:
         """Take the stretch from the store, if all of it is there."""
-        if self._store is None or stop - chain.at < stretches.STRETCH_FRAMES:
+        if self._store is None or stop - chain.frame < stretches.STRETCH_FRAMES:
             return False
         known_islands = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
@@ -246,8 +246,8 @@ class RemoteSimulation(StretchedSimulation):
         if answer.get("diverged"):
             chain.is_home = True  # from the state that `_end` restores
             return
-        stop = min(chain.at + stretches.STRETCH_FRAMES, self._n_frames)
-        n_frames = stop - chain.at
+        stop = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
+        n_frames = stop - chain.frame
         sizes = [8 * n_frames * part.island.n_out for part in chain.parts]
         if [len(sound) for sound in answer["sounds"]] != sizes or len(answer["states"]) != len(
             sizes
@@ -268,8 +268,8 @@ class RemoteSimulation(StretchedSimulation):
         sounds: list[NDArray[np.float64]],
         states: list[bytes],
     ) -> None:
-        chain.sounds[chain.at] = sounds
+        chain.sounds[chain.frame] = sounds
         chain.states[stop] = states
         for part, key, state in zip(chain.parts, chain.keys, states, strict=True):
             part.key, part.state = key, state
-        chain.at = stop
+        chain.frame = stop

@@ -90,7 +90,7 @@ class ResumedSimulation(StretchedSimulation):
                 # What the simulation reports is then that of a render which recalls nothing.
                 self._simulation.set_state(part.island, part.state)
         if self._outcomes is not None:
-            self._outcomes[self._frame] = Outcome.of(self._simulation)
+            self._outcomes[self._frame] = Outcome.from_simulation(self._simulation)
         if self._frame % stretches.STRETCH_FRAMES:
             return
         for part in self._parts:

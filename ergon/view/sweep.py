@@ -64,7 +64,7 @@ def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
         for index, named_points in enumerate(curves.values()):
             colour = _colour(index, len(curves))
             line_points = [
-                (frame.across(across.of(p.values[0])), frame.down(p.figures[name]))
+                (frame.across(across.place_of(p.values[0])), frame.down(p.figures[name]))
                 for p in named_points
                 if name in p.figures
             ]
@@ -81,7 +81,7 @@ class _Across:
     unit: str
     places: Mapping[str, float]
 
-    def of(self, value: str) -> float:
+    def place_of(self, value: str) -> float:
         return self.places[value]
 
 

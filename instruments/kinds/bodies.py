@@ -50,11 +50,13 @@ def check_pitched(values: Values, name: str) -> None:
         return
     tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
     if tuned and plain:
-        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
+        message = f"{values.context.label(tuned[0])}: {plain[0]} is written too; "
         message += f"a {name} has K and Z of its links, or f and t60"
         values.error("E111", message, tuned[0])
     elif not values.written("f", "K"):
-        values.error("E103", f"{values.context.of('')}: a {name} needs f (and t60), or K (and Z)")
+        values.error(
+            "E103", f"{values.context.label('')}: a {name} needs f (and t60), or K (and Z)"
+        )
 
 
 def without(fields: dict[str, Any], *names: str) -> None:

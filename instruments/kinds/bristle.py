@@ -28,7 +28,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 def _check(values: Values) -> None:
     level, static = values["Fc"], values["Fs"]
     if isinstance(level, float) and isinstance(static, float) and static < level:
-        message = f"{values.context.of('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
+        message = f"{values.context.label('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
         values.error("E111", message, "Fs")
 
 

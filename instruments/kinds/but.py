@@ -35,16 +35,16 @@ def _check(values: Values) -> None:
         return  # in space there is one rule
     magic = values["contact"] == "magic"
     if magic and (extra := values.written("K", "Z")):
-        message = f"{values.context.of(extra[0])}: a magic contact has no K and Z; remove it"
+        message = f"{values.context.label(extra[0])}: a magic contact has no K and Z; remove it"
         values.error("E111", message, extra[0])
     if not magic:
         needs(values, "BUT", "K")
         if extra := values.written("restitution", "steps"):
-            message = f"{values.context.of(extra[0])}: only a magic contact has this field"
+            message = f"{values.context.label(extra[0])}: only a magic contact has this field"
             values.error("E111", message, extra[0])
     if magic and values["clamp"] and values["restitution"] < 1:
         message = (
-            f"{values.context.of('clamp')}: a magic contact with "
+            f"{values.context.label('clamp')}: a magic contact with "
             "restitution < 1 must pull, so clamp must be false"
         )
         values.error("E111", message, "clamp")

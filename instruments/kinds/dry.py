@@ -29,18 +29,20 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 def _check(values: Values) -> None:
     ends = values.written("to", "between")
     if len(ends) == 2:
-        message = f"{values.context.of('between')}: `to` is written too; keep one of the two"
+        message = f"{values.context.label('between')}: `to` is written too; keep one of the two"
         values.error("E111", message, "between")
     elif not ends and values.record.by_name.keys() >= {"to"}:
-        values.error("E103", f"{values.context.of('')}: a DRY needs to or between")
+        values.error("E103", f"{values.context.label('')}: a DRY needs to or between")
     level, static = values["F"], values["static"]
     is_below = isinstance(level, float) and isinstance(static, float) and static < level
     if is_below and values["K"] is not None:
-        message = f"{values.context.of('static')}: static is below F; with K the level falls from "
+        message = (
+            f"{values.context.label('static')}: static is below F; with K the level falls from "
+        )
         message += "static to F"
         values.error("E111", message, "static")
     if values.written("speed") and not values.written("static"):
-        message = f"{values.context.of('speed')}: only a DRY with static has this field"
+        message = f"{values.context.label('speed')}: only a DRY with static has this field"
         values.error("E111", message, "speed")
 
 

@@ -26,7 +26,7 @@ class Source(Shape):
             return wrong_shape(self, node, name, context)
         if re.fullmatch(r"[a-z]+\d+\.\d+", node.text):
             message = (
-                f"{context.of(name)}: an axis of a device is not "
+                f"{context.label(name)}: an axis of a device is not "
                 "built yet; write a take or a constant"
             )
             context.error("E108", message, node.place)

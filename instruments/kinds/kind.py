@@ -135,5 +135,7 @@ def picked(fields: Fields, *names: str) -> dict[str, Any]:
 def needs(values: Values, name: str, *alternatives: str) -> None:
     """Report a module that has none of some fields."""
     if not values.written(*alternatives):
-        message = f"{values.context.of('')}: {with_article(name)} needs {' or '.join(alternatives)}"
+        message = (
+            f"{values.context.label('')}: {with_article(name)} needs {' or '.join(alternatives)}"
+        )
         values.error("E103", message)

@@ -48,15 +48,15 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 
 def _check(values: Values) -> None:
     if values.written("law") and values.written("points"):
-        message = f"{values.context.of('points')}: `law` is written too; keep one of the two"
+        message = f"{values.context.label('points')}: `law` is written too; keep one of the two"
         values.error("E111", message, "points")
     following.check_constants(values)
 
 
 def _complete(values: Values, fields: dict[str, Any]) -> None:
     fields["constants"] = dict(values.free)
-    if "interval" in values.given:
-        fields["interval"] = values.given["interval"]
+    if "interval" in values.by_name:
+        fields["interval"] = values.by_name["interval"]
 
 
 class LawFields(TypedDict):

@@ -52,10 +52,12 @@ def _check(values: Values) -> None:
     needed, other = ("sides", "radius") if shape == "rectangle" else ("radius", "sides")
     if not values.written(needed):
         example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
-        message = f"{values.context.of('')}: a PLATE of shape {shape} needs {example}"
+        message = f"{values.context.label('')}: a PLATE of shape {shape} needs {example}"
         values.error("E103", message)
     if values.written(other):
-        message = f"{values.context.of(other)}: a PLATE of shape {shape} has no {other}; remove it"
+        message = (
+            f"{values.context.label(other)}: a PLATE of shape {shape} has no {other}; remove it"
+        )
         values.error("E111", message, other)
 
 

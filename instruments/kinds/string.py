@@ -52,7 +52,7 @@ def _check(values: Values) -> None:
     bodies.check_pitched(values, "STRING")
     if values.written("inharmonicity") and values.written("stiffness"):
         message = (
-            f"{values.context.of('stiffness')}: `inharmonicity` is written too; keep "
+            f"{values.context.label('stiffness')}: `inharmonicity` is written too; keep "
             "`inharmonicity`, which raises high partials as bending does"
         )
         values.error("E111", message, "stiffness")

@@ -52,8 +52,8 @@ def law_kind(
             if constant not in follows
         }
         built |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
-        if "interval" in values.given:
-            built["interval"] = values.given["interval"]
+        if "interval" in values.by_name:
+            built["interval"] = values.by_name["interval"]
 
     return kind(
         name,

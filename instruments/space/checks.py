@@ -42,7 +42,9 @@ def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
         is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, MIDDLE, COUNTS, WIDTHS)
         if is_vector and value is not None and len(value) != wanted:
             called = " and ".join(filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1])))
-            message = f"{values.context.of(field.name)}: the number of items is {len(value)}, but "
+            message = (
+                f"{values.context.label(field.name)}: the number of items is {len(value)}, but "
+            )
             values.error("E106", f"{message}must be {wanted}: {called}", field.name)
             fields[field.name] = (_FILLED.get(field.shape, 0.0),) * wanted
     if kind in _CHECKS:
@@ -59,7 +61,7 @@ def _size(kind: str, fields: _Fields, values: Values) -> None:
     each = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
     for number, limit, what in ((n, MAX_POINTS, "points"), (n * each, MAX_SPRINGS, "springs")):
         if number > limit:
-            message = f"{values.context.of('')}: a {kind} has at most {limit:,} {what}, not "
+            message = f"{values.context.label('')}: a {kind} has at most {limit:,} {what}, not "
             values.error("E105", f"{message}{number:,}")
             fields.update(sides=(1,) * axes, points=2)
             return
@@ -71,17 +73,19 @@ def _wall(fields: _Fields, values: Values) -> None:
     """
     if fields["normal"] is None:
         if (fields["gap"] or 0.0) < 0.0:
-            values.error("E105", f"{values.context.of('gap')}: it must not be negative", "gap")
+            values.error("E105", f"{values.context.label('gap')}: it must not be negative", "gap")
             fields["gap"] = 0.0
     elif _has_direction(fields, values) and fields["side"] == "inside":
-        message = f"{values.context.of('side')}: a plane has no inside; turn its normal round"
+        message = f"{values.context.label('side')}: a plane has no inside; turn its normal round"
         values.error("E111", message, "side")
     if fields["box"] is not None:
         _box(fields, values)
     alone = [name for name in ("cohesion", "reach") if fields[name] is None]
     if len(alone) == 1:
         written = "reach" if alone == ["cohesion"] else "cohesion"
-        message = f"{values.context.of(written)}: `{alone[0]}` is missing; a contact that sticks "
+        message = (
+            f"{values.context.label(written)}: `{alone[0]}` is missing; a contact that sticks "
+        )
         values.error("E103", f"{message}has both", written)
         fields.update(cohesion=None, reach=None)
 
@@ -89,10 +93,10 @@ def _wall(fields: _Fields, values: Values) -> None:
 def _box(fields: _Fields, values: Values) -> None:
     """Check that a box is the only wall of its contact, and wider than the points that touch it."""
     if extra := values.written("normal", "side"):
-        message = f"{values.context.of(extra[0])}: `box` is written too; keep one of the two"
+        message = f"{values.context.label(extra[0])}: `box` is written too; keep one of the two"
         values.error("E111", message, extra[0])
     if any(width <= 2 * (fields["gap"] or 0.0) for width in fields["box"]):
-        message = f"{values.context.of('box')}: it must be wider than twice the gap"
+        message = f"{values.context.label('box')}: it must be wider than twice the gap"
         values.error("E105", message, "box")
 
 
@@ -101,9 +105,9 @@ def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
     an error was reported.
     """
     wall: Values = fields["mesh"]
-    who = values.context.of("mesh")
+    who = values.context.label("mesh")
     if extra := values.written("normal", "side", "box"):
-        message = f"{values.context.of(extra[0])}: `mesh` is written too; keep one of the two"
+        message = f"{values.context.label(extra[0])}: `mesh` is written too; keep one of the two"
         values.error("E111", message, extra[0])
     elif axes != 3:
         message = f"{who}: a file has three axes; write space: 3 in the instrument"
@@ -113,7 +117,7 @@ def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
     elif not model.faces:
         values.error("E106", f"{who}: the file has no faces, which points could touch", "mesh")
     elif not fields["gap"]:
-        message = f"{values.context.of('gap')}: it must be above 0: the radius of what touches"
+        message = f"{values.context.label('gap')}: it must be above 0: the radius of what touches"
         values.error("E105", message, "gap")
     else:
         corners = placed(model, wall["scale"], wall["up"], (0.0, 0.0, 0.0))
@@ -124,7 +128,9 @@ def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
 def _grains(fields: _Fields, values: Values) -> None:
     """Report `scatter` beside `apart`: places are on a lattice, or random."""
     if fields["apart"] is not None and values.written("scatter"):
-        message = f"{values.context.of('scatter')}: `apart` is written too; random places have no "
+        message = (
+            f"{values.context.label('scatter')}: `apart` is written too; random places have no "
+        )
         values.error("E111", f"{message}lattice beside which they lie", "scatter")
 
 
@@ -132,7 +138,9 @@ def _disc(fields: _Fields, values: Values) -> None:
     """Report a normal of a disc that has length 0, or that has no use in two axes."""
     if fields["normal"] is None or not _has_direction(fields, values) or fields["axes"] > 2:
         return
-    message = f"{values.context.of('normal')}: with two axes a disc lies in their plane; remove it"
+    message = (
+        f"{values.context.label('normal')}: with two axes a disc lies in their plane; remove it"
+    )
     values.error("E111", message, "normal")
     fields["normal"] = None
 
@@ -140,7 +148,7 @@ def _disc(fields: _Fields, values: Values) -> None:
 def _has_direction(fields: _Fields, values: Values) -> bool:
     if any(fields["normal"]):
         return True
-    message = f"{values.context.of('normal')}: a normal of length 0 has no direction"
+    message = f"{values.context.label('normal')}: a normal of length 0 has no direction"
     values.error("E105", message, "normal")
     fields["normal"] = None
     return False
@@ -149,7 +157,7 @@ def _has_direction(fields: _Fields, values: Values) -> bool:
 def _mesh(fields: _Fields, values: Values) -> None:
     """Report a MESH in an instrument without three axes."""
     if fields["axes"] != 3:
-        message = f"{values.context.of('')}: the points of a file have three coordinates; write "
+        message = f"{values.context.label('')}: the points of a file have three coordinates; write "
         values.error("E111", f"{message}space: 3 in the instrument")
 
 

@@ -31,10 +31,10 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
     """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports
     errors.
     """
-    name = values.given.get("file")
+    name = values.by_name.get("file")
     if not isinstance(name, str):
         return values
-    place, who = values.place_of("file"), values.context.of("file")
+    place, who = values.place_of("file"), values.context.label("file")
     kind = PurePath(name).suffix.lower()
     document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
@@ -42,8 +42,8 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
         mesh = _gltf(document, who, collector)
     elif document is not None:
         mesh = obj_file.Reader(document, who, collector).mesh(place)
-    fields = {field: value for field, value in values.given.items() if field != "file"}
-    return replace(values, given=fields if mesh is None else {**fields, "file": mesh})
+    fields = {field: value for field, value in values.by_name.items() if field != "file"}
+    return replace(values, by_name=fields if mesh is None else {**fields, "file": mesh})
 
 
 def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:

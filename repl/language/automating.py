@@ -131,7 +131,7 @@ def _read_lfo(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping
 def _offers(known: Mapping[str, str], first: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
-            shape = context.scope.targets[context.given["target"]]
+            shape = context.scope.targets[context.fields["target"]]
             offered = (
                 (v.Completion(first, "its ends"),)
                 if first

@@ -30,7 +30,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
         pass  # offer what was found before the mistake
     typed = hints.typed.lower()
     suggestions: dict[str, Suggestion] = {}
-    for offer in hints.found:
+    for offer in hints.completions:
         if offer.text.lower().startswith(typed) and offer.text != hints.typed:
             suggestions.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
     return list(suggestions.values())[:MAX_SUGGESTIONS]

@@ -38,7 +38,7 @@ class Hints:
     """Completions for the word of which `typed` is the beginning."""
 
     typed: str
-    found: list[v.Completion] = field(default_factory=list)
+    completions: list[v.Completion] = field(default_factory=list)
 
 
 def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
@@ -186,11 +186,11 @@ def _instrument_lines(name: str, scope: Scope) -> str:
 
 def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
     if not words:
-        hints.found.extend(v.name_completions(scope.players))
+        hints.completions.extend(v.name_completions(scope.players))
         for verb in verbs.VERBS:
-            hints.found.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
-        hints.found.extend(v.name_completions(scope.gestures))
-        hints.found.extend(v.name_completions(scope.blocks))
+            hints.completions.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
+        hints.completions.extend(v.name_completions(scope.gestures))
+        hints.completions.extend(v.name_completions(scope.blocks))
         return
     first = words[0].text
     if first in scope.players:
@@ -198,11 +198,11 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
         effects = (
             (f.verb, f.effect) for f in about if f.slots[0].value in (v.PLAYER, v.DOING_PLAYER)
         )
-        hints.found.extend(v.Completion(*pair) for pair in effects)
+        hints.completions.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.blocks:
-        hints.found.append(v.Completion("every", verbs.forms_of("every")[0].effect))
+        hints.completions.append(v.Completion("every", verbs.forms_of("every")[0].effect))
     elif first in scope.gestures:
-        hints.found.append(v.Completion("=", "defines it anew"))
+        hints.completions.append(v.Completion("=", "defines it anew"))
 
 
 # --- its places ----------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ class _FormReader:
         self.end_of_line = after  # where a missing word would stand
         self.scope = scope
         self.hints = hints
-        self.given: dict[str, Any] = {
+        self.fields: dict[str, Any] = {
             slot.field: None for slot in form.slots if slot.field and slot.optional
         }
         self.as_written: dict[str, Word] = {}
@@ -248,7 +248,7 @@ class _FormReader:
             self._offer_rest(options)
             return None
         self._check_end(options)
-        return self.form.make(**self.given, when=self.when, words=self.as_written)
+        return self.form.make(**self.fields, when=self.when, words=self.as_written)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
@@ -344,12 +344,12 @@ class _FormReader:
 
     def _store(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
-        self.given[slot.field] = self._read_value(slot.value, word)
+        self.fields[slot.field] = self._read_value(slot.value, word)
         self.as_written[slot.field] = word
 
     def _read_value(self, value: v.Value, word: Word) -> Any:
         try:
-            return value.read(word.text, self.scope, self.given)
+            return value.read(word.text, self.scope, self.fields)
         except TextError as error:
             error.offset += word.start
             raise
@@ -388,12 +388,12 @@ class _FormReader:
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.has_when:
-            context = v.CompletionContext(self.hints.typed, before, self.scope, self.given)
-            self.hints.found.extend(value.completions(context))
+            context = v.CompletionContext(self.hints.typed, before, self.scope, self.fields)
+            self.hints.completions.extend(value.completions(context))
 
     def _offer_lead(self, slot: Slot) -> None:
         if self.hints is not None and not self.has_when:
-            self.hints.found.append(
+            self.hints.completions.append(
                 v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
@@ -406,12 +406,14 @@ class _FormReader:
             if option.lead[-1] == "=" and self.hints.typed.startswith(option.lead):
                 self._offer_joined(option)
         if self.form.timed:
-            self.hints.found.extend(_TIME_COMPLETIONS)
+            self.hints.completions.extend(_TIME_COMPLETIONS)
 
     def _offer_joined(self, option: Slot) -> None:
         assert self.hints is not None
         assert option.value is not None
         typed = self.hints.typed[len(option.lead) :]
-        context = v.CompletionContext(typed, (), self.scope, self.given)
+        context = v.CompletionContext(typed, (), self.scope, self.fields)
         offers = option.value.completions(context)
-        self.hints.found.extend(v.Completion(option.lead + text, hint) for text, hint in offers)
+        self.hints.completions.extend(
+            v.Completion(option.lead + text, hint) for text, hint in offers
+        )

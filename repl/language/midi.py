@@ -107,7 +107,7 @@ def _read_range(text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[floa
 
 
 def _range_completions(context: CompletionContext) -> Iterator[Completion]:
-    shape = context.scope.targets[context.given["target"]]
+    shape = context.scope.targets[context.fields["target"]]
     yield from v.dimension_value(shape).completions(context)
 
 

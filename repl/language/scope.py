@@ -16,7 +16,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.edits import families
 from ergon.scores.gesture import space_path
-from ergon.scores.reading.automatable import FACTOR, INTERVAL_OR_FACTOR, PARAMETERS, whole
+from ergon.scores.reading.automatable import FACTOR, INTERVAL_OR_FACTOR, PARAMETERS, pitched_module
 from ergon.scores.reading.families import library
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Gesture
@@ -183,7 +183,7 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
         for module in key.modules:
             yield from _fields(key.name, module, "si")
     for instrument in piece.instruments.values():
-        if whole(instrument) is not None:
+        if pitched_module(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
         yield f"{instrument.name}.transpose", TRANSPOSITION
         for module in instrument.modules:
@@ -191,7 +191,7 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for name, members in piece.families.items():
         yield f"{name}.transpose", TRANSPOSITION
         if (member := piece.instruments.get(members[0])) is not None:
-            if whole(member) is not None:
+            if pitched_module(member) is not None:
                 yield f"{name}.f", INTERVAL_OR_FACTOR
             for module in member.modules:
                 yield from _fields(name, module, member.form)

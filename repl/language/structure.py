@@ -99,7 +99,7 @@ def check_value(shape: Text, value: str, offset: int) -> None:
 
 
 def _field_offers(context: CompletionContext) -> Iterator[Completion]:
-    kind = context.given.get("kind")
+    kind = context.fields.get("kind")
     if kind in KINDS and "=" not in context.typed:
         for field in KINDS[kind].table.fields:
             if field.name not in _ENDS:

@@ -44,13 +44,13 @@ class CompletionContext:
     """Where a word is completed: its typed beginning, the words before it in the same place, the
     scope.
 
-    `given` are the values of the line so far.
+    `fields` are the values of the line so far.
     """
 
     typed: str
     before: tuple[str, ...]
     scope: Scope
-    given: Mapping[str, Any]
+    fields: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,9 @@ def other_than(value: Value, field: str) -> Value:
         return value.read(text, scope, slots_read)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
-        return (offer for offer in value.completions(context) if offer.text != context.given[field])
+        return (
+            offer for offer in value.completions(context) if offer.text != context.fields[field]
+        )
 
     return Value(value.what, read, offers)
 
@@ -404,7 +406,7 @@ def _read_change(
 
 def _change_completions(context: CompletionContext) -> Iterator[Completion]:
     if not context.typed.startswith("x"):
-        yield from dimension_value(context.scope.targets[context.given["target"]]).completions(
+        yield from dimension_value(context.scope.targets[context.fields["target"]]).completions(
             context
         )
     yield Completion("x1.5", "so many times what it is")

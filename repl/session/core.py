@@ -129,7 +129,7 @@ class SessionCore:
         self.traced: str | None = None  # whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
         self._drawn = 0  # the frame of that drawing
-        self.disk = disk or Disk.of_texts(version.texts)
+        self.disk = disk or Disk.from_texts(version.texts)
         self.is_over = False  # nothing more is played or written
         self._n_lines = 0
         self._scope = scope_of(version.piece, folder_of(version.texts))

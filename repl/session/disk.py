@@ -31,7 +31,7 @@ class Disk:
         self._known = dict(known or {})
 
     @classmethod
-    def of_texts(cls, texts: Texts) -> Disk:
+    def from_texts(cls, texts: Texts) -> Disk:
         """The state after these texts were read from the disk."""
         disk = cls()
         disk.note_read(texts)

@@ -16,7 +16,7 @@ from ergon.repl.session.rehearsing import rehearsal_stage
 from ergon.repl.session.tuning_lines import tuning_lines
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
-from ergon.scores.edits.matter import said
+from ergon.scores.edits.matter import written_quantity
 from ergon.scores.edits.positions import END
 from ergon.scores.gesture import space_path
 from ergon.scores.reading import automatable
@@ -164,7 +164,7 @@ def definition_lines(version: Version, name: str, sounding: Piece, now: float) -
     shown = []
     if value is not None:
         where = f" at {sounding.tempo_map.written(now)}, by its automation"
-        amount = said(float(f"{value:.6g}"), parameter, is_ca=is_ca)
+        amount = written_quantity(float(f"{value:.6g}"), parameter, is_ca=is_ca)
         shown.append(f"{name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
         shown += _lines_of_score(version.texts, part)
@@ -182,8 +182,8 @@ def _value(
             return value_on(piece, where, parameter, now), True
     value = {**module.fields.get("constants", {}), **module.fields}.get(parameter)
     if not isinstance(value, float) and module.kind in ("CEL", "BANK"):  # f of K, K of f
-        led = Led.of(piece, where)
-        value = None if led is None else led.own.get(parameter)
+        led = Led.from_piece(piece, where)
+        value = None if led is None else led.numbers_written.get(parameter)
     return (value, False) if isinstance(value, float) else (None, False)
 
 

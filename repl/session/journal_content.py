@@ -56,7 +56,7 @@ class SessionStart:
     """
 
     texts: Texts
-    at: float
+    beat: float
     faders: Faders
     tick_frames: int
     gain: float
@@ -88,7 +88,7 @@ class SessionStart:
         """The fields of the journal's first event."""
         return {
             **text_fields(self.texts),
-            "at": self.at,
+            "at": self.beat,
             **faders_fields(self.faders),
             **levels_fields(self.strike_levels),
             "every": self.tick_frames,
@@ -295,7 +295,7 @@ def read_journal(
         is_seen=_is_seen(first),
         strike_levels=read_levels(first),
     )
-    replay = JournalContent(opening, first, Disk.of_texts(texts))
+    replay = JournalContent(opening, first, Disk.from_texts(texts))
     replay.disk.add_hashes(where.hashes(first))
     replay.base = opening.texts
     if "base" in first.fields:

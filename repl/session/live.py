@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
-from ergon.live.display import event_sentence as said
-from ergon.live.display import why_too_stiff
+from ergon.live.display import event_sentence, why_too_stiff
 from ergon.live.force_bounds import ForceBoundsFinder
 from ergon.live.perform import PlaybackConfig, bar_frames, perform, tick_frames
 from ergon.live.repeated_notices import RepeatedNotices
@@ -195,7 +194,7 @@ class LiveEngine:
                 events.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif what in ("acted", "missed"):
                 events.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
-            elif sentence := said(event, self._players, self._boards):
+            elif sentence := event_sentence(event, self._players, self._boards):
                 real = self._real_now(event)
                 seconds = number if what == "lost" else 0.0
                 events += [

@@ -86,7 +86,7 @@ class ReplayedSession:
                 replay.first.refuse(f"its score has no {hand.player} on {hand.key}")
         frozen = _frozen(replay, version, real)
         running = stage_first(
-            version, Clock(None, opening.at), real, None, frozen, is_seen=opening.is_seen
+            version, Clock(None, opening.beat), real, None, frozen, is_seen=opening.is_seen
         )
         hands = RecordedHands((), 0, ())
         if take is not None:
@@ -290,7 +290,7 @@ def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]
     opening = replay.start
     with _as_journal_errors(replay.first):
         version = opening.version()
-    versions, clock = _initial_versions(replay, version), Clock(None, opening.at)
+    versions, clock = _initial_versions(replay, version), Clock(None, opening.beat)
     rate = version.piece.rate
     timing = Timing(rate, opening.tick_frames)
     done = {one.line.get("number", int) for one in replay.commits}

@@ -57,7 +57,7 @@ def scene_of(texts: Texts, name: str) -> Scene:
 def _read(stamps: _Stamps, bounds: FileBounds) -> tuple[Scene, _Stamps]:
     """The scene in a file, and the stamps of all files from which it was read."""
     texts = Texts.read(stamps[0][0], bounds)
-    scene = Scene.of(texts, piece_of(texts))
+    scene = Scene.from_texts(texts, piece_of(texts))
     return scene, _stamps([Path(texts.path), *map(Path, texts.overlay)])
 
 

@@ -250,7 +250,7 @@ def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
 
 def _as_sounding(version: Version, place: Place) -> Place:
     part, module, member = place
-    return version.sounds_as.of(part), module, member
+    return version.sounds_as.sounding_name(part), module, member
 
 
 def _act_strokes(version: Version, act: Act, level: Level, path: str) -> Iterator[Stroke]:

@@ -201,13 +201,13 @@ class WaitingLines:
         """
         follow = {one.number for one in late}
         first = min((one.number for one in late if one.rule.is_fenced), default=math.inf)
-        for one in sorted(self.lines, key=lambda one: one.number):
+        for waiting in sorted(self.lines, key=lambda one: one.number):
             # What restores a version comes after every line that was typed before it.
-            is_later = one.number > (min(follow) if one.sets_all else first)
-            is_later |= any(self._begins_after(one, line) for line in late)
-            if is_later and one.rule.is_fenced and one.frame < start:
-                follow.add(one.number)
-                first = min(first, one.number)
+            is_later = waiting.number > (min(follow) if waiting.sets_all else first)
+            is_later |= any(self._begins_after(waiting, line) for line in late)
+            if is_later and waiting.rule.is_fenced and waiting.frame < start:
+                follow.add(waiting.number)
+                first = min(first, waiting.number)
         while True:
             lines, lost, moved = self._moved(follow, beat, start)
             # What needs a late line waits for it too.

@@ -12,7 +12,7 @@ from ergon.notation.tables import quantities as q
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits.lists import dropped, place
-from ergon.scores.edits.matter import TRANSPOSE, said
+from ergon.scores.edits.matter import TRANSPOSE, written_quantity
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading import automatable
@@ -74,7 +74,7 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
     if module.kind == "BANK":
         return f"x{value:.12g}"
     if automatable.named_module(head, piece.keys, piece.instruments) is not None:
-        return said(value, parameter, is_ca=False)
+        return written_quantity(value, parameter, is_ca=False)
     unchanged = replace(piece, automation=(), strikes=())
     return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
 

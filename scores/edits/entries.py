@@ -36,7 +36,7 @@ class Entry:
             self, fields={name: text for name, text in merged_fields.items() if text is not None}
         )
 
-    def at(self, where: str) -> Entry:
+    def starting(self, where: str) -> Entry:
         """The entry from a position on."""
         return replace(self, fields={"at": where, **self.fields})
 
@@ -162,7 +162,7 @@ def _lines(texts: Texts, piece: Piece, player: str, numbers: Iterable[int]) -> I
         for row, offset in words.rows(node.text):
             number, done = number + node.text.count("\n", done, offset), offset
             read = words.parse_row(row, offset)
-            rows.append((number, entry_of_play(read.play, node.text).at(read.at.text), row))
+            rows.append((number, entry_of_play(read.play, node.text).starting(read.at.text), row))
     for number in numbers:
         play, starts = plays[number]
         begin = piece.tempo_map.resolve(play.at)
@@ -185,7 +185,7 @@ class PartEdit:
     dropped: Sequence[Line] = ()
     new: Sequence[Entry] = ()
 
-    def of_list(self) -> ListEdit:
+    def as_list_edit(self) -> ListEdit:
         """This change as the edit of a list."""
         path = ("parts", self.player)
 
@@ -216,7 +216,7 @@ class PartEdit:
         numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
         return ListEdit(path, min(numbers, default=None), changed)
 
-    def of_table(self, table: str) -> Callable[[document.Document], str]:
+    def as_table_edit(self, table: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows: dict[int, str | None] = {
@@ -246,9 +246,9 @@ def change(texts: Texts, *edits: PartEdit) -> Texts:
         if part_edit.closed or part_edit.dropped or part_edit.new:
             node = _part(texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
-                tables.append(part_edit.of_table(node.text))
+                tables.append(part_edit.as_table_edit(node.text))
             else:
-                lists.append(part_edit.of_list())
+                lists.append(part_edit.as_list_edit())
     texts = texts.edited_lists(lists) if lists else texts
     for table in tables:
         texts = texts.edited("parts", table)

@@ -47,7 +47,7 @@ def keep(
     changes = []
     for player in piece.players:
         lines = entries.lines(texts, piece, player)
-        chosen = [entry for line in lines if (entry := window.of(line)) is not None]
+        chosen = [entry for line in lines if (entry := window.excerpt_of(line)) is not None]
         is_included = is_included or bool(chosen)
         changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
     excerpt = entries.change(excerpt, *changes)
@@ -57,8 +57,8 @@ def keep(
     if not is_included:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    excerpt = space.kept(excerpt, piece, start)
-    end = window.at(stop)
+    excerpt = space.fades_from(excerpt, piece, start)
+    end = window.position(stop)
     end = end if "|" in end else f"{end}beats"
     excerpt = window.automation(window.duet(excerpt)).put(("marks", END), end)
     if piece.render.file is not None:
@@ -83,7 +83,7 @@ class _Window:
     def within(self, beats: list[float]) -> list[float]:
         return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
 
-    def at(self, beats: float) -> str:
+    def position(self, beats: float) -> str:
         """A beat of the piece as a position in the window: `bar|beat`, or beats if the window does
         not begin on a bar.
         """
@@ -94,16 +94,16 @@ class _Window:
             return f"{full_bars - bar + 1}|{beat:.12g}"
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
-    def of(self, line: entries.Line) -> entries.Entry | None:
+    def excerpt_of(self, line: entries.Line) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
         if line.starts is None:
             if not self.within([line.begin]):
                 return None
-            entry = line.entry.with_fields(at=self.at(line.begin))
+            entry = line.entry.with_fields(at=self.position(line.begin))
             if line.play.until is None:
                 return entry
             return entry.with_fields(
-                until=self.at(min(self.stop, self.map.resolve(line.play.until)))
+                until=self.position(min(self.stop, self.map.resolve(line.play.until)))
             )
         first, last = line.count_before(self.start), line.count_before(self.stop)
         return line.part(first, last, self.at) if first < last else None
@@ -132,7 +132,7 @@ class _Window:
             first, last = max(begin, self.start), min(stop, self.stop)
             if last <= first + SAME:
                 return texts.remove(path), False
-            changed_fields |= {"at": self.at(first), "until": self.at(last)}
+            changed_fields |= {"at": self.position(first), "until": self.position(last)}
         else:
             end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
@@ -144,7 +144,7 @@ class _Window:
             inside = self.within(window_starts)
             if not inside:
                 return texts.remove(path), False
-            changed_fields |= {"at": self.at(inside[0])}
+            changed_fields |= {"at": self.position(inside[0])}
             if every is not None or strikes.has_rounds:
                 changed_fields |= {"times": str(len(inside))}
         return self._with_fields(texts, path, changed_fields), True
@@ -158,8 +158,8 @@ class _Window:
             if begin >= self.stop - SAME or end <= self.start + SAME:
                 texts = dropped(texts, "duet", number)
                 continue
-            until = self.at(end) if coupling.until is not None and end < self.stop else None
-            fields = {"at": self.at(begin), "until": until}
+            until = self.position(end) if coupling.until is not None and end < self.stop else None
+            fields = {"at": self.position(begin), "until": until}
             texts = self._with_fields(texts, place(texts, "duet", number), fields)
         return texts
 
@@ -169,7 +169,7 @@ class _Window:
             entry = self.piece.automation[number]
             begin = self.map.resolve(entry.at)
             end = math.inf if entry.until is None else self.map.resolve(entry.until)
-            fields: dict[str, str | None] = {"at": self.at(begin)}
+            fields: dict[str, str | None] = {"at": self.position(begin)}
             if entry.points:
                 texts = self._glide(texts, number, entry, begin, end)
                 continue
@@ -180,14 +180,14 @@ class _Window:
                 texts = dropped(texts, "automation", number)
                 continue
             if end < math.inf:
-                fields["until"] = self.at(min(end, self.stop))
+                fields["until"] = self.position(min(end, self.stop))
             if begin < self.start - SAME and places is not None:
                 first = n_before(places, self.start - SAME)
                 if first == len(places):
                     texts = dropped(texts, "automation", number)
                     continue
                 fields |= places.part(first, len(places), self.at)
-                fields["until"] = self.at(min(end, self.stop))
+                fields["until"] = self.position(min(end, self.stop))
             elif begin < self.start - SAME and entry.swing is not None:
                 period = self.map.after(begin, entry.swing.period) - begin
                 phase = (entry.swing.phase + (self.start - begin) / period) % 1.0
@@ -207,11 +207,11 @@ class _Window:
         """A glide cut to the window: one that began before becomes a curve."""
         if begin >= self.stop - SAME or end <= self.start + SAME:
             return dropped(texts, "automation", number)
-        fields: dict[str, str | None] = {"at": self.at(begin)}
+        fields: dict[str, str | None] = {"at": self.position(begin)}
         if end < math.inf:
-            fields["until"] = self.at(min(end, self.stop))
+            fields["until"] = self.position(min(end, self.stop))
         if begin < self.start - SAME and self.value_on is not None:
-            fields |= {"at": self.at(self.start), "over": None, "curve": None}
+            fields |= {"at": self.position(self.start), "over": None, "curve": None}
             piece, where, tempo = self.piece, (entry.target.part, entry.target.module), self.map
             if entry.over is not None:
                 ended = tempo.after(begin, entry.over)
@@ -244,7 +244,7 @@ class _Window:
                 first["bpm"] = f"{first['bpm']} -> {entry.bpm_end:.12g}"
                 first["over"] = f"{end - self.start:.12g}"
                 continue
-            more: dict[str, edit.Tree] = {"at": self.at(begin)}
+            more: dict[str, edit.Tree] = {"at": self.position(begin)}
             if entry.bpm is not None:
                 is_ramp = entry.bpm_end is not None
                 more["bpm"] = f"{entry.bpm:.12g}" + (f" -> {entry.bpm_end:.12g}" if is_ramp else "")

@@ -49,32 +49,32 @@ class _Owner:
 
     part: str  # the key or instrument, as the score calls it
     section: str
-    own: Values  # the key or instrument as its own file has it, or a note of it
-    base: tuple[str, ...]  # the path of `own`
+    written: Values  # the key or instrument as its own file has it, or a note of it
+    base: tuple[str, ...]  # the path of `written`
     module: str  # "" if it has the name of its part
     kind: str  # "" for a key of M, K, Z
-    said: Values  # the fields with `like` and `from` followed
+    followed: Values  # the fields with `like` and `from` followed
     is_ca: bool
 
     @property
     def file(self) -> str:
         """The file in which the key or instrument is written."""
-        return self.own.node.document.file
+        return self.written.node.document.file
 
     def home(self, name: str) -> tuple[str, ...] | None:
         """The path of the mapping in which a field is written; None if `like` or `from` brought it
         in.
         """
         if self.module:
-            modules = self.own["modules"]
+            modules = self.written["modules"]
             if isinstance(modules, dict) and self.module in modules:
                 return (*self.base, "modules", self.module, self.kind)
             return None
         if not self.kind:
             return self.base
-        if name in _RETUNED and (self.own.written(name) or not self.own.kind):
+        if name in _RETUNED and (self.written.written(name) or not self.written.kind):
             return self.base
-        return (*self.base, self.kind) if self.own.kind else None
+        return (*self.base, self.kind) if self.written.kind else None
 
 
 def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
@@ -93,7 +93,11 @@ def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     if name == TRANSPOSE:
         return _set_transposition(texts, part, value)
     instrument = piece.instruments.get(part)
-    if name == "f" and instrument is not None and automatable.whole(instrument) is not None:
+    if (
+        name == "f"
+        and instrument is not None
+        and automatable.pitched_module(instrument) is not None
+    ):
         return _set_pitch(texts, instrument, value)
     if name == "f" and part in piece.families:
         raise EditError(
@@ -126,17 +130,17 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
     moves them all.
     """
     owner, name = _owner(texts, target)
-    if owner.said.written("modes"):
+    if owner.followed.written("modes"):
         raise EditError(
             f"{quote(target)}: the modes are read from a file and cannot be set here; change the "
             "file"
         )
-    if moving := owner.own.written("f", "transpose"):
+    if moving := owner.written.written("f", "transpose"):
         raise EditError(
             f"{quote(target)}: '{moving[0]}' of the instrument transposes all its pitches; remove "
             f"'{moving[0]}' before you set a single one"
         )
-    node = owner.said.nodes.get(name)
+    node = owner.followed.nodes.get(name)
     items = node.items if isinstance(node, document.Sequence) else [node]
     words_written = [
         changes[i] if i in changes else item.text if isinstance(item, Scalar) else ""
@@ -144,7 +148,7 @@ def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
     ]
     text = f"[{', '.join(words_written)}]"
     if not owner.module:
-        if owner.own.kind:
+        if owner.written.kind:
             return texts.put((*owner.base, owner.kind, name), text, owner.file)
         return texts.put((*owner.base, owner.kind), f"{{{name}: {text}}}", owner.file)
     home = owner.home(name)
@@ -210,13 +214,13 @@ def quantities(module: Module) -> Iterator[tuple[str, float]]:
     for name, value in module.fields.items():
         if isinstance(value, float) and name not in ("X0", "V0"):
             yield name, value
-    follows = following.of(module)
+    follows = following.followings(module)
     for name, value in module.fields.get("constants", {}).items():
         if name not in follows:
             yield name, value
 
 
-def said(value: float, name: str, *, is_ca: bool) -> str:
+def written_quantity(value: float, name: str, *, is_ca: bool) -> str:
     """A value [SI] as a score writes it, without loss of precision."""
     is_plain = is_ca and name in ("M", "K", "Z")
     return f"{value!r}{'' if is_plain else _UNITS.get(name, '')}"
@@ -288,11 +292,11 @@ def _member(values: Values, part_values: Values, word: str) -> tuple[str, Values
                 written = Values(member_table("si"), part_values.node, part_values.context)
             else:
                 note = next(w for w in part_values["members"] if notes.pitch(w) == wanted)
-            member_interval = part_values.given.get(TRANSPOSE)
-            interval = overlay.both(member_interval, written.given.get(TRANSPOSE))
+            member_interval = part_values.by_name.get(TRANSPOSE)
+            interval = overlay.both(member_interval, written.by_name.get(TRANSPOSE))
             if interval is not None:
-                written = replace(written, given={**written.given, TRANSPOSE: interval})
-            return note, overlay.at(values, note, member_interval), written
+                written = replace(written, by_name={**written.by_name, TRANSPOSE: interval})
+            return note, overlay.shifted_note(values, note, member_interval), written
     return None
 
 
@@ -311,7 +315,7 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
     elif values.written("modules"):
         known = ", ".join(values["modules"] or {})
         raise EditError(f"{quote(target)}: name one of its modules: {known}")
-    inner = fields.given.get(kind) if kind else fields
+    inner = fields.by_name.get(kind) if kind else fields
     assert isinstance(inner, Values)
     return inner, kind
 
@@ -321,7 +325,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     now = _current_values(owner, piece)
     changes: dict[str, str | None] = {}
     others = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
-    if owner.said.written(*others):
+    if owner.followed.written(*others):
         twin = _plain(now) if others == _TUNED else _tuned(now, target)
         changes = dict.fromkeys(others)
         changes |= {field: _text(x, field, owner) for field, x in twin.items() if x}
@@ -332,15 +336,15 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
         factor = q.factor(value)
     except TextError as error:
         raise EditError(error.message) from None
-    node = owner.said.nodes.get(name)
-    if "calib" in owner.said.nodes and not owner.own.written(name):
+    node = owner.followed.nodes.get(name)
+    if "calib" in owner.followed.nodes and not owner.written.written(name):
         node = None  # the measured value is used, not the written one
     if isinstance(node, Scalar) and _is_said(owner, name, node.text):
         scaled = _scaled(node.text, factor)
         if scaled is not None:
             return {**changes, name: scaled}
     amount = now.get(name)
-    if owner.said.written("modes"):
+    if owner.followed.written("modes"):
         raise EditError(
             f"{quote(target)}: the modes are read from a file and cannot be set at once; use "
             "`transpose`, or `set` with `over` and a length"
@@ -360,7 +364,7 @@ def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     for module in part.modules if part is not None else ():
         if module.name == owner.module:
             return module.fields
-    return owner.said.given
+    return owner.followed.by_name
 
 
 def _is_said(owner: _Owner, name: str, text: str) -> bool:
@@ -368,17 +372,17 @@ def _is_said(owner: _Owner, name: str, text: str) -> bool:
     field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(name)
     if field is None or not isinstance(field.shape, Text):
         return True
-    return bool(field.shape.parse(text) == owner.said.given.get(name))
+    return bool(field.shape.parse(text) == owner.followed.by_name.get(name))
 
 
 def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -> Changes:
     """Changes in the values that must be written so that `transpose` turns them into those asked
     for.
     """
-    interval = owner.own.given.get("transpose")
-    if interval is None or (owner.kind and is_mechanics(owner.kind, owner.said)):
+    interval = owner.written.by_name.get("transpose")
+    if interval is None or (owner.kind and is_mechanics(owner.kind, owner.followed)):
         return changes
-    is_root = not owner.own.written("like", "from")
+    is_root = not owner.written.written("like", "from")
     table = KINDS[owner.kind].table
     changes_written = dict(changes)
     for name, text in changes.items():

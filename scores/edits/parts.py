@@ -27,7 +27,7 @@ def play(texts: Texts, piece: Piece, player: str, beat: float, entry: Entry) -> 
 
     `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    entry = entry.at(written(piece, beat))
+    entry = entry.starting(written(piece, beat))
     if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, beat))
     return entries.change(texts, ending(texts, piece, _known(piece, player), beat, [entry]))

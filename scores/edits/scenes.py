@@ -41,7 +41,7 @@ class Scene:
     beats: float
 
     @classmethod
-    def of(cls, texts: Texts, piece: Piece) -> Scene:
+    def from_texts(cls, texts: Texts, piece: Piece) -> Scene:
         """The scene of a score: up to its mark `end`, or to the bar line after its last start."""
         tempo = piece.tempo_map
         marked = next((mark for mark in piece.marks if mark.name == END), None)
@@ -200,7 +200,7 @@ def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
             for name, value in matter.quantities(module):
                 if value != known.fields.get(name):
                     is_ca = getattr(part, "ca_rate", None) is not None
-                    yield f"{path}.{name}", matter.said(value, name, is_ca=is_ca)
+                    yield f"{path}.{name}", matter.written_quantity(value, name, is_ca=is_ca)
 
 
 def _coupled(texts: Texts, piece: Piece, scene: Scene, beat: float, until: str | None) -> Texts:

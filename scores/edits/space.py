@@ -137,7 +137,7 @@ def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
     return 1.0 if before is None else before[1]
 
 
-def kept(texts: Texts, piece: Piece, start: float) -> Texts:
+def fades_from(texts: Texts, piece: Piece, start: float) -> Texts:
     """The fades from the beat `start` on, with positions counted from there."""
     tempo = piece.tempo_map
 
@@ -157,7 +157,7 @@ def kept(texts: Texts, piece: Piece, start: float) -> Texts:
         texts = texts.put(("mix", "master", "fade"), edit.flow(within(piece.mix.master.fade)))
     panned = {_written(piece, route): route for route in piece.mix.routes if route.pan_path}
     for name, route in panned.items():
-        texts = _kept_pan(texts, piece, name, route, start)
+        texts = _pan_from(texts, piece, name, route, start)
     for name in dict.fromkeys(route.part for route in piece.mix.routes if route.fade):
         route = next(own for own in piece.mix.routes if own.part == name and own.fade)
         for path in _routes(texts, _written(piece, route)):
@@ -165,7 +165,7 @@ def kept(texts: Texts, piece: Piece, start: float) -> Texts:
     return texts
 
 
-def _kept_pan(texts: Texts, piece: Piece, name: str, route: Route, start: float) -> Texts:
+def _pan_from(texts: Texts, piece: Piece, name: str, route: Route, start: float) -> Texts:
     """The pan of an instrument from the beat `start` on, with positions counted from there."""
     tempo = piece.tempo_map
     points: list[edit.Tree] = [{"at": "0", "pan": f"{pan_of(route, tempo, start):.12g}"}]

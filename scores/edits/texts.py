@@ -20,7 +20,7 @@ from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import Section, alone, lines, names
 from ergon.notation.text.spans import Splice, apply_splices
 from ergon.notation.text.syntax import MAX_BYTES, decode
-from ergon.notation.text.window import Window, last_items, one_line
+from ergon.notation.text.window import Window, last_items, line_window
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
@@ -192,7 +192,7 @@ class Texts:
         """Edit the value at a path; if possible, only its line and those below it are parsed."""
 
         def window(text: str, section: Section) -> Window | None:
-            return one_line(text, section.name, section.value, path[1:])
+            return line_window(text, section.name, section.value, path[1:])
 
         def change_one(own: Document, _: int) -> str:
             return change(own)

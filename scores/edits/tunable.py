@@ -11,7 +11,7 @@ from ergon.instruments.assemble import Assembly
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import HOLDERS, LINKS
-from ergon.scores.edits.matter import quantities, said, set_list, set_value
+from ergon.scores.edits.matter import quantities, set_list, set_value, written_quantity
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
@@ -82,7 +82,7 @@ class TunablePart:
         """The value as a score writes it, without loss of precision."""
         part = self._definition
         is_ca = isinstance(part, Instrument) and part.ca_rate is not None
-        return said(value.number, value.field, is_ca=is_ca)
+        return written_quantity(value.number, value.field, is_ca=is_ca)
 
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""

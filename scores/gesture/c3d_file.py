@@ -97,21 +97,21 @@ def _layouts(
     data"); some writers state only a part of it in the header.
     """
 
-    def of_file(group: str, name: str) -> float | None:
+    def finite_number(group: str, name: str) -> float | None:
         value = _number(values, group, name, numbers)
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
     n = _frames(numbers.word(head, 6), numbers.word(head, 8), values, numbers)
     header = _Layout(numbers.word(head, 2), numbers.word(head, 4), n, numbers.real(head, 12))
     points, analog, frames = [header.n_points], [header.n_analog], [n]
-    if (used := of_file("POINT", "USED")) is not None:
+    if (used := finite_number("POINT", "USED")) is not None:
         points.append(int(used) & _MANY)
-    if (used := of_file("ANALOG", "USED")) is not None:
-        rates = of_file("ANALOG", "RATE"), of_file("POINT", "RATE")
+    if (used := finite_number("ANALOG", "USED")) is not None:
+        rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
         analog.append(int(used) * numbers.word(head, 18))
         if rates[0] and rates[1]:
             analog.append(int(used) * min(round(rates[0] / rates[1]), _MANY))
-    if total := of_file("POINT", "FRAMES"):
+    if total := finite_number("POINT", "FRAMES"):
         frames.append(int(total))
     scales = [header.scale]
     scale = _number(values, "POINT", "SCALE", numbers)

@@ -69,7 +69,7 @@ class _Group:
 
     def __init__(self, offset: int, events_max: int = MAX_EVENTS) -> None:
         self.offset = offset
-        self.most = events_max
+        self.events_max = events_max
         self.events: list[_Event] = []
         self.beats = 0.0
         self.seconds = 0.0
@@ -102,8 +102,8 @@ class _Group:
 
     def repeat(self, group: "_Group", count: int, offset: int) -> None:
         """Add the events of a closed group `count` times, each from the end of the one before."""
-        if len(self.events) + count * len(group.events) > self.most:
-            raise TextError(_too_many("this group makes", self.most), offset=offset, length=1)
+        if len(self.events) + count * len(group.events) > self.events_max:
+            raise TextError(_too_many("this group makes", self.events_max), offset=offset, length=1)
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group lasts too long", offset=offset, length=1)
         for i in range(count):

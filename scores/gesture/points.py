@@ -7,8 +7,8 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import NUMBER, UNIT, time_of
 from ergon.notation.text.spelling import nearest
 
-Way = Literal["smooth", "line", "hold"]  # a path into a point
-Curve = Literal[Way, "throw"]
+Approach = Literal["smooth", "line", "hold"]  # a path into a point
+Curve = Literal[Approach, "throw"]
 CURVES: tuple[Curve, ...] = get_args(Curve)
 MAX_POSITION = 1e3  # m; a key travels millimetres
 

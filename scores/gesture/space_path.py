@@ -35,7 +35,7 @@ class _PositionInText(NamedTuple):
     """A position in the text: where its brackets begin, where it begins itself, and its length."""
 
     start: int
-    at: int
+    text_start: int
     length: int
 
 
@@ -111,7 +111,7 @@ def _along(
     except TextError as error:
         begin = max((one for one in begins if one <= error.offset), default=-1)
         if begin >= 0 and error.offset <= begin + max(0, begins[begin].length - 1):
-            error.offset += begins[begin].at - begin
+            error.offset += begins[begin].text_start - begin
         raise
     points_placed = []
     for point in read.points:

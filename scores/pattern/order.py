@@ -20,8 +20,8 @@ from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 
-Way = Literal["in turn", "choose", "walk", "shuffle"]
-WAYS: tuple[Way, ...] = get_args(Way)[1:]  # those with a keyword; `in turn` is the default
+Choice = Literal["in turn", "choose", "walk", "shuffle"]
+WAYS: tuple[Choice, ...] = get_args(Choice)[1:]  # those with a keyword; `in turn` is the default
 
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
@@ -48,7 +48,7 @@ class Group:
     of items that begin in one round.
     """
 
-    way: Way
+    way: Choice
     items: tuple[Leaf | Group, ...]
     site: int
     span: int
@@ -78,7 +78,7 @@ class _Open(NamedTuple):
     """A bracket that is not closed yet."""
 
     offset: int
-    way: list[Way]
+    way: list[Choice]
     items: list[tuple[Leaf | _Open, int | None, int]]  # each with its count, and where it begins
 
 
@@ -134,7 +134,7 @@ def plain(name: str) -> Group:
     return Group("in turn", (Leaf(name),), 0, 1, 1, 1)
 
 
-def _choice(word: str) -> Way | None:
+def _choice(word: str) -> Choice | None:
     return next((way for way in WAYS if way == word), None)
 
 

@@ -21,9 +21,9 @@ class Amount:
     value: float
     is_factor: bool = False
 
-    def of(self, own: float) -> float:
+    def applied_to(self, value: float) -> float:
         """The value, given the parameter's own."""
-        return self.value * own if self.is_factor else self.value
+        return self.value * value if self.is_factor else self.value
 
 
 ReadAmount = Callable[[str], Amount]

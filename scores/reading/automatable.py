@@ -52,7 +52,7 @@ def named_module(
         for module in owner.modules:
             if module.name == wanted:
                 return Automatable(part, module, is_ca)
-        if not wanted and (all_of_it := whole(owner)) is not None:
+        if not wanted and (all_of_it := pitched_module(owner)) is not None:
             return Automatable(part, all_of_it, is_ca)
     return None
 
@@ -78,7 +78,7 @@ def named_modules(
     return []
 
 
-def whole(owner: Any) -> Module | None:
+def pitched_module(owner: Any) -> Module | None:
     """An instrument of several modules as one module with its named pitch; None if it has no named
     pitch.
     """

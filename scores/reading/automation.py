@@ -61,7 +61,7 @@ class Automation:
     amounts: Mapping[str, Amount]
     swing: Swing | None
     place: Place
-    at_place: Place
+    begin_place: Place
     struck: str = ""  # strikes that the values are for; set before they fall
     points: tuple[CurvePoint, ...] = field(default=(), metadata={"hash_omits_empty": True})
     over: Length | None = field(default=None, metadata={"hash_omits_empty": True})
@@ -180,10 +180,10 @@ def check(values: Values) -> bool:
     if values.written("over") and is_curve(str(values["to"] or "")):
         values.error("E111", "automation: a curve has times of its own; remove `over`", "over")
         return False
-    return all(name in values.given for name in (*kinds, *needs))
+    return all(name in values.by_name for name in (*kinds, *needs))
 
 
-def made(
+def build_automation(
     values: Values, target: Target, parameter: str, read: ReadAmount, midi: MidiUses
 ) -> Automation | None:
     """The automation of a known parameter, whose amounts `read` reads; None if an error was
@@ -214,7 +214,7 @@ def made(
             order, amounts = parse_with_names(
                 _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
             )
-            pattern = pattern_of(v.given, order)
+            pattern = pattern_of(v.by_name, order)
             if v["every"] is None and pattern.euclid is None:
                 message = (
                     "automation: one value needs `over`, the length of the glide"

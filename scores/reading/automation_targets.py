@@ -48,7 +48,7 @@ class AutomationTargets:
         read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
         first, *others = (Target(n.part, n.module.name, 0, 1, head, name.place) for n in notes)
         with tuning.used(self.part_names.tuning_of(first.part)):
-            automated = automation.made(values, first, parameter, read, self.midi)
+            automated = automation.build_automation(values, first, parameter, read, self.midi)
         return automated and replace(automated, other_notes=tuple(others))
 
     def modules(self, change: Automation, _: Values) -> tuple[Module, ...] | None:

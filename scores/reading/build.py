@@ -46,16 +46,18 @@ def _has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     present = [group for group in groups if values.written(*group)]
     if len(present) > 1:
         a, b = values.written(*present[0])[0], values.written(*present[1])[0]
-        values.error("E111", f"{values.context.of(b)}: {a} is written too; keep one of the two", b)
+        values.error(
+            "E111", f"{values.context.label(b)}: {a} is written too; keep one of the two", b
+        )
     elif not present:
         alternatives = " or ".join(group[0] for group in groups)
-        values.error("E103", f"{values.context.of('')} needs {alternatives}")
+        values.error("E103", f"{values.context.label('')} needs {alternatives}")
     return len(present) == 1
 
 
 def key(values: Values, files: Files) -> Key:
     """A key; `calib:` supplies what is not written here."""
-    measured = calibration.of(values, files)
+    measured = calibration.measured_values(values, files)
     if measured is not None:
         values = calibration.over(values, measured)
     cel = ("M", "K", "Z", "f", "t60")
@@ -63,28 +65,28 @@ def key(values: Values, files: Files) -> Key:
     if values.written("modules"):
         if extra := values.written(*cel):
             message = (
-                f"{values.context.of(extra[0])}: `modules` is written too; keep one of the two"
+                f"{values.context.label(extra[0])}: `modules` is written too; keep one of the two"
             )
             values.error("E111", message, extra[0])
         if not values.written("struck"):
             message = (
-                f"{values.context.of('')} has no `struck`; write the module that ergons strike"
+                f"{values.context.label('')} has no `struck`; write the module that ergons strike"
             )
             values.error("E103", message)
         modules = read_modules(values)
     else:
         if not values.written("M"):
-            values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
+            values.error("E103", f"{values.context.label('')} has no 'M': its mass, such as 400g")
         _has_single(values, ("K", "Z"), ("f", "t60"))
         fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
         if measured is not None and not values["simple"]:
             end = calibration.end_it_lies_on(values, measured)
-            modules = calibration.whole(modules[0], measured, end)
+            modules = calibration.key_modules(modules[0], measured, end)
     travel = values["travel"]
     if travel is not None and not travel[0] <= values["X0"] <= travel[1]:
-        message = f"{values.context.of('X0')}: the key begins outside its travel"
+        message = f"{values.context.label('X0')}: the key begins outside its travel"
         values.error("E202", message, "X0")
     struck = values["struck"] or ""
     known = None if measured is None else calibration.key_constants(measured)
@@ -106,7 +108,7 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
     if not _has_single(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
-    text = values.given.get(name)
+    text = values.by_name.get(name)
     if not isinstance(text, Scalar):
         return None
 
@@ -123,7 +125,7 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
     except TextError as error:
         values.context.text_error(error, text, "")
         return None
-    options = values["do"] or (), playing_options(values.given), values.place, text
+    options = values["do"] or (), playing_options(values.by_name), values.place, text
     parsed = [Gesture(values.context.name, one.points, one.bar_checks, *options) for one in read]
     return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
@@ -138,13 +140,13 @@ _NOT_OF_INPUTS = (*_MIDI_NAMES, "trim", "smooth", "rate", "unit")
 
 def take(values: Values, files: Files) -> TakeFile | None:
     """A take; its file must exist, and its content is read when it is played."""
-    v, who = values, f"{values.context.of('file')}: "
+    v, who = values, f"{values.context.label('file')}: "
     if v.written("input"):
         return _input(v, files, who)
     for name in v.written(*_INPUT_NAMES):
-        v.error("E111", f"{v.context.of(name)}: belongs to a take with `input`", name)
+        v.error("E111", f"{v.context.label(name)}: belongs to a take with `input`", name)
     if v["file"] is None:
-        message = f"{v.context.of('')} has neither a file nor an input; write `file` or `input`"
+        message = f"{v.context.label('')} has neither a file nor an input; write `file` or `input`"
         v.context.error("E103", message, v.place)
         return None
     file, folder = v["file"], v.nodes["file"].document.folder
@@ -162,9 +164,9 @@ def take(values: Values, files: Files) -> TakeFile | None:
     is_midi = path.suffix.lower() in note_files.SUFFIXES
     for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
         which = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
-        v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
+        v.error("E111", f"{v.context.label(name)}: {which} has no {name}; remove it", name)
     if note_files.is_musicxml(path) and v.written("bend"):
-        message = f"{v.context.of('bend')}: a MusicXML file has no pitch wheel; remove it"
+        message = f"{v.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
         v.error("E111", message, "bend")
     return TakeFile(
         name=v.context.name,
@@ -182,22 +184,25 @@ def take(values: Values, files: Files) -> TakeFile | None:
 def _input(v: Values, files: Files, who: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
     for name in v.written(*_NOT_OF_INPUTS):
-        v.error("E111", f"{v.context.of(name)}: an input has no {name}; remove it", name)
+        v.error("E111", f"{v.context.label(name)}: an input has no {name}; remove it", name)
     is_osc = v["input"] == OSC
     if v["gain"] is None or v["input"] is None:
         if not v.written("gain"):
-            message = f"{v.context.of('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
+            message = (
+                f"{v.context.label('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
+            )
             v.context.error("E103", message, v.place)
         return None
     gain, is_force = v["gain"]
     clamp, is_clamp_force = v["clamp"] or (abs(gain), is_force)
     if is_clamp_force != is_force:
         unit = "a force" if is_force else "a length"
-        v.error("E111", f"{v.context.of('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
+        v.error("E111", f"{v.context.label('clamp')}: `gain` is {unit}, so `clamp` is one", "clamp")
     elif clamp < 0.0:
         v.error(
             "E202",
-            f"{v.context.of('clamp')}: this limit acts in both directions; write it without a sign",
+            f"{v.context.label('clamp')}: this limit acts in both directions; write it "
+            "without a sign",
             "clamp",
         )
     path = None
@@ -209,15 +214,15 @@ def _input(v: Values, files: Files, who: str) -> TakeFile | None:
         else:
             path = files.locate(v["file"], folder, v.place_of("file"), who, is_text=False) or path
     elif v["channel"] is not None:
-        message = f"{v.context.of('channel')}: is of a file, and the input has none; remove it"
+        message = f"{v.context.label('channel')}: is of a file, and the input has none; remove it"
         v.error("E111", message, "channel")
     highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
     glide = _GLIDE if v["glide"] is None else v["glide"]
     for name in v.written("highpass" if is_osc else "glide"):
         which = "an input by OSC" if is_osc else "an input of the sound card"
-        v.error("E111", f"{v.context.of(name)}: {which} has no {name}; remove it", name)
+        v.error("E111", f"{v.context.label(name)}: {which} has no {name}; remove it", name)
     if glide > _GLIDE_MAX:
-        message = f"{v.context.of('glide')}: the longest glide is {_GLIDE_MAX:g} s"
+        message = f"{v.context.label('glide')}: the longest glide is {_GLIDE_MAX:g} s"
         v.error("E202", message, "glide")
     return TakeFile(
         name=v.context.name,
@@ -247,34 +252,36 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     if v.written("rate") and (extra := v.written("every", "times")):
         v.error(
             "E111",
-            f"{v.context.of(extra[0])}: `rate` is written too; keep one of the two",
+            f"{v.context.label(extra[0])}: `rate` is written too; keep one of the two",
             extra[0],
         )
     if v.written("for") and v.written("until"):
         v.error(
-            "E111", f"{v.context.of('until')}: `for` is written too; keep one of the two", "until"
+            "E111",
+            f"{v.context.label('until')}: `for` is written too; keep one of the two",
+            "until",
         )
     if v.written("rate") and not v.written("for", "until"):
         v.error(
             "E103",
-            f"{v.context.of('rate')}: the strikes have no end; write `for` or `until`",
+            f"{v.context.label('rate')}: the strikes have no end; write `for` or `until`",
             "rate",
         )
     if v.written("rate") and (extra := v.written(*PATTERN_FIELDS, "notes")):
         v.error(
             "E111",
-            f"{v.context.of(extra[0])}: strikes by chance have no steps; write `every` instead of "
-            "`rate`",
+            f"{v.context.label(extra[0])}: strikes by chance have no steps; write `every` instead "
+            "of `rate`",
             extra[0],
         )
     if (extra := v.written("notes", "chance", "swing", "skip")) and not v.written(
         "rate", "every", "euclid"
     ):
-        message = f"{v.context.of(extra[0])}: the length of a step is missing; write `every`"
+        message = f"{v.context.label(extra[0])}: the length of a step is missing; write `every`"
         v.error("E103", message, extra[0])
     if not v.written("rate", "every", "euclid") and (many := v.written("times", "for", "until")):
         message = (
-            f"{v.context.of(many[0])}: the time between strikes is missing; "
+            f"{v.context.label(many[0])}: the time between strikes is missing; "
             "write `every`, or `rate` for strikes by chance"
         )
         v.error("E103", message, many[0])
@@ -288,7 +295,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         except TextError as error:
             v.context.text_error(error, node, "notes")
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
-    pattern = pattern_of(v.given, order) if has_pattern else None
+    pattern = pattern_of(v.by_name, order) if has_pattern else None
     return Strikes(
         **_common_fields(v, to), span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
     )
@@ -309,13 +316,15 @@ def _check_force(values: Values) -> None:
     if values.written("lasts"):
         _has_single(values, ("lasts",), ("mass", "speed"))
     if len(force_fields := values.written("mass", "speed")) == 1:
-        values.error("E103", f"{values.context.of('')} needs both mass and speed", force_fields[0])
+        values.error(
+            "E103", f"{values.context.label('')} needs both mass and speed", force_fields[0]
+        )
 
 
 def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a rhythm that is not read yet, on all that its words strike."""
     if values.written("for") and values.written("until"):
-        message = f"{values.context.of('until')}: `for` is written too; keep one of the two"
+        message = f"{values.context.label('until')}: `for` is written too; keep one of the two"
         values.error("E111", message, "until")
     return Strikes(**_common_fields(values, to), span=values["for"])
 
@@ -365,7 +374,7 @@ def player(values: Values) -> Player:
     v = values
     if v["hand"] == "live":
         substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
-        who = v.context.of("")
+        who = v.context.label("")
         message = f"{who}: {substitute} plays in place of a real hand; `ergon duet` connects one"
         v.error("N401", message, "hand")
     context = v.context
@@ -375,7 +384,7 @@ def player(values: Values) -> Player:
 def coupling(values: Values, number: int) -> Coupling | None:
     """A coupling of two keys, whose names are not looked up yet."""
     v = values
-    link = v.given.get(v.kind)
+    link = v.by_name.get(v.kind)
     if not isinstance(link, Values) or len(v["couple"]) != 2:
         return None
     a, b = v["couple"]
@@ -483,7 +492,7 @@ def mix(values: Values | None, files: Files) -> Mix:
             m["loudness"],
         )
         if m["loudness"] is not None and m["normalise"] is not None:
-            message = f"{m.context.of('loudness')}: the level of the sum is said twice; "
+            message = f"{m.context.label('loudness')}: the level of the sum is said twice; "
             m.error("E111", message + "remove `normalise` or `loudness`", "loudness")
     return Mix(channels, room, routes, master_of_mix, values.place, rooms)
 
@@ -522,9 +531,9 @@ def accuracy(values: Values | None) -> Accuracy:
     if values.written("method") or values.written("error") or values.written("cents"):
         _has_single(values, ("method",), ("error",), ("cents",))
     if values.written("upto") and not values.written("cents"):
-        values.error("E103", f"{values.context.of('upto')} needs `cents`", "upto")
+        values.error("E103", f"{values.context.label('upto')} needs `cents`", "upto")
     if values["guard"] == "off" and values["method"] != "ca":
-        message = f"{values.context.of('guard')}: only `method: ca` steps without a guard"
+        message = f"{values.context.label('guard')}: only `method: ca` steps without a guard"
         values.error("E111", message, "guard")
     asked = Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
     return replace(asked, is_unguarded=values["guard"] == "off")
@@ -536,7 +545,7 @@ def render(values: Values | None, files: Files) -> RenderSpec:
         return RenderSpec(None, 24, "auto", None, None)
     if values["file"] is not None:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
-        who = f"{values.context.of('file')}: "
+        who = f"{values.context.label('file')}: "
         files.target(values["file"], folder, place, who)
         if (wrong := wrong_ending(values["file"])) is not None:
             values.error("E201", f"{who}{wrong}", "file", suggestion=with_ending(values["file"]))

@@ -20,7 +20,7 @@ _DECAY = 3.0 * log(10.0)  # σ·T60
 _END_STIFFNESS, _END_YIELDS = 20e3, 20e-6
 
 
-def of(values: Values, files: Files) -> Values | None:
+def measured_values(values: Values, files: Files) -> Values | None:
     """The measured values of the key; None without `calib`, or if an error was reported."""
     if values["calib"] is None:
         return None
@@ -41,9 +41,9 @@ def over(values: Values, measured: Values) -> Values:
     carries the measured weight where both balance, or the key lies on the end of its travel.
     """
     if measured.written("weight") and measured.written("rest"):
-        message = f"{measured.context.of('weight')}: `rest` is written too, where spring and "
+        message = f"{measured.context.label('weight')}: `rest` is written too, where spring and "
         measured.error("E111", f"{message}weight balance; keep one of the two", "weight")
-    fields, nodes = dict(values.given), dict(values.nodes)
+    fields, nodes = dict(values.by_name), dict(values.nodes)
     has_place = values.context.place is not None
     names = {name: name for name in ("M", "K", "Z", "travel")}
     if not values["simple"]:
@@ -51,14 +51,16 @@ def over(values: Values, measured: Values) -> Values:
     for name, source in names.items():
         node = values.nodes.get(name)
         is_own = node is not None and has_place and _inside(node.place, values)
-        if source in measured.given and not is_own:
-            fields[name], nodes[name] = measured.given[source], measured.nodes[source]
+        if source in measured.by_name and not is_own:
+            fields[name], nodes[name] = measured.by_name[source], measured.nodes[source]
     complete = Values(values.record, values.node, values.context, fields, nodes, values.free)
     if _has_weight(complete, measured):
         end, stiffness = end_it_lies_on(complete, measured), complete["K"]
         balance = -measured["weight"] / stiffness if end is None and stiffness else end
         if balance is None:
-            message = f"{values.context.of('')}: no spring carries the weight of the measured key; "
+            message = (
+                f"{values.context.label('')}: no spring carries the weight of the measured key; "
+            )
             values.error("E103", f"{message}write `travel`, on whose end it lies")
         for name in ("X0",) if end is not None else ("rest", "X0"):
             if name not in fields and balance is not None:
@@ -82,7 +84,7 @@ def _has_weight(values: Values, measured: Values) -> bool:
     return bool(measured["weight"]) and not values["simple"] and not values.written("rest")
 
 
-def whole(cel: Module, measured: Values, end: float | None = None) -> tuple[Module, ...]:
+def key_modules(cel: Module, measured: Values, end: float | None = None) -> tuple[Module, ...]:
     """The modules of a key: its CEL, the modes that swing on it, its dry friction, and its weight
     if it lies on the `end` of its travel [m].
     """
@@ -92,7 +94,7 @@ def whole(cel: Module, measured: Values, end: float | None = None) -> tuple[Modu
         mass -= sum(mode["M"] for mode in modes)
         if mass <= 0.0:
             message = (
-                f"{measured.context.of('modes')}: the modes are as heavy as the key, of whose "
+                f"{measured.context.label('modes')}: the modes are as heavy as the key, of whose "
             )
             message += "mass they are a part"
             measured.error("E202", message, "modes")
@@ -132,7 +134,7 @@ def _dry(measured: Values) -> tuple[Module, ...]:
     if not level:
         return ()
     if stiffness and static is not None and static < level:
-        message = f"{measured.context.of('static')}: static is below dry; with presliding the "
+        message = f"{measured.context.label('static')}: static is below dry; with presliding the "
         message += "friction falls from static to dry"
         measured.error("E111", message, "static")
         return ()

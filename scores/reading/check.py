@@ -63,7 +63,7 @@ class Checker:
         times = Times(score, self.collector, memory, self.uses.midi)
         self._has_quarters = times.map.bars.has_quarters
         self.gestures_and_takes.has_quarters = self._has_quarters
-        self.gestures_and_takes.own(score.place)
+        self.gestures_and_takes.add_defined(score.place)
         self.matter.read()
         strikes = KnownEntries(memory, "strikes", file).read(
             score["strikes"] or (),
@@ -237,14 +237,14 @@ class Checker:
 
     def _player(self, values: Values) -> Player:
         player = build.player(values)
-        who = values.context.of("key")
+        who = values.context.label("key")
         keys = self.names.tables["keys"]
         if player.key not in keys:
             message = f"{who}: no key is called {quote(player.key)}"
             values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
-            self.gestures_and_takes.reach(player.standin, values.context.of("standin"))
+            self.gestures_and_takes.reach(player.standin, values.context.label("standin"))
         return player
 
     def _plays(self, known: KnownPlays) -> tuple[Play, ...]:
@@ -324,14 +324,14 @@ class Checker:
             for target in targets if passing.passing and passing.passing.is_by_pitch else ():
                 self._is_of_cells(target, who)
             return self._with_reaches(passing, values)
-        n_reports = self.collector.told
+        n_reports = self.collector.n_reports
         strikes_built = self._with_reaches(build.strikes(values, targets), values)
         if strikes_built is None:
             return None
         if strikes_built.notes and names and all(self.part_names.family(name) for name in names):
             voices = NoteTargets(self.part_names, names)
             strikes_built = melodies.strikes_of_pattern(strikes_built, values, voices, who)
-        if values.written("do") and self.collector.told == n_reports:
+        if values.written("do") and self.collector.n_reports == n_reports:
             do = phrase_do.rhythm_do(values)
             if do is None:
                 return None
@@ -375,11 +375,15 @@ class Checker:
                 return None
             reaches[target.part] = reach
         if strikes.rate is not None and any(map(self.part_names.is_drawn, strikes.to)):
-            message = f"{values.context.of('rate')}: a bow is drawn for as long as a note; write "
+            message = (
+                f"{values.context.label('rate')}: a bow is drawn for as long as a note; write "
+            )
             values.error("E111", message + "`every`, with `chance` if need be", "rate")
             return None
         if strikes.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
-            message = f"{values.context.of('rate')}: strikes by chance have one impulse; write an "
+            message = (
+                f"{values.context.label('rate')}: strikes by chance have one impulse; write an "
+            )
             values.error("E111", message + "entry for each instrument and each strength", "rate")
             return None
         return replace(strikes, reaches=reaches)
@@ -391,11 +395,15 @@ class Checker:
         along = values["along"]
         length = math.hypot(*along)
         if length == 0.0:
-            message = f"{values.context.of('along')}: it has no direction; write one number above 0"
+            message = (
+                f"{values.context.label('along')}: it has no direction; write one number above 0"
+            )
             values.error("E105", message, "along")
             return None
         if extra := values.written("mass", "speed", "notes"):
-            message = f"{values.context.of(extra[0])}: strikes along a direction have an `impulse`"
+            message = (
+                f"{values.context.label(extra[0])}: strikes along a direction have an `impulse`"
+            )
             values.error("E111", f"{message} alone", extra[0])
             return None
         points = [t for name in names for t in self.part_names.targets(name, "points", who)]
@@ -403,7 +411,7 @@ class Checker:
             axes = self.part_names.parts[target.part].axes
             if axes != len(along):
                 message = (
-                    f"{values.context.of('along')}: {quote(target.text)} has {axes} axes, not "
+                    f"{values.context.label('along')}: {quote(target.text)} has {axes} axes, not "
                 )
                 values.error("E106", f"{message}{len(along)}", "along")
                 return None
@@ -413,7 +421,9 @@ class Checker:
                 return None
         strikes_built = build.strikes(values, tuple(points))
         if strikes_built.levels is not None and strikes_built.levels.has_strengths:
-            message = f"{values.context.of('along')}: strikes along a direction have an impulse, "
+            message = (
+                f"{values.context.label('along')}: strikes along a direction have an impulse, "
+            )
             values.error("E103", message + "such as impulse: 2mNs", "along")
             return None
         coordinates = tuple(
@@ -500,7 +510,7 @@ class Checker:
         laws = self.matter.laws((coupling_built.link,), self.names)
         who = f"{coupling_built.link.kind} of a coupling"
         link = rules.with_checked_law(
-            coupling_built.link, laws, values.given[values.kind], who, self.collector
+            coupling_built.link, laws, values.by_name[values.kind], who, self.collector
         )
         if "gap" in link.fields:
             gap = spread.gaps(link, 1, who, self.collector)

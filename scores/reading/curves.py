@@ -9,7 +9,7 @@ from typing import cast
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Time
 from ergon.scores.gesture import notation
-from ergon.scores.gesture.points import Way
+from ergon.scores.gesture.points import Approach
 from ergon.scores.pattern.values import Amount, ReadAmount
 
 MAX_POINTS = 1_000  # with repetitions
@@ -22,7 +22,7 @@ class CurvePoint:
 
     at: Time
     amount: Amount
-    way: Way
+    way: Approach
 
 
 def is_curve(text: str) -> bool:
@@ -68,5 +68,7 @@ def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
     for point in points:
         if point.curve == "throw":
             raise TextError("`throw` is for gestures only; write smooth or line", length=len(text))
-        points_read.append(CurvePoint(point.at, amounts[round(point.x)], cast("Way", point.curve)))
+        points_read.append(
+            CurvePoint(point.at, amounts[round(point.x)], cast("Approach", point.curve))
+        )
     return tuple(points_read)

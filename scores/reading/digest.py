@@ -17,9 +17,10 @@ from ergon.notation.tables.strengths import Level, Levels
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.values import Place, Point
 from ergon.scores.gesture.transforms import Transform
+from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.outputs import RenderSpec
 from ergon.scores.reading.piece import Hit, Piece, Strikes
-from ergon.scores.reading.playing import Gesture, Key, PlayingOptions, TakeFile
+from ergon.scores.reading.playing import Gesture, Key, Play, PlayingOptions, TakeFile
 from ergon.scores.reading.rhythms import Rhythm
 
 
@@ -97,6 +98,8 @@ _HASHED_AS: Mapping[type, str] = {PlayingOptions: "Manner"}
 _HASHED_FIELDS: Mapping[tuple[type, str], str] = {
     (Strikes, "levels"): "impulse",
     (Hit, "level"): "impulse",
+    (Automation, "begin_place"): "at_place",
+    (Play, "begin_place"): "at_place",
 }
 
 

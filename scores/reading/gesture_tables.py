@@ -68,7 +68,7 @@ class GestureShape(Shape):
         values = Values(GESTURE, node, context)
         # A literal block ('|') without '@' is a table of points.
         field = "points" if node.style == "|" and "@" not in node.text else "notation"
-        values.given[field] = values.nodes[field] = node
+        values.by_name[field] = values.nodes[field] = node
         return values
 
     def schema(self) -> dict[str, Any]:

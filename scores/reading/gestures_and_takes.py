@@ -32,7 +32,7 @@ class GesturesAndTakes:
         """The gestures without mistakes."""
         return {name: made for name, made in self._gestures_by_name.items() if made is not None}
 
-    def own(self, place: Place) -> None:
+    def add_defined(self, place: Place) -> None:
         """Make the gestures and takes that the score itself defines; `place` is that of the
         score.
         """

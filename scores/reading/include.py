@@ -88,13 +88,13 @@ def transposed(values: Any, include: Include) -> Any:
     interval: Interval | None = include.values["transpose"]
     if interval is None or not isinstance(values, Values):
         return values
-    member_interval = values["transpose"] if "transpose" in values.given else None
+    member_interval = values["transpose"] if "transpose" in values.by_name else None
     fields = {
-        **values.given,
+        **values.by_name,
         "transpose": member_interval.then(interval) if member_interval else interval,
     }
     nodes = {**values.nodes, "transpose": include.values.nodes["transpose"]}
-    return replace(values, given=fields, nodes=nodes)
+    return replace(values, by_name=fields, nodes=nodes)
 
 
 def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:

@@ -89,10 +89,10 @@ class KnownEntries:
         uses.subtract(chain.from_iterable(meaning.modules or () for meaning in gone if meaning))
         unknown = [number for number, meaning in enumerate(known) if meaning is None]
         for number in unknown:
-            n_reports = names.collector.told
+            n_reports = names.collector.n_reports
             if (entry := read(entries[number])) is None:
                 continue
-            is_whole = names.collector.told == n_reports
+            is_whole = names.collector.n_reports == n_reports
             modules = modules_of(entry, entries[number]) if is_whole else None
             known[number] = _Known(entry, modules)
             uses.update(modules or ())

@@ -85,11 +85,11 @@ def resolve_names(
         entry = known.get(name)
         if entry is None:
             part_names.reached, part_names.searched = set(), set()
-            n_reports = part_names.collector.told
+            n_reports = part_names.collector.n_reports
             resolved = rules.resolved(module)
             seen = frozenset(part_names.reached), frozenset(part_names.searched - {part.name})
             entry = _Module(module, resolved, *seen)
-            is_known &= part_names.collector.told == n_reports
+            is_known &= part_names.collector.n_reports == n_reports
         result[name] = entry
     all_reached = frozenset[str]().union(*(entry.reached for entry in result.values()))
     part_names.reached, part_names.searched = reached | all_reached, searched

@@ -103,13 +103,13 @@ class PartsReader:
         axes, acts = 1, {}
         if isinstance(part_object, Instrument):
             axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
-        if values.written("out") and "out" not in values.given:
+        if values.written("out") and "out" not in values.by_name:
             self._part_names.broken.add(name)
         self._part_names.parts[name] = Part(
             name, modules, struck, entry.prefix, broken, selves, axes, acts
         )
         if acts:
-            who = values.context.of("ready")
+            who = values.context.label("ready")
             self._part_names.bring_ready(self._part_names.parts[name], values["ready"] or (), who)
         self._written[name] = entry, values
         self.by_name[name] = part_object
@@ -122,19 +122,19 @@ class PartsReader:
             return files.plain(file, files.documents[place.file].folder, place, decoder)
 
         def filled(owner: Values) -> Values:
-            body = owner.given.get(owner.kind)
+            body = owner.by_name.get(owner.kind)
             if not isinstance(body, Values):
                 return owner
             if owner.kind in ("BANK", "MODES") and body.written("modes"):
                 body_read = modal.from_file(body, read, moved, self._collector)
             elif owner.kind == "MESH" and body.written("file"):
                 body_read = mesh_file.from_file(body, read, self._collector)
-            elif owner.kind == "BUT" and isinstance(wall := body.given.get("mesh"), Values):
+            elif owner.kind == "BUT" and isinstance(wall := body.by_name.get("mesh"), Values):
                 wall = mesh_file.from_file(wall, read, self._collector)
-                body_read = replace(body, given={**body.given, "mesh": wall})
+                body_read = replace(body, by_name={**body.by_name, "mesh": wall})
             else:
                 return owner
-            return replace(owner, given={**owner.given, owner.kind: body_read})
+            return replace(owner, by_name={**owner.by_name, owner.kind: body_read})
 
         filled_values = filled(values)
         modules = values["modules"] or {}
@@ -143,7 +143,7 @@ class PartsReader:
         }
         if any(filled_modules[n] is not one for n, one in modules.items()):
             filled_values = replace(
-                filled_values, given={**filled_values.given, "modules": filled_modules}
+                filled_values, by_name={**filled_values.by_name, "modules": filled_modules}
             )
         return filled_values
 
@@ -159,14 +159,14 @@ class PartsReader:
                 reason = "a BANK has pitches of its own"
             # A field that was refused, which is reported already, may have said it.
             if not (self._collector.has_errors() and _is_refused(values)):
-                values.error("E103", f"{values.context.of('notes')}: {reason}", "notes")
+                values.error("E103", f"{values.context.label('notes')}: {reason}", "notes")
             self._part_names.broken.add(name)
             return
         parts = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
         family = self._part_names.families[name] = Family(parts, tuning.written())
         for word, member in (values["members"] or {}).items():
             if family.note(word) is None:
-                message = f"{values.context.of('members')}: it has no note {quote(word)}"
+                message = f"{values.context.label('members')}: it has no note {quote(word)}"
                 self._collector.error("E301", message, member.place, word=word, names=notes)
         for note in notes:
             part = f"{name}.{note}"
@@ -175,15 +175,15 @@ class PartsReader:
 
     def _values_at_note(self, part: str, values: Values, note: str, member: object) -> Values:
         """The values of an instrument, whose `member` may move all its notes, at one of them."""
-        interval = member.given.get("transpose") if isinstance(member, Values) else None
+        interval = member.by_name.get("transpose") if isinstance(member, Values) else None
         memory, name = self._uses.files.memory, f"note {part}"
         known = None if memory is None else memory.held_for(name, values)
         if known is not None and known[0] == interval:
             pitched: Values = known[1]
             return pitched
-        n_reports = self._collector.told
-        pitched = overlay.at(values, note, interval)
-        if memory is not None and self._collector.told == n_reports:
+        n_reports = self._collector.n_reports
+        pitched = overlay.shifted_note(values, note, interval)
+        if memory is not None and self._collector.n_reports == n_reports:
             memory.hold(name, (values,), (interval, pitched))
         return pitched
 
@@ -199,15 +199,15 @@ class PartsReader:
         # The key has the name too, because one node may have several names (a YAML alias).
         key = section, values.node, values.context.name, named
         if values is entry.values:
-            return memory.made(key, partial(make, values))
+            return memory.recall(key, partial(make, values))
         # Values that were merged (`like`, `from`) have the node of one of them.
         place = f"made {section} {name} {values.node.document.file}"
         before = memory.held(place, named)
         if before is not None and before[0] is values:
             return before[1]  # type: ignore[no-any-return]
-        n_reports = self._collector.told
+        n_reports = self._collector.n_reports
         part = make(values)
-        if self._collector.told == n_reports:
+        if self._collector.n_reports == n_reports:
             memory.hold(place, named, (values, part))
         return part
 
@@ -223,9 +223,9 @@ class PartsReader:
         now: dict[Hashable, Any] = {}
 
         def recall(key: Hashable, make: Callable[[], _Item]) -> _Item:
-            n_reports = self._collector.told
+            n_reports = self._collector.n_reports
             value: _Item = before[key] if key in before else make()
-            if self._collector.told == n_reports:
+            if self._collector.n_reports == n_reports:
                 now[key] = value
             return value
 
@@ -256,12 +256,12 @@ class PartsReader:
                     self._gestures_and_takes.take(source, takes[source])
             if isinstance(part_built, Key):
                 self._struck(part_built)
-                every = self._rates.of_key(values)
+                every = self._rates.key_step_frames(values)
                 self.keys[name] = self._same(replace(part_built, modules=modules, every=every))
             else:
                 acts = tuple(self._part_names.resolved_act(part, a) for a in part.acts.values())
                 outputs = rules.outputs(part, part_built.outputs, self._part_names, self._layout)
-                every = self._rates.of_instrument(values)
+                every = self._rates.instrument_step_frames(values)
                 self.instruments[name] = self._same(
                     replace(part_built, modules=modules, outputs=outputs, every=every, acts=acts)
                 )
@@ -357,18 +357,18 @@ class PartsReader:
 def _bodies(values: Values) -> dict[str, Values]:
     """The fields of each module as written, to report places inside laws."""
     bodies = {
-        name: body.given[body.kind]
+        name: body.by_name[body.kind]
         for name, body in (values["modules"] or {}).items()
-        if isinstance(body, Values) and isinstance(body.given.get(body.kind), Values)
+        if isinstance(body, Values) and isinstance(body.by_name.get(body.kind), Values)
     }
-    if values.kind and isinstance(values.given.get(values.kind), Values):
-        bodies[""] = values.given[values.kind]
+    if values.kind and isinstance(values.by_name.get(values.kind), Values):
+        bodies[""] = values.by_name[values.kind]
     return bodies
 
 
 def _is_refused(value: Any) -> bool:
     """Whether a value that was read, or one in it, was refused."""
     if isinstance(value, Values):
-        lacks = len(value.given) < len(value.nodes)
-        return lacks or any(map(_is_refused, value.given.values()))
+        lacks = len(value.by_name) < len(value.nodes)
+        return lacks or any(map(_is_refused, value.by_name.values()))
     return value is MISSING or (isinstance(value, dict) and any(map(_is_refused, value.values())))

@@ -60,7 +60,9 @@ def is_whole(values: Values) -> bool:
     needed = _NEEDED.get(kind, ("to", "at"))
     for name in needed:
         if name not in v.nodes:
-            message = f"{v.context.of('')} has no '{name}': {v.record.by_name[name].shape.words()}"
+            message = (
+                f"{v.context.label('')} has no '{name}': {v.record.by_name[name].shape.words()}"
+            )
             v.error("E103", message)
     fields = _FIELDS_BY_KIND.get(
         kind, tuple(name for name in v.record.by_name if name not in _ONLY)
@@ -70,9 +72,9 @@ def is_whole(values: Values) -> bool:
             why = f"cannot be used together with `{kind}`; remove it"
             if not kind:
                 why = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
-            v.error("E111", f"{v.context.of(name)} {why}", name)
+            v.error("E111", f"{v.context.label(name)} {why}", name)
             return False
-    return all(name in v.given for name in (*needed, *v.written("to", "play", "impulse", "do")))
+    return all(name in v.by_name for name in (*needed, *v.written("to", "play", "impulse", "do")))
 
 
 def hits_of(
@@ -97,7 +99,7 @@ def hits_of(
     voices = NoteTargets(part_names, notes_in(phrase, values))
     played_hits = played(phrase, values, do[0], voices, files, phrases)
     if not (values.written("to", "transpose", "do") or is_midi(phrase)):
-        who = phrase.context.of("")  # a name that is unknown is the phrase's
+        who = phrase.context.label("")  # a name that is unknown is the phrase's
     return (
         None
         if played_hits is None
@@ -163,12 +165,12 @@ def played(
                 for row in rows
             )
     except TextError as error:
-        values.error("E306", f"{values.context.of('transpose')}: {error.message}", "transpose")
+        values.error("E306", f"{values.context.label('transpose')}: {error.message}", "transpose")
         return None
     try:
         rows, length = transformed(rows, length, chain, voices.mirrored)
     except TextError as error:
-        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
         return None
     return rows, voices, length
 
@@ -197,7 +199,7 @@ def is_midi(take: Any) -> bool:
 
 def midi_notes(take: Values, files: Files) -> MidiNotes | None:
     """The notes of a file of notes; None if an error was reported."""
-    who, folder = f"{take.context.of('file')}: ", take.nodes["file"].document.folder
+    who, folder = f"{take.context.label('file')}: ", take.nodes["file"].document.folder
     path = files.locate(take["file"], folder, take.place_of("file"), who, is_text=False)
     if path is None:
         return None
@@ -260,9 +262,9 @@ def between(velocity: int, ends: tuple[float, float], curve: Curve) -> float:
 def _hits(rows: Sequence[Row], voices: NoteTargets, who: str) -> tuple[Hit, ...]:
     hits: list[Hit] = []
     collector = voices.part_names.collector
-    n_reports = collector.told
+    n_reports = collector.n_reports
     for row in rows:
-        if row.act and collector.told > n_reports:  # of the notes that are pressed
+        if row.act and collector.n_reports > n_reports:  # of the notes that are pressed
             break
         level = row.level or MEZZO_FORTE
         hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)

@@ -78,7 +78,7 @@ class WhatShape(Reference):
                     return MISSING
                 struck_names.append(struck)
         if not 1 <= len(struck_names) <= MAX_CHORD:
-            message = f"{context.of(name)}: from 1 to {MAX_CHORD} names are expected"
+            message = f"{context.label(name)}: from 1 to {MAX_CHORD} names are expected"
             context.error("E106", message, node.place)
             return MISSING
         return tuple(struck_names)
@@ -182,7 +182,7 @@ class Entries(Shape):
             is_broken |= read is None
             entries_read += [read] if read is not None else []
         if not entries_read and not is_broken:
-            context.error("E106", f"{context.of(name)}: the table has no row", node.place)
+            context.error("E106", f"{context.label(name)}: the table has no row", node.place)
             return MISSING
         return MISSING if is_broken else _checked(tuple(entries_read), context)
 
@@ -215,7 +215,7 @@ class Entries(Shape):
         shape = self.entry.by_name[field].shape
         assert isinstance(shape, Text)
         try:
-            return shape.of_word(word, node.document)
+            return shape.read_word(word, node.document)
         except TextError as error:
             error.offset += offset
             context.text_error(error, node, field)

@@ -21,7 +21,7 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """
-    who = take.context.of("")
+    who = take.context.label("")
     if take["depth"] is None:
         take.error("E103", f"{who} has no 'depth': how far notes press a key, such as 2mm..8mm")
         return None

@@ -88,7 +88,7 @@ class MidiUses:
         name = values["from"]
         if name is None:
             return None
-        who, folder = f"{values.context.of('from')}: ", values.nodes["from"].document.folder
+        who, folder = f"{values.context.label('from')}: ", values.nodes["from"].document.folder
         path = self._files.locate(name, folder, values.place_of("from"), who, is_text=False)
         if path is None:
             return None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.transpose import Interval, at_note, at_own_pitch, pitch
+from ergon.instruments.transpose import Interval, base_at_pitch, instrument_at_note, pitch
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
 
@@ -35,14 +35,14 @@ def overlay_fields(base: Values, member: Values) -> Values:
     hidden = _hidden(member, member.record.noun) | {"transpose"}
     if member.written("notes"):  # members of the base have no meaning for other notes
         hidden.add("members")
-    body = member.given.get(member.kind)
+    body = member.by_name.get(member.kind)
     if isinstance(body, Values):  # fields inside a generator precede those beside it
         hidden.update(body.written("f", "t60", "M"))
         if body.written("K", "Z"):
             hidden.update(("f", "t60"))
-    fields = {name: value for name, value in base.given.items() if name not in hidden}
+    fields = {name: value for name, value in base.by_name.items() if name not in hidden}
     nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    for name, value in member.given.items():
+    for name, value in member.by_name.items():
         if name == "modules" and isinstance(fields.get(name), dict):
             value = _modules(fields[name], value)
         elif name == "do" and name in fields:
@@ -51,8 +51,8 @@ def overlay_fields(base: Values, member: Values) -> Values:
             value = _fields(name, fields.get(name), value)
         elif name == "members" and isinstance(fields.get(name), dict):
             value = {**fields[name], **value}
-        elif name == "f" and isinstance(value, tuple) and "transpose" in member.given:
-            value = tuple(pitch(one, member.given["transpose"]) for one in value)
+        elif name == "f" and isinstance(value, tuple) and "transpose" in member.by_name:
+            value = tuple(pitch(one, member.by_name["transpose"]) for one in value)
         fields[name] = value
     fields.pop("transpose", None)
     nodes.update(member.nodes)
@@ -77,23 +77,23 @@ def member(values: Values, height: float) -> Values | None:
     return None
 
 
-def at(values: Values, note: str, interval: Interval | None = None) -> Values:
+def shifted_note(values: Values, note: str, interval: Interval | None = None) -> Values:
     """An instrument with notes at one of its notes, with the fields that are written for that note;
     moved by the `interval` of the whole instrument, and by that of the note.
     """
-    base, member_values = at_note(values, note), member(values, notes.pitch(note) or 0.0)
+    base, member_values = instrument_at_note(values, note), member(values, notes.pitch(note) or 0.0)
     if member_values is not None:
-        interval = both(interval, member_values.given.get("transpose"))
+        interval = both(interval, member_values.by_name.get("transpose"))
         member_values = replace(
             member_values,
-            given={n: value for n, value in member_values.given.items() if n != "transpose"},
+            by_name={n: value for n, value in member_values.by_name.items() if n != "transpose"},
         )
         overlaid = overlay_fields(base, member_values)
         base = replace(overlaid, record=base.record, node=base.node, context=base.context)
     if interval is None:
         return base
-    asking = replace(base, given={**base.given, "transpose": interval})
-    return at_own_pitch(base, asking, is_root=True)
+    asking = replace(base, by_name={**base.by_name, "transpose": interval})
+    return base_at_pitch(base, asking, is_root=True)
 
 
 def both(first: Interval | None, second: Interval | None) -> Interval | None:
@@ -118,8 +118,8 @@ def _modules(base: Mapping[str, Any], member_modules: Mapping[str, Any]) -> dict
     for name, body in member_modules.items():
         below = base.get(name)
         if isinstance(body, Values) and isinstance(below, Values) and body.kind == below.kind:
-            fields = _fields(body.kind, below.given.get(body.kind), body.given[body.kind])
-            body = replace(body, given={body.kind: fields})
+            fields = _fields(body.kind, below.by_name.get(body.kind), body.by_name[body.kind])
+            body = replace(body, by_name={body.kind: fields})
         merged[name] = body
     return merged
 
@@ -143,11 +143,11 @@ def _fields(kind: str, base: Any, member_fields: Any) -> Any:
         hidden, free = {*_LAW, *base.free, "interval"}, dict(member_fields.free)
     if kind == "BUT" and member_fields["contact"] == "magic":
         hidden = {"K", "Z", "clamp"}
-    fields = {name: value for name, value in base.given.items() if name not in hidden}
+    fields = {name: value for name, value in base.by_name.items() if name not in hidden}
     nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
     return replace(
         member_fields,
-        given={**fields, **member_fields.given},
+        by_name={**fields, **member_fields.by_name},
         nodes={**nodes, **member_fields.nodes},
         free=free,
     )

@@ -40,7 +40,7 @@ MAX_PATTERN = 10_000  # characters
 
 def _unused_rate(context: Context, place: Place) -> None:
     reason = "a part entry has no rate, so the value is not used; write `rate` on the key"
-    message = f"{context.of('rate')}: {reason}"
+    message = f"{context.label('rate')}: {reason}"
     context.error("N403", message, place)
 
 
@@ -49,7 +49,7 @@ def _play(values: Values) -> Play:
         _unused_rate(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
     played: Played = values["play"] or Played("", None, values.place)
-    return _entry(values.given, values.context, played, values.place_of("at"), until)
+    return _entry(values.by_name, values.context, played, values.place_of("at"), until)
 
 
 def _entry(
@@ -75,7 +75,7 @@ def _entry(
         do=do,
         manner=playing_options(fields),
         place=played.place,
-        at_place=place_of_at,
+        begin_place=place_of_at,
         until_place=until,
         pattern=pattern if only is None else None,
     )
@@ -248,7 +248,7 @@ def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
         context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
         return MISSING
     try:
-        return shape.of_word(word.text, node.document)
+        return shape.read_word(word.text, node.document)
     except TextError as error:
         error.offset += word.offset
         context.text_error(error, node, name)

@@ -43,7 +43,7 @@ def phrase_rows(
             continue
         path = (*above, phrase.context.name, str(name))
         if name in path[:-1] or len(path) > _DEEPEST:
-            message = f"{phrase.context.of('')}: the phrases form a circle: {' -> '.join(path)}"
+            message = f"{phrase.context.label('')}: the phrases form a circle: {' -> '.join(path)}"
             phrase.context.error("E302", message, row.place)
             return None
         entry_levels = None if written.level is None else Levels((written.level,))
@@ -55,7 +55,7 @@ def phrase_rows(
         rows += (_moved(each, row.at, named, voices) for each in inner)
         inner_end = _later(inner_end, row.at, length)
         if len(rows) > MAX_ROWS:
-            message = f"{phrase.context.of('')} has more than {MAX_ROWS:,} strikes"
+            message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
             phrase.context.error("E105", message, row.place)
             return None
     length_here = length_of(rows, phrase["length"])
@@ -65,13 +65,13 @@ def phrase_rows(
         elif inner_end > length_here.beats:
             length_here = Length(beats=inner_end)
     if length_here is None:
-        message = f"{phrase.context.of('')} has no 'length': not all its entries are in beats"
+        message = f"{phrase.context.label('')} has no 'length': not all its entries are in beats"
         phrase.error("E103", message, "entries")
         return None
     try:
         return transformed(rows, length_here, phrase["do"] or (), voices.mirrored)
     except TextError as error:
-        phrase.error("E306", f"{phrase.context.of('do')}: {error.message}", "do")
+        phrase.error("E306", f"{phrase.context.label('do')}: {error.message}", "do")
         return None
 
 

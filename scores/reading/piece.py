@@ -12,7 +12,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels, Reach
-from ergon.notation.tables.tuning import Tuning, of_path
+from ergon.notation.tables.tuning import Tuning, tuning_of_path
 from ergon.notation.text.values import Place
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Pattern, PlaceSequence
@@ -311,7 +311,7 @@ class Piece:
 
     def tuning_of(self, path: str) -> Tuning | None:
         """The tuning of the notes of what a path names: of its instrument, or of the score."""
-        return of_path(path, self.tunings, self.tuning)
+        return tuning_of_path(path, self.tunings, self.tuning)
 
     def note_families(self) -> dict[str, str]:
         """The instrument that each note belongs to, by the name of the note's part."""

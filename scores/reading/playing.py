@@ -194,7 +194,7 @@ class Play:
     do: tuple[Transform, ...]
     manner: PlayingOptions
     place: Place
-    at_place: Place
+    begin_place: Place
     until_place: Place | None
     pattern: Pattern | None = field(default=None, metadata=OMIT_EMPTY)  # None: `what` alone
 

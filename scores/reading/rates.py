@@ -26,11 +26,11 @@ class Rates:
         self.gesture = _every(self.audio, rates, "gesture") if is_said else 1
         self.motion = _motion(self.audio, rates) if rates else None
 
-    def of_key(self, values: Values) -> int:
+    def key_step_frames(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
         return self._module_rate(values) or self.gesture
 
-    def of_instrument(self, values: Values) -> int:
+    def instrument_step_frames(self, values: Values) -> int:
         """Frames between two steps of an instrument's springs; 1: at every frame."""
         return self._module_rate(values) or 1
 
@@ -60,7 +60,7 @@ def _every(audio: float, values: Values, name: str) -> int:
     frames = max(1, round(audio / rate))
     if abs(audio / rate - frames) <= _TOLERANCE * frames:
         return frames
-    subject = "rates: gesture" if name == "gesture" else values.context.of(name)
+    subject = "rates: gesture" if name == "gesture" else values.context.label(name)
     relation = "above" if rate > audio else "not a divisor of"
     message = f"{subject}: {rate:.10g} Hz is {relation} the audio rate, {audio:.10g} Hz"
     values.error("E311", message, name, suggestion=f"{audio / frames:.10g}Hz")

@@ -60,7 +60,7 @@ def transformed_strikes(
     try:
         rhythm = clocked(strikes)
     except TextError as error:
-        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
         return None
     place = values.place_of(next(iter(values.written("play", "notes", "to"))))
     is_bounded = values.written("times", "for", "until")
@@ -93,7 +93,7 @@ def _with_words(
     try:
         leaves = compiled(rhythm.text, do).leaves
     except TextError as error:  # the transformations make it too large
-        values.error("E306", f"{values.context.of('do')}: {error.message}", "do")
+        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
         return None
     levels = values["impulse"] or Levels((MEZZO_FORTE,))
     voices: dict[str, Voice] = {}
@@ -114,7 +114,7 @@ def _voice(
     """What a word of a rhythm strikes; None if an error was reported."""
     word = Name(name_of(leaf), place)
     words = tuple(Name(note, place) for note in notes_of(word)) or (word,)
-    collector, n_reports = names.part_names.collector, names.part_names.collector.told
+    collector, n_reports = names.part_names.collector, names.part_names.collector.n_reports
     try:
         struck = tuple(
             names.moved(note, leaf.semitones) if leaf.semitones else note for note in words
@@ -131,6 +131,6 @@ def _voice(
     for target in targets:
         reach = names.part_names.sure_reach(target, who) if is_strength else None
         by_reach.setdefault(reach, []).append(target)
-    if collector.told > n_reports:
+    if collector.n_reports > n_reports:
         return None
     return tuple((tuple(to), reach) for reach, to in by_reach.items())

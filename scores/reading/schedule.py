@@ -40,9 +40,9 @@ def schedule(
         return result
     left = float(MAX_STRIKES) - sum(count for count in counts.values if count is not None)
     for number in counts.unknown:
-        n_reports = collector.told
+        n_reports = collector.n_reports
         count = _count(piece.strikes[number], piece, left, collector)
-        if collector.told == n_reports:
+        if collector.n_reports == n_reports:
             counts.values[number] = count
         left -= count
     known.keep("counts", counts, piece.seed)
@@ -60,11 +60,11 @@ def _starts(
     room = MAX_OCCURRENCES - sum(own[1] for own in starts.values if own is not None)
     reported: dict[int, Sequence[float] | None] = {}
     for number in starts.unknown:
-        n_reports = collector.told
+        n_reports = collector.n_reports
         beats = _line(piece, piece.parts[number], begins[number], lengths, room, collector)
         n_beats = 0 if beats is None else len(beats)
         room -= n_beats
-        if collector.told == n_reports:
+        if collector.n_reports == n_reports:
             starts.values[number] = beats, n_beats
         else:
             reported[number] = beats
@@ -179,7 +179,7 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         try:
             once = sum(target.count for hit in strikes.hits for target in hit.to)
             if strikes.passing is not None:
-                once = sum(t.count for t in strikes.to) * strikes.passing.most_visits
+                once = sum(t.count for t in strikes.to) * strikes.passing.visits_max
             count = float(once * len(strikes.rounds(tempo)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"

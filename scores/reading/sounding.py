@@ -40,7 +40,7 @@ class SoundingNames:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def of(self, name: str) -> str:
+    def sounding_name(self, name: str) -> str:
         """The name by which a part, or something reached through it (`bell.m`), sounds."""
         if not self.names:
             return name
@@ -60,7 +60,7 @@ class SoundingNames:
         """The own name, among `known`, of the part that sounds by `name`."""
         if not self.names:
             return name
-        return next((own for own in known if self.of(own) == name), name)
+        return next((own for own in known if self.sounding_name(own) == name), name)
 
     def renamed(self, old: str, new: str) -> SoundingNames:
         """The names after a part was renamed."""
@@ -77,9 +77,10 @@ class SoundingNames:
             for name in ("keys", "instruments", "strikes", "players", "duet", "mix", "automation")
         }
         families = {
-            self.of(name): tuple(map(self.of, members)) for name, members in piece.families.items()
+            self.sounding_name(name): tuple(map(self.sounding_name, members))
+            for name, members in piece.families.items()
         }
-        tunings = {self.of(name): tuned for name, tuned in piece.tunings.items()}
+        tunings = {self.sounding_name(name): tuned for name, tuned in piece.tunings.items()}
         parts = {
             section: {part.name: part for part in sections[section].values()}
             for section in ("keys", "instruments")
@@ -105,13 +106,15 @@ class SoundingNames:
 
     def _new(self, value: Any, before: dict[int, tuple[Any, Any]]) -> Any:
         if isinstance(value, Rhythm):
-            value = renamed(value, self.of)
+            value = renamed(value, self.sounding_name)
         named = _NAMED.get(type(value), ())
         changed_fields: dict[str, Any] = {}
         for field in fields(value):
             field_value = getattr(value, field.name)
             new_value = (
-                self.of(field_value) if field.name in named else self._renamed(field_value, before)
+                self.sounding_name(field_value)
+                if field.name in named
+                else self._renamed(field_value, before)
             )
             if new_value is not field_value and new_value != field_value:
                 changed_fields[field.name] = new_value

@@ -22,8 +22,8 @@ from ergon.notation.tables.shapes import (
 from ergon.notation.tables.strengths import LEVELS
 from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar
-from ergon.scores.gesture.transforms import MEANINGS as OF_GESTURES
-from ergon.scores.pattern.cycle_table import MEANINGS as OF_RHYTHMS
+from ergon.scores.gesture.transforms import MEANINGS as GESTURE_MEANINGS
+from ergon.scores.pattern.cycle_table import MEANINGS as RHYTHM_MEANINGS
 from ergon.scores.reading import phrase_do
 from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 from ergon.scores.reading.melody import ENTRY, PHRASE_ENTRY, Entries
@@ -54,7 +54,7 @@ class StrikesDo(Shape):
 
     def vocabulary(self) -> dict[str, str]:
         """Words of rhythms, and those of gestures that are for the entries of a phrase."""
-        return {**OF_GESTURES, **OF_RHYTHMS}
+        return {**GESTURE_MEANINGS, **RHYTHM_MEANINGS}
 
 
 _TARGETS = ListOf(Reference("modules, such as sky.all", ("modules", "instruments")), 1, single=True)
@@ -107,7 +107,7 @@ def _phrase(values: Values) -> Any:
     if values.written("entries", "like") or "entries" in values.misspelt:
         return values
     shape = values.record.by_name["entries"].shape
-    message = f"{values.context.of('')} has no 'entries': {shape.words()}"
+    message = f"{values.context.label('')} has no 'entries': {shape.words()}"
     values.context.error("E103", message, values.place)
     return MISSING
 
@@ -143,7 +143,7 @@ class MelodyShape(Shape):
         entries = self.record.by_name["entries"].shape.read(node, name, context)
         if entries is MISSING:
             return MISSING
-        values.given["entries"], values.nodes["entries"] = entries, node
+        values.by_name["entries"], values.nodes["entries"] = entries, node
         return values
 
     def schema(self) -> dict[str, Any]:

@@ -38,7 +38,9 @@ def in_tuning(
         return tuning.used(tuned)
     if not moving:
         return tuning.used(part_names.tuning)
-    message = f"{values.context.of('')}: {quote(first)} and {quote(other)} have different tunings, "
+    message = (
+        f"{values.context.label('')}: {quote(first)} and {quote(other)} have different tunings, "
+    )
     message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
     values.error("E111", message, next(iter(values.written(*_MOVING, "play"))))
     return None

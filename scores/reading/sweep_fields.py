@@ -58,7 +58,7 @@ class Passing:
         return self.sweep is not None and SWEEPS[self.sweep][0] == "pitch"
 
     @property
-    def most_visits(self) -> int:
+    def visits_max(self) -> int:
         """The largest number of times that one member is passed."""
         return 1 if self.sweep is not None else ceil(_turns(self.path)) + 1
 

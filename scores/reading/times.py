@@ -74,7 +74,9 @@ class Times:
             if values.written("from"):
                 good &= self._is_alone(values, number)
             good &= self._mark_exists(entry.at, values.place_of("at"))
-            good &= all(name in values.given for name in values.nodes)  # a missing one was reported
+            good &= all(
+                name in values.by_name for name in values.nodes
+            )  # a missing one was reported
         if not good or len(positions) != len(self._known):
             return None
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
@@ -97,7 +99,9 @@ class Times:
             values.error("E305", message, "from")
             return False
         for name in (extra := [name for name in values.nodes if name != "from"]):
-            message = f"{values.context.of(name)}: a file says the tempos from the beginning on; "
+            message = (
+                f"{values.context.label(name)}: a file says the tempos from the beginning on; "
+            )
             values.error("E111", f"{message}write this in a line of its own below", name)
         return not extra
 
@@ -186,13 +190,13 @@ class Times:
         ):
             known = self.known.recall(f"checked {name}", entries)
             for number in known.unknown:
-                values, n_reports = entries[number], self.collector.told
+                values, n_reports = entries[number], self.collector.n_reports
                 if isinstance(values, Values):
                     position, until = values["at"], values["until"]
                     start = self._beats(position, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                     stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                     self._order(start, stop, values.place_of("until"))
-                if self.collector.told == n_reports:
+                if self.collector.n_reports == n_reports:
                     known.values[number] = True
             self.known.keep(f"checked {name}", known)
 
@@ -201,12 +205,12 @@ class Times:
         known = self.known.recall("begins", piece.parts)
         begins = known.values
         for number in known.unknown:
-            play, n_reports = piece.parts[number], self.collector.told
-            start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
+            play, n_reports = piece.parts[number], self.collector.n_reports
+            start = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
-            if self.collector.told == n_reports:
+            if self.collector.n_reports == n_reports:
                 begins[number] = start or 0.0
         self.known.keep("begins", known)
         if all(begins[number] is not None for number in known.unknown):

@@ -40,7 +40,7 @@ def _shelf(values: Values) -> Any:
     if values["f"] is None or values["gain"] is None:
         return MISSING
     if values["gain"] <= 0.0:
-        values.error("E202", f"{values.context.of('gain')} must be above x0", "gain")
+        values.error("E202", f"{values.context.label('gain')} must be above x0", "gain")
         return MISSING
     return values["f"], 20.0 * log10(values["gain"])
 
@@ -49,7 +49,7 @@ def _echo(values: Values) -> Any:
     if values["time"] is None:
         return MISSING
     if values["feedback"] >= 1.0:
-        message = f"{values.context.of('feedback')} must be below 0dB, or echoes would not fall"
+        message = f"{values.context.label('feedback')} must be below 0dB, or echoes would not fall"
         values.error("E202", message, "feedback")
         return MISSING
     return Echo(values["time"], values["feedback"])
@@ -99,7 +99,7 @@ def echo(values: Values) -> Echo | None:
         return None
     echo_read = Echo(written) if isinstance(written, float) else written
     if echo_read.time > DELAY_MAX:
-        message = f"{values.context.of('delay')}: {echo_read.time:g} s is above the maximum of "
+        message = f"{values.context.label('delay')}: {echo_read.time:g} s is above the maximum of "
         values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
         return None
     return echo_read

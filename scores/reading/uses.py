@@ -8,7 +8,7 @@ from pathlib import PurePath
 from typing import Any, TypeVar
 
 from ergon.instruments.model import Instrument
-from ergon.instruments.transpose import at_own_pitch
+from ergon.instruments.transpose import base_at_pitch
 from ergon.notation.tables import tuning
 from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Context, Name
@@ -204,13 +204,13 @@ class Uses:
             if any(values is seen for seen in chain):
                 path = " -> ".join(f"{v.context.name} (line {v.place.line})" for v in chain)
                 path += f" -> {values.context.name}"
-                message = f"{chain[0].context.of('like')}: the references form a circle: {path}"
+                message = f"{chain[0].context.label('like')}: the references form a circle: {path}"
                 self.collector.error("E302", message, chain[0].place_of("like"))
                 return None, frozenset()
             chain.append(values)
             if len(chain) > MAX_LIKE:
                 message = (
-                    f"{chain[0].context.of('like')}: the chain has more than {MAX_LIKE} members"
+                    f"{chain[0].context.label('like')}: the chain has more than {MAX_LIKE} members"
                 )
                 self.collector.error("E105", message, chain[0].place_of("like"))
                 return None, frozenset()
@@ -248,16 +248,16 @@ class Uses:
         known: Values | None = None if memory is None else memory.held_for(name, *chain)
         if known is not None:
             return known
-        n_reports = self.collector.told
+        n_reports = self.collector.n_reports
         result = chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
-            result = at_own_pitch(result, result, is_root=True)
+            result = base_at_pitch(result, result, is_root=True)
         for values in reversed(chain[:-1]):
             if is_instrument:
-                result = at_own_pitch(result, values, is_root=False)
+                result = base_at_pitch(result, values, is_root=False)
             result = overlay_fields(result, values)
-        if memory is not None and self.collector.told == n_reports:
+        if memory is not None and self.collector.n_reports == n_reports:
             memory.hold(name, chain, result)
         return result
 
@@ -267,7 +267,7 @@ class Uses:
         if has_from and like is not None:
             values.error(
                 "E111",
-                f"{values.context.of('from')}: `like` is written too; keep one of the two",
+                f"{values.context.label('from')}: `like` is written too; keep one of the two",
                 "from",
             )
             return None
@@ -277,7 +277,7 @@ class Uses:
             return None
         entry = home.tables[section].get(like)
         if entry is None:
-            message = f"{values.context.of('like')}: no {NOUNS[section]} is called {quote(like)}"
+            message = f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(like)}"
             names = [n for n in home.names(section) if n != values.context.name]
             values.error("E301", message, "like", word=like, names=names)
         return entry
@@ -292,13 +292,13 @@ class Uses:
             document = self.files.required(file, folder, name.place) if is_there else None
             used = self.read(document, name.place) if document else None
         if not slash or used is None or not used.tables[section]:
-            message = f"{values.context.of('from')}: `use:` names no file {quote(stem)}; "
+            message = f"{values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
             self.collector.error("E301", message, name.place, word=stem, names=tuple(home.used))
             return None
         entry = used.tables[section].get(word)
         if entry is None:
-            message = f"{values.context.of('from')}: {used.document.file} has no {quote(word)}"
+            message = f"{values.context.label('from')}: {used.document.file} has no {quote(word)}"
             names = used.names(section)
             self.collector.error("E301", message, name.place, word=word, names=names)
         return entry

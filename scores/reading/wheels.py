@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ergon.instruments.model import Target
-from ergon.instruments.transpose import of_cents
+from ergon.instruments.transpose import interval_of_cents
 from ergon.notation.clock.positions import Length
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables.fields import Values
@@ -25,7 +25,7 @@ def with_wheels(struck: Strikes, values: Values, take: Values, files: Files) -> 
     if take["bend"] is None:
         return struck
     if values.written("do"):
-        message = f"{values.context.of('do')}: a file with `bend` is played as it is; "
+        message = f"{values.context.label('do')}: a file with `bend` is played as it is; "
         values.error("E111", f"{message}remove `do`, or `bend` of take {take.context.name}", "do")
         return struck
     path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
@@ -51,7 +51,7 @@ def _glides(struck: Strikes, curves: NoteCurves, semitones: float) -> Iterator[N
         places.setdefault(hit.what, {}).update((target.part, target.place) for target in hit.to)
     for key, points in curves.items():
         moved = tuple(
-            (Length(quarters=quarter), of_cents(cents).ratio) for quarter, cents in points
+            (Length(quarters=quarter), interval_of_cents(cents).ratio) for quarter, cents in points
         )
         note = tuning.current().key_word(key)
         if semitones:

@@ -82,7 +82,7 @@ def automation_points(
     moving = {where for where in leds if lines[where].moves_from < here}
     wholes: dict[str, Curve] = {}
     for where in [where for where in left if leds[where].module.kind == "INSTRUMENT"]:
-        order, value_alone = left.pop(where).entries["f"], leds[where].own["f"]
+        order, value_alone = left.pop(where).entries["f"], leds[where].numbers_written["f"]
         wholes[where[0]] = _curve(piece, order, value_alone, extent, collector)
         for module in moved(piece.instruments[where[0]]):
             member = where[0], module.name
@@ -93,7 +93,7 @@ def automation_points(
         led = leds.get(where) or known.led(piece, where)
         assert led is not None
         curves = {
-            name: _curve(piece, order, led.own[name], extent, collector)
+            name: _curve(piece, order, led.numbers_written[name], extent, collector)
             for name, order in track.entries.items()
         }
         chord_curve = wholes.get(where[0])
@@ -143,7 +143,7 @@ def _points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) ->
         if values not in known:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
             if chord_curve is not None:
-                numbers = led.transposed(numbers, values[-1] / chord_curve.own)
+                numbers = led.transposed(numbers, values[-1] / chord_curve.initial)
             known[values] = numbers
         points.append((max(0.0, t), *known[values]))
     within = set().union(*(curve.within for curve in all_curves))
@@ -156,7 +156,7 @@ def _values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]
         (curve,) = curves
         return ((t, (x,)) for t, x in dict(zip(curve.t, curve.x, strict=True)).items())
     instants = sorted({t for curve in curves for t in curve.t})
-    return ((t, tuple(curve.at(t) for curve in curves)) for t in instants)
+    return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
 
 
 def _chords(points: Points, within: Container[float]) -> Points:
@@ -180,15 +180,15 @@ def _chords(points: Points, within: Container[float]) -> Points:
 
 def value_on(piece: Piece, where: Where, parameter: str, beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
-    led = Led.of(piece, where)
+    led = Led.from_piece(piece, where)
     assert led is not None
     lines = [one for one in piece.automation if where in one.modules and one.parameter == parameter]
     instant = piece.tempo_map.seconds(beat)
     extent = Extent(beat, beat, instant)
     tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))
     order = tracks[where].entries[parameter] if lines else []
-    curve = _curve(piece, order, led.own[parameter], extent, Collector())
-    return curve.at(instant)
+    curve = _curve(piece, order, led.numbers_written[parameter], extent, Collector())
+    return curve.evaluate(instant)
 
 
 def complete_until(piece: Piece, until: float) -> float:

@@ -41,7 +41,7 @@ class BuiltNetwork:
                     for i in range(member_count(module.kind, module.fields)):
                         yield [first + i for first in firsts]
 
-    def of(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
+    def for_piece(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
         """This network for another piece, if its modules and how they are heard are the same; else
         None.
 

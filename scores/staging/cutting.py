@@ -152,7 +152,7 @@ def _put_paths(
     mats: list[tuple[int, int]] = []
     links: list[tuple[int, int]] = []
     for where in before:
-        led = Led.of(piece, where)
+        led = Led.from_piece(piece, where)
         if led is None:
             continue
         if led.module.kind in ("CEL", "BANK"):
@@ -162,5 +162,5 @@ def _put_paths(
             links.append((moved.start, len(moved)))
     timeline.release(mats, links)
     for where, points in after.items():
-        if led := Led.of(piece, where):
+        if led := Led.from_piece(piece, where):
             led.put(timeline, assembly, where, points)

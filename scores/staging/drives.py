@@ -27,7 +27,7 @@ def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str,
             how = {"gain": sound_input.gain, "clamp": sound_input.clamp}
             if sound_input.channel is None:
                 number, glide = input_number(name), sound_input.glide or 0.0
-                index = timeline.told_in(number, samples, **how, glide=glide)
+                index = timeline.controlled_input(number, samples, **how, glide=glide)
             else:
                 highpass = sound_input.highpass
                 index = timeline.sound_in(
@@ -72,7 +72,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 constant=constant,
                 take=take,
                 sound=sound,
-                at=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
+                start=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
                 scale=scale * module.fields["scale"],
-                own=module.fields["to"].part == name,
+                is_exclusive=module.fields["to"].part == name,
             )

@@ -9,7 +9,7 @@ from typing import Any
 
 from ergon.instruments.model import Instrument, Module, Target
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.staging.listening import heard
+from ergon.scores.staging.listening import audible_outputs
 
 
 def joined(piece: Piece, part: str) -> set[str]:
@@ -60,7 +60,7 @@ def content(piece: Piece, part: str) -> tuple[Any, ...]:
 
 
 def _outputs_of(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
-    return ((route, output) for route, one, output in heard(piece) if one.name == part)
+    return ((route, output) for route, one, output in audible_outputs(piece) if one.name == part)
 
 
 def _hits(strikes: Strikes, parts: Collection[str]) -> bool:

@@ -182,7 +182,7 @@ class Hands:
         return Hands(
             piece,
             self.timeline,
-            self.takes.of(piece),
+            self.takes.for_piece(piece),
             self.collector,
             window,
             self.sources,

@@ -21,7 +21,7 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
 
     Instruments under `units: ca` have no SI values to check.
     """
-    scene = _Scene.of(piece)
+    scene = _Scene.from_piece(piece)
     warnings: list[Diagnostic] = []
     for instrument in piece.instruments.values():
         if instrument.form != "si":
@@ -79,7 +79,7 @@ class _Scene:
     imposed: set[tuple[str, str, object]] = field(default_factory=set)
 
     @classmethod
-    def of(cls, piece: Piece) -> _Scene:
+    def from_piece(cls, piece: Piece) -> _Scene:
         built_scene = cls(dict(piece.keys))
         for part, module in piece.modules():
             built_scene.modules[part, module.name] = module

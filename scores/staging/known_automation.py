@@ -163,7 +163,7 @@ class KnownAutomation:
             is_same = known[0] is module is not None and isinstance(part, Instrument)
             if is_same or known[1] is part:
                 return known[2]
-        led = Led.of(piece, where)
+        led = Led.from_piece(piece, where)
         if led is None:
             self._leds.pop(where, None)
         else:
@@ -265,7 +265,7 @@ def _wheel_automation(
         amounts={},
         swing=None,
         place=glide.target.place,
-        at_place=glide.target.place,
+        begin_place=glide.target.place,
         struck=line.who,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )

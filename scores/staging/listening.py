@@ -28,7 +28,7 @@ Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class TapRoute:
     """A way from a tap of the network to a channel (from 0); `gain` is a ratio.
 
     `quantity` is what the tap gives at the reference level, in SI units.
@@ -56,7 +56,7 @@ class Listening:
 
     n_channels: int
     outputs: list[str] = field(default_factory=list)
-    ways: list[Way] = field(default_factory=list)
+    ways: list[TapRoute] = field(default_factory=list)
     rooms: tuple[Room, ...] = ()
     fade: Curve = ()  # of all channels
     # Instruments whose taps give silence, because their sound is known from elsewhere (frozen
@@ -169,7 +169,7 @@ def check_mix(piece: Piece, collector: Collector) -> None:
             collector.error("E202", f"route from {route.part}: {error}", route.place)
 
 
-def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
+def audible_outputs(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
     """The outputs that reach loudspeakers, each with its route and its instrument."""
     return [(route, *one) for route in piece.routes() for one in _outputs_of(piece, route)]
 
@@ -179,7 +179,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
     Taps of `silent` instruments exist, but give silence.
     """
-    all_heard = heard(piece)
+    all_heard = audible_outputs(piece)
     master = piece.mix.master
     listening = Listening(
         max(1, piece.mix.channels),
@@ -232,7 +232,7 @@ def _ways(
         gain *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
-    path = Way(
+    path = TapRoute(
         *(route.part, tap, 0, gain, quantity, output.traits.is_energy),
         *(route.highpass, None, delay, fade, route.tones),
     )

@@ -14,7 +14,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.shifted import NEVER, ShiftedTempoMap, StoppedTempoMap
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.text.errors import TextError
-from ergon.scores.gesture.points import Way
+from ergon.scores.gesture.points import Approach
 from ergon.scores.pattern.search import first_from, n_before
 from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.automation import Automation, Shape, Swing
@@ -48,7 +48,7 @@ class Curve:
     the last.
     """
 
-    own: float
+    initial: float
     t: list[float] = field(default_factory=list)
     x: list[float] = field(default_factory=list)
     within: set[float] = field(default_factory=set)  # instants inside glides
@@ -60,14 +60,14 @@ class Curve:
 
     def set(self, instant: float, value: float, stop: float = math.inf) -> None:
         """Set a value from an instant on; it is reached within GLIDE, or by `stop`."""
-        self.to(instant, self.x[-1] if self.x else self.own)
+        self.to(instant, self.x[-1] if self.x else self.initial)
         self.to(min(instant + GLIDE, stop), value)
 
-    def at(self, instant: float) -> float:
+    def evaluate(self, instant: float) -> float:
         """The value at an instant."""
         after = bisect_right(self.t, instant)
         if after in (0, len(self.t)):
-            return self.x[0 if after == 0 else -1] if self.x else self.own
+            return self.x[0 if after == 0 else -1] if self.x else self.initial
         begin, end = self.t[after - 1], self.t[after]
         share = (instant - begin) / (end - begin)
         return self.x[after - 1] + (self.x[after] - self.x[after - 1]) * share
@@ -109,7 +109,9 @@ def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> flo
             curve.set(instant - 2 * early, line.amounts[name].value, instant - early)
         elif name is not None:
             following = tempo.seconds(places.beat(place + 1))
-            curve.set(instant, line.amounts[name].of(curve.own), max(following, instant))
+            curve.set(
+                instant, line.amounts[name].applied_to(curve.initial), max(following, instant)
+            )
     return places.beat(len(places))
 
 
@@ -136,7 +138,7 @@ class GlidePath(NamedTuple):
 
     instants: list[float]
     values: list[float]
-    ways: list[Way]
+    ways: list[Approach]
     last: float
 
     @property
@@ -152,8 +154,8 @@ def glide_path(piece: Piece, entry: Entry, value: float) -> GlidePath:
     """
     tempo, line = piece.tempo_map, entry.automation
     to_path, _ = _SCALES.get(line.parameter, (_same, _same))
-    values = [to_path(point.amount.of(value)) for point in line.points]
-    ways: list[Way] = [point.way for point in line.points]
+    values = [to_path(point.amount.applied_to(value)) for point in line.points]
+    ways: list[Approach] = [point.way for point in line.points]
     if line.over is not None:
         here = tempo.seconds(entry.begin)
         instants = [here, tempo.seconds(tempo.after(entry.begin, line.over))]
@@ -175,13 +177,13 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
     if isinstance(tempo, StoppedTempoMap):
         if here < NEVER:  # the value on the beat at which the piece stands
             goes = ShiftedTempoMap(tempo, 0.0)
-            moving = Curve(curve.own, [goes.seconds(entry.begin)], [curve.at(here)])
+            moving = Curve(curve.initial, [goes.seconds(entry.begin)], [curve.evaluate(here)])
             add_glide(replace(piece, tempo_map=goes), entry, moving)
-            curve.to(here, moving.at(goes.seconds(tempo.at)))
+            curve.to(here, moving.evaluate(goes.seconds(tempo.at)))
         return
     to_path, from_scale = _SCALES.get(line.parameter, (_same, _same))
-    instants, values, ways, last = glide_path(piece, entry, curve.own)
-    before = curve.at(here)
+    instants, values, ways, last = glide_path(piece, entry, curve.initial)
+    before = curve.evaluate(here)
     is_over = last <= begins and last > here + GLIDE  # only its end is heard
     if line.over is not None:
         values.insert(0, to_path(before))
@@ -258,8 +260,8 @@ def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
     swing = entry.automation.swing
     assert swing is not None
-    tempo, curve_value = piece.tempo_map, curve.own
-    low, high = swing.low.of(curve_value), swing.high.of(curve_value)
+    tempo, curve_value = piece.tempo_map, curve.initial
+    low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
     beat_of = swing_beats(tempo, entry, swing)
     first = 0
     if extent.since > entry.begin:

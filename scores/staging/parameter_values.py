@@ -15,7 +15,7 @@ from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Module
 from ergon.instruments.module_kinds import KINDS, member_count
-from ergon.scores.reading.automatable import whole
+from ergon.scores.reading.automatable import pitched_module
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.version_glides import BODIES, TWO_PI, ties
 
@@ -38,11 +38,11 @@ class Led:
         """Take a module."""
         self.module = module
         self.scale = scale
-        self.own = _module_numbers(module)
+        self.numbers_written = _module_numbers(module)
         self.numbers_alone = self.numbers({})
 
     @classmethod
-    def of(cls, piece: Piece, where: Where) -> Led | None:
+    def from_piece(cls, piece: Piece, where: Where) -> Led | None:
         """A module of a piece; None if it does not exist."""
         name, module_name = where
         key = piece.keys.get(name)
@@ -50,7 +50,7 @@ class Led:
         modules = () if part is None else part.modules
         module = next((one for one in modules if one.name == module_name), None)
         if module is None and not module_name:
-            module = whole(part)
+            module = pitched_module(part)
         if module is None:
             return None
         return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
@@ -69,19 +69,19 @@ class Led:
         """The module's numbers, if some parameters have the values `values_by_name`."""
         kind = self.module.kind
         if kind == "CEL":
-            return _tied(self.module, self.own, values_by_name, self.scale)
+            return _tied(self.module, self.numbers_written, values_by_name, self.scale)
         if kind == "INSTRUMENT":
             return ()  # its modules have numbers
         if kind == "BANK":
             f, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
             return f * f, 1.0 / t60
         if kind in BODIES:
-            k, sigma = _square_and_sigma(self.own)
-            new_k, new_sigma = _square_and_sigma({**self.own, **values_by_name})
+            k, sigma = _square_and_sigma(self.numbers_written)
+            new_k, new_sigma = _square_and_sigma({**self.numbers_written, **values_by_name})
             return new_k / k, new_sigma / sigma if sigma else 1.0
         scaled = KINDS[kind].scaled
         return tuple(
-            values_by_name[name] / self.own[name] if name in values_by_name else 1.0
+            values_by_name[name] / self.numbers_written[name] if name in values_by_name else 1.0
             for name in scaled
         )
 

@@ -107,7 +107,7 @@ def prepare(
     known = memory.automation
     try:
         computed = held(piece, real)
-        built = (like and like.built.of(computed, silent)) or build_network(computed, silent)
+        built = (like and like.built.for_piece(computed, silent)) or build_network(computed, silent)
         assembly, couplings = built.assembly, built.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:

@@ -36,7 +36,7 @@ class ProbedLink:
     """
 
     name: str
-    whole: str
+    full_name: str
     module: Module
     a: Point
     b: Point

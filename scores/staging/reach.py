@@ -20,7 +20,7 @@ from ergon.instruments.spread import single_links
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import add_parts
-from ergon.scores.staging.listening import heard, targets_of
+from ergon.scores.staging.listening import audible_outputs, targets_of
 
 
 class Link(NamedTuple):
@@ -70,11 +70,11 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[F
         hands[web.assembly.mats[key.name, key.struck]] = (player, key.name)
     others = {
         mat: part
-        for part in dict.fromkeys(instrument.name for _, instrument, _ in heard(piece))
+        for part in dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece))
         if part not in parts
-        for mat in web.heard(piece, part)
+        for mat in web.audible_points(piece, part)
     }
-    ties_found = (web.tie(part, web.heard(piece, part), hands, others) for part in parts)
+    ties_found = (web.tie(part, web.audible_points(piece, part), hands, others) for part in parts)
     return [tie for tie in ties_found if tie is not None]
 
 
@@ -149,10 +149,10 @@ class _LinkGraph:
             return range(first, first + 1)
         return self.assembly.members(target)
 
-    def heard(self, piece: Piece, part: str) -> set[int]:
+    def audible_points(self, piece: Piece, part: str) -> set[int]:
         """Points whose movement an instrument's outputs give."""
         points: set[int] = set()
-        for _, instrument, output in heard(piece):
+        for _, instrument, output in audible_outputs(piece):
             if instrument.name != part:
                 continue
             for target in targets_of(instrument, output):

@@ -105,7 +105,7 @@ def solo(
         do=do,
         manner=manner or PlayingOptions(),
         place=what.place,
-        at_place=what.place,
+        begin_place=what.place,
         until_place=None,
     )
     alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())

@@ -33,7 +33,7 @@ class Takes:
     files: dict[Hashable, _core.Take] = field(default_factory=dict)
     _read: dict[str, _core.Take | None] = field(default_factory=dict)
 
-    def of(self, piece: Piece) -> Takes:
+    def for_piece(self, piece: Piece) -> Takes:
         """The takes of another piece, sharing the files that were read."""
         return Takes(piece, self.collector, self.before, self.files)
 

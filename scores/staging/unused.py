@@ -9,7 +9,7 @@ from ergon.instruments.model import Target
 from ergon.instruments.module_kinds import HOLDERS, LINKS
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.listening import heard, targets_of
+from ergon.scores.staging.listening import audible_outputs, targets_of
 
 
 class _Groups:
@@ -18,7 +18,7 @@ class _Groups:
     def __init__(self) -> None:
         self._above: dict[str, str] = {}
 
-    def of(self, part: str) -> str:
+    def representative(self, part: str) -> str:
         """The part that represents a group."""
         while part in self._above:
             part = self._above[part]
@@ -26,7 +26,7 @@ class _Groups:
 
     def join(self, a: str, b: str) -> None:
         """Put two parts in one group."""
-        a, b = self.of(a), self.of(b)
+        a, b = self.representative(a), self.representative(b)
         if a != b:
             self._above[a] = b
 
@@ -34,8 +34,8 @@ class _Groups:
 def warn_unused(piece: Piece) -> list[Diagnostic]:
     """Report W321 if an instrument reaches no output that is heard, W322 if nothing moves it.
 
-    W321 is reported only if the piece has some output that is heard, W322 only if it has parts
-    or strikes.
+    W321 is reported only if the piece has some output that is heard, W322 only if it has parts or
+    strikes.
     """
     groups = _Groups()
     links = {}
@@ -57,15 +57,15 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             groups.join(member, members[0])
-    listened = {groups.of(part) for part in _listened(piece, links)}
-    moved = {groups.of(part) for part in _moved(piece)}
+    listened = {groups.representative(part) for part in _listened(piece, links)}
+    moved = {groups.representative(part) for part in _moved(piece)}
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
         if not any(module.kind in HOLDERS for module in instrument.modules):
             continue
         name = quote(called.get(instrument.name, instrument.name))
-        group = groups.of(instrument.name)
+        group = groups.representative(instrument.name)
         if listened and group not in listened:
             message = (
                 f"{name} cannot be heard: no output of it, or of what it is linked to, is routed"
@@ -81,7 +81,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
 
 def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
     """Parts whose movement or force is heard."""
-    for _, instrument, output in heard(piece):
+    for _, instrument, output in audible_outputs(piece):
         for target in targets_of(instrument, output):
             yield from links.get((target.part, target.module), (target.part,))
 

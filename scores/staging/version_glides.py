@@ -41,7 +41,7 @@ class Glide:
     after: _Values
     start: float
     stop: float
-    own: float | None = None
+    value_alone: float | None = None
 
     @property
     def written(self) -> tuple[str, str]:
@@ -51,10 +51,10 @@ class Glide:
     @property
     def factors(self) -> tuple[float, float]:
         """The factors of a link's force at the beginning and the end."""
-        value_alone = self.after[0] if self.own is None else self.own
+        value_alone = self.after[0] if self.value_alone is None else self.value_alone
         return self.before[0] / value_alone, self.after[0] / value_alone
 
-    def at(self, instant: float) -> _Values:
+    def evaluate(self, instant: float) -> _Values:
         """The values at an instant."""
         share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
         pairs = zip(self.before, self.after, strict=True)
@@ -102,14 +102,14 @@ def glides(
         if current is not None and current.after == values:
             glides_by_where[where] = current
         elif old[where] != values:
-            now = old[where] if current is None else current.at(start)
+            now = old[where] if current is None else current.evaluate(start)
             glides_by_where[where] = Glide(*where, now, values, start, start + seconds)
     known = _links(before, after)
     for where, module in _links(after, before).items():
         current = under_way.get(where)
         if where not in known and _joins(module, before):
             values = _module_values(module) or (1.0,)
-            now = (0.0,) if current is None else current.at(start)
+            now = (0.0,) if current is None else current.evaluate(start)
             glide = Glide(*where, now, values, start, start + seconds)
             if (
                 glide.written not in glides_by_where
@@ -144,7 +144,7 @@ def leaving_links(
     gone = {where: link for where, link in _links(before, after).items() if where not in staying}
     for where, module in gone.items():
         values_alone = _module_values(module) or (1.0,)
-        now = under_way[where].at(start) if where in under_way else values_alone
+        now = under_way[where].evaluate(start) if where in under_way else values_alone
         leaving.append(
             LeavingLink(module, Glide(*where, now, (0.0,), start, start + _LEAVES, values_alone[0]))
         )

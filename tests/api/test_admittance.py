@@ -63,7 +63,7 @@ def test_points_levels_phases_and_peaks():
     options = ergon.AdmittanceOptions(low="D3", high="1kHz", count=40, peaks=True)
     result = ergon.admittance("wires.yaml", "wire.s.3", ["wire.s.17", "wire.s.3"], options)
     assert (result.parts, result.forced) == (("wire",), "wire.s.3")
-    assert result.heard == ("wire.s.17", "wire.s.3")
+    assert result.observed == ("wire.s.17", "wire.s.3")
     assert result.values.shape == (2, len(result.frequencies)) == (2, 43)
     assert result.decibels == pytest.approx(20 * np.log10(np.abs(result.values)))
     assert np.all(np.abs(result.phases[1]) <= 90.0 + 1e-9)
@@ -78,7 +78,7 @@ def test_points_levels_phases_and_peaks():
 
 def test_admittance_of_a_point_to_itself_counts_contacts():
     result = ergon.admittance("wires.yaml", "pad.m", options=ergon.AdmittanceOptions(count=5))
-    assert result.heard == ("pad.m",)
+    assert result.observed == ("pad.m",)
     assert (result.n_laws, result.n_contacts) == (1, 1)
     assert result.inputs[0] == Path("wires.yaml")
 

@@ -13,7 +13,7 @@ import ergon
 from ergon.cli import app
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
-from ergon.workshop.bells.bell import of_table
+from ergon.workshop.bells.bell import bell_from_table
 from ergon.workshop.bells.chain import chain
 from ergon.workshop.bells.contact import LENGTH, spectrum
 from ergon.workshop.bells.instrument import FormError, text
@@ -64,7 +64,7 @@ def even(f: np.ndarray) -> np.ndarray:
 
 def written_bell(form: str = "modes") -> ergon.Bell:
     rows = [(f, t60, abs(a)) for f, t60, a in zip(F, T60, LEVELS, strict=True)]
-    bell = of_table(rows)
+    bell = bell_from_table(rows)
     Path("bell.yaml").write_text(text(bell, form=form))
     return bell
 
@@ -75,7 +75,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
     if form == "chain":
         f, level = np.array(F[1:]), np.array([0.8, 0.6, 0.5, 0.3])
         t60 = even(f)
-        bell = of_table(list(zip(f, t60, level, strict=True)))
+        bell = bell_from_table(list(zip(f, t60, level, strict=True)))
         Path("bell.yaml").write_text(text(bell, form=form))
     else:
         written_bell(form)
@@ -86,7 +86,7 @@ def test_a_rendered_bell_gives_back_its_modes(form: str, to: str) -> None:
     assert len(result.f) == len(f)
     assert 1200 * np.abs(np.log2(result.f / f)).max() < (1e-3 if form == "modes" else 0.1)
     assert result.t60 == pytest.approx(t60, rel=1e-3 if form == "modes" else 0.12)
-    listened = np.abs(result.levels[:, 0] * result.heard)
+    listened = np.abs(result.levels[:, 0] * result.listened)
     assert listened == pytest.approx(level / level.max(), rel=0.02)
     assert result.strokes[0].explained > 0.9999
 
@@ -127,7 +127,7 @@ def test_a_hammer_at_a_metre_a_second_is_as_loud_as_the_recording(peak: float) -
     )
     assert run(["render", "s.yaml", "-o", "s.wav", "-q"]) == 0
     again = ergon.bell("s.wav", ergon.BellOptions(modes=len(F)))
-    listened = np.abs(again.levels[:, 0] * again.heard) * again.reference
+    listened = np.abs(again.levels[:, 0] * again.listened) * again.reference
     # The hammer is hard, and yet leaves a little less of high modes than a blow without length.
     wanted = np.abs(LEVELS) * peak / np.sum(np.abs(LEVELS)) * spectrum(np.array(F), LENGTH)
     assert listened == pytest.approx(wanted, rel=0.1)
@@ -162,7 +162,7 @@ def test_chain_refused_for_beats_and_above_15_modes() -> None:
         written_bell("chain")
     many = [(100.0 * 1.1**i, 1.0, 1.0) for i in range(16)]
     with pytest.raises(FormError, match="at most 15"):
-        text(of_table(many), form="chain")
+        text(bell_from_table(many), form="chain")
 
 
 def test_the_end_of_a_chain_has_the_modes_and_levels() -> None:

@@ -5,7 +5,7 @@ import pytest
 from struck import RATE, church, matched
 
 from ergon.workshop.bells import contact
-from ergon.workshop.bells.bell import of_strokes
+from ergon.workshop.bells.bell import bell_from_strokes
 from ergon.workshop.bells.stroke import NotAStrokeError, stroke
 
 T = np.arange(int(3 * RATE)) / RATE
@@ -51,7 +51,7 @@ SOUNDS = {
 def test_sounds_other_than_one_stroke_are_refused(name):
     make, reason = SOUNDS[name]
     with pytest.raises(NotAStrokeError, match=reason):
-        of_strokes([("point", stroke(f"{name}.wav", make(), RATE))])
+        bell_from_strokes([("point", stroke(f"{name}.wav", make(), RATE))])
 
 
 def test_a_stroke_begins_where_it_begins():
@@ -80,7 +80,7 @@ def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
         ("waist", pushed(levels[1], 0.4e-3, 1.0, 3)),
         ("waist", pushed(levels[1], 0.6e-3, 0.5, 4)),
     ]
-    result = of_strokes(strokes)
+    result = bell_from_strokes(strokes)
     struck = church()
     assert result.places == ("rim", "waist")
     pairs = matched(result.f, struck.f, cents=1.0)
@@ -89,7 +89,7 @@ def test_strokes_soft_to_hard_and_at_places_give_levels_and_the_contact():
     true, item = (np.array(column) for column in zip(*pairs, strict=True))
     low = struck.f[true] * 0.7e-3 < 1.0  # higher ones are lost in the soft stroke's notch
     for column in (0, 1):
-        listened = np.abs(result.levels[item, column]) * result.heard[item]
+        listened = np.abs(result.levels[item, column]) * result.listened[item]
         ratio = np.log(listened / levels[column][true])[low]
         assert np.median(np.abs(ratio - np.median(ratio))) < 0.05
     assert result.strokes[1].impulse == pytest.approx(0.3, rel=0.15)

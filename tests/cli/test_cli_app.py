@@ -231,7 +231,7 @@ def test_records_of_progress(
     monkeypatch.setattr("ergon.cli.progress.time.monotonic", lambda: next(clock))
     with Console(json=True).progress("rendering", 400, 100.0) as progress:
         for done in (50, 150, 200, 300):
-            progress.at(done)
+            progress.advance(done)
     out, err = capsys.readouterr()
     records = [json.loads(text) for text in out.splitlines()]
     assert [record["frames"] for record in records] == [150, 300]
@@ -242,7 +242,7 @@ def test_records_of_progress(
 
 def test_no_terminal_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
     with Console().progress("rendering", 4, 1.0) as progress:
-        progress.at(4)
+        progress.advance(4)
     assert capsys.readouterr() == ("", "")
 
 

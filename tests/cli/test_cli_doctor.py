@@ -200,7 +200,7 @@ def test_take_record_keeps_where_a_hand_was(capsys: Capture):
         assert "wrote a.take: remi" in capsys.readouterr().err
         assert app.run(["take", "record", "--live", live, "-o", "a.take"]) == 2
     result = _core.read_recording("a.take")
-    assert result.whole
+    assert result.is_complete
     assert result.frames == 44
     n = len(result.ticks())
     assert 0 <= n - round(0.4 * TICK) < 20
@@ -244,7 +244,7 @@ def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
             process.kill()  # else a failure would wait for its end
     if "record" in asked:
         result = _core.read_recording("c.take")
-        assert result.whole
+        assert result.is_complete
         assert len(result.ticks()) > 100
     assert not (folder / "config").exists()
 

@@ -69,6 +69,6 @@ def test_shares_by_hand():
     single = [WorkPiece(("a",), 4.0), WorkPiece(("b",), 3.0), WorkPiece(("c", "d"), 2.0)]
     result = share_out(single, 10.0, 2)
     assert sorted(result.loads) == [4.0, 5.0]
-    assert (result.home, result.whole, result.longest, result.bound) == (1.0, 10.0, 5.0, 2.5)
+    assert (result.home, result.total, result.longest, result.bound) == (1.0, 10.0, 5.0, 2.5)
     assert result.dearest == single[0]
     assert share_out([], 2.0, 4).longest == 2.0

@@ -239,7 +239,7 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
     result = _core.read_recording("y.take")
     assert (result.rate, result.frames, result.names) == (44100.0, 44, ["x"])
     take = _core.Take(t, x / 1e3)
-    want = [take.at(k * 44 / 44100)[0] for k in range(len(result.ticks()))]
+    want = [take.evaluate(k * 44 / 44100)[0] for k in range(len(result.ticks()))]
     assert result.positions()[:, 0].tolist() == want
     assert len(want) == int(0.2 * 44100 / 44) + 1
 

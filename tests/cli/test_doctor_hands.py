@@ -104,7 +104,7 @@ def finding(url: str, gaps: list[float], wait: float) -> dict[str, object]:
         result = describe_arrivals(Board(url, ((0, "ada"),)), lead)
     finally:
         lead.close()
-    return {"todo": result.todo, "said": result.said, **result.numbers}
+    return {"todo": result.todo, "said": result.sentence, **result.numbers}
 
 
 def test_positions_that_wait_on_their_way():

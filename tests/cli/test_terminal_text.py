@@ -106,7 +106,7 @@ def test_a_bar_shows_a_name_as_it_is(monkeypatch):
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
     with Console().progress("rendering [/red]\x1b]0;b\x07", 100, 100.0) as progress:
-        progress.at(100)
+        progress.advance(100)
     assert "[/red]?]0;b?" in screen.getvalue()
 
 

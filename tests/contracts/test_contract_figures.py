@@ -236,7 +236,7 @@ def test_a_quintic_take_is_quieter_than_a_cubic(file: Path):
         high = np.fft.rfftfreq(len(grid), 1.0 / 2000.0) > 100.0
         return float(10.0 * np.log10(power[high].sum() / power.sum()))
 
-    assert above(np.array([take.at(float(s))[2] for s in grid])) < -69.0
+    assert above(np.array([take.evaluate(float(s))[2] for s in grid])) < -69.0
     assert above(make_interp_spline(t, x, k=3, bc_type="natural")(grid + t[0], 2)) > -38.0
 
 

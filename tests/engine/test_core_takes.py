@@ -40,7 +40,7 @@ def test_a_take_is_the_natural_quintic_spline(file: Path):
     assert take.duration == pytest.approx(t[-1] - t[0], rel=1e-15)
     size = [np.abs(truth(t, k)).max() for k in range(3)]
     for when in np.linspace(t[0], t[-1], 1777):
-        result = take.at(float(when - t[0]))
+        result = take.evaluate(float(when - t[0]))
         for k in range(3):
             assert result[k] == pytest.approx(float(truth(when, k)), abs=1e-9 * size[k])
 
@@ -52,7 +52,7 @@ def test_a_trimmed_take_begins_at_its_first_kept_instant():
     assert take.duration == pytest.approx(1.5, abs=2.0 * (t[1] - t[0]))
     # Away from the cut the spline of the part is the spline of the whole.
     for when in saved[12:-12]:
-        assert take.at(float(when - 1.0))[0] == pytest.approx(float(truth(when)), abs=1e-7)
+        assert take.evaluate(float(when - 1.0))[0] == pytest.approx(float(truth(when)), abs=1e-7)
 
 
 def test_a_smoothed_take_is_a_butterworth_forward_and_back():
@@ -61,7 +61,7 @@ def test_a_smoothed_take_is_a_butterworth_forward_and_back():
     take = _core.Take(t, x, smooth=12.0)
     wanted = sosfiltfilt(butter(4, 12.0, fs=200.0, output="sos"), x)
     inside = slice(100, -100)  # the ends depend on how the filter is started
-    result = np.array([take.at(float(s))[0] for s in t])
+    result = np.array([take.evaluate(float(s))[0] for s in t])
     assert np.abs(result - wanted)[inside].max() < 1e-3 * 5e-4
 
 
@@ -152,7 +152,7 @@ def test_a_take_imposed_on_a_point_is_its_position():
     network.ref("r", mat, bell, K=50.0)
     network.listen("x", positions=[(mat, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
-    timeline.drive(mat, "position", take=_core.Take(t, x), at=0.3, scale=2.0)
+    timeline.drive(mat, "position", take=_core.Take(t, x), start=0.3, scale=2.0)
     done = play(_core.Simulation(network, timeline), round((t[-1] + 0.5) * RATE))[:, 0]
     when = np.clip(grid(len(done)) - 0.3 + t[0], t[0], t[-1])  # first and last value are held
     assert np.abs(done - 2.0 * spline(t, x)(when)).max() < 1e-9

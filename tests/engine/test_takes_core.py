@@ -23,7 +23,7 @@ def read(path: Path) -> tuple[Floats, Floats]:
 
 def compare(take: Take, spline: object, instants: Floats, offset: float = 0.0) -> None:
     """Position, velocity and acceleration agree to 1e-9 of the largest of each."""
-    result = np.array([take.at(float(t - offset)) for t in instants]).T
+    result = np.array([take.evaluate(float(t - offset)) for t in instants]).T
     for order, row in enumerate(result):
         wanted = spline(instants, order)  # type: ignore[operator]
         assert np.abs(row - wanted).max() < 1e-9 * np.abs(wanted).max()
@@ -80,7 +80,7 @@ def test_smooth_of_even_samples_is_scipys() -> None:
     x = 5e-3 * np.sin(17 * t) + 1e-4 * np.random.default_rng(1).standard_normal(len(t))
     smooth = sosfiltfilt(butter(4, 12.0, fs=rate, output="sos"), x)
     take = Take(t, x, smooth=12.0)
-    result = np.array([take.at(float(u))[0] for u in t])
+    result = np.array([take.evaluate(float(u))[0] for u in t])
     assert np.abs(result - smooth).max() < 1e-13
 
 
@@ -89,7 +89,7 @@ def test_uneven_spacing_over_six_decades() -> None:
     t = np.cumsum(10.0 ** rng.uniform(-5, 1, 300))
     x = rng.uniform(-5e-3, 5e-3, 300)
     take = Take(t, x)
-    result = np.array([take.at(float(u)) for u in t]).T
+    result = np.array([take.evaluate(float(u)) for u in t]).T
     # x''' has no jump from piece to piece; both sides from Hermite's quintic, in time / h.
     h, d = np.diff(t), np.diff(x)
     v, a = result[1], result[2]
@@ -103,8 +103,8 @@ def test_uneven_spacing_over_six_decades() -> None:
 
 def test_before_and_after_it_rests() -> None:
     take = Take(np.array([0.0, 0.1, 0.2, 0.3]), np.array([1.0, 2.0, 0.0, 3.0]))
-    assert take.at(-1.0) == (1.0, 0.0, 0.0)
-    assert take.at(9.0) == (3.0, 0.0, 0.0)
+    assert take.evaluate(-1.0) == (1.0, 0.0, 0.0)
+    assert take.evaluate(9.0) == (3.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(

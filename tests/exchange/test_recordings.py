@@ -44,7 +44,12 @@ def test_every_field_is_read_from_its_bytes(tmp_path: Path) -> None:
     assert result.names == ["rémi", "ada"]
     assert result.about == '{"day": "2026-11-20"}'
     assert result.events == [(101, line), (104, "{}")]
-    assert (result.dropped, result.lost_bytes, result.whole, result.finished) == (5, 0, True, True)
+    assert (result.dropped, result.lost_bytes, result.is_complete, result.finished) == (
+        5,
+        0,
+        True,
+        True,
+    )
     assert result.damage is None
     assert result.duration == pytest.approx(5 / 1000)
     assert result.ticks().tolist() == [100, 101, 103, 104]

@@ -185,7 +185,7 @@ def _read_devices(text: str, folder: Path) -> None:
         urls = [*boards.device_urls().values(), "frame:/dev/ttyACM0", "haply:127.0.0.1:1?id=A14"]
         for url in urls[:6]:
             calibration.known_axes(url)
-            calibration.own_axes(url)
+            calibration.calibrated_axes(url)
         calibration.store_axis("frame:/dev/ttyACM0", 0, axis)
         assert calibration.known_axes("frame:/dev/ttyACM0")[0] == axis
     finally:

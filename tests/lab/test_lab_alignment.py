@@ -65,7 +65,7 @@ def closed_form(t: np.ndarray, order: int) -> np.ndarray:
 def test_truth_of_maps_is_closed_form_at_each_rate(output: str):
     """A derivative is late by frames of the rate at which it is heard, at each rate of a map."""
     late, order = OUTPUTS[output]
-    springs = map_catalogue.of_score(piece_of(OSCILLATOR, output), SECONDS, "ca")["springs"]
+    springs = map_catalogue.maps_of_score(piece_of(OSCILLATOR, output), SECONDS, "ca")["springs"]
     for times in springs.ys:
         rate = RATE * times
         n_frames = round(SECONDS * rate)
@@ -85,7 +85,7 @@ def test_truth_of_maps_is_closed_form_at_each_rate(output: str):
 @pytest.mark.parametrize("output", OUTPUTS)
 def test_maps_and_charts_judge_each_output_alike(output: str):
     piece = piece_of(STRING, output)
-    springs = map_catalogue.of_score(piece, 0.5, "ca")["springs"]
+    springs = map_catalogue.maps_of_score(piece, 0.5, "ca")["springs"]
     spot = maps.compute_spot(springs, 1.0, 1.0)
     wanted = [*chart.settings(["ca", "modal"], ["f64"], 4)]
     measured = chart.measure(Score(piece), wanted, 0.5, "waveform", lambda done: None)

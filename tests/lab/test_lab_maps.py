@@ -105,14 +105,14 @@ def test_the_bound_of_a_hard_stroke_is_on_the_safe_side():
 def test_loads_are_eigenvalues():
     """The formulas against the engine's certificate, where that is exact (beyond the border)."""
     for kappa in (0.5, 3.9):
-        network = canonical.coupled(kappa).at(canonical.RATE).network
+        network = canonical.coupled(kappa).build_at(canonical.RATE).network
         load = canonical.coupled_load(kappa, 1.0, "ca")
         result = network.certify(canonical.RATE).lambda_max / 4.0
         assert load <= result * (1.0 + 1e-12)
         assert result <= 2.0 * load  # Gershgorin
     scene = canonical.string(30, 44100.0)
     border = 44100.0 * math.sqrt(canonical.string_load(30, 44100.0, "ca"))
-    network = scene.at(44100.0).network
+    network = scene.build_at(44100.0).network
     network.certify(border * (1.0 + 1e-6))
     with pytest.raises(_core.UnstableError):
         network.certify(border * (1.0 - 1e-6))
@@ -207,7 +207,7 @@ def test_stiffer_means_every_spring():
 
 def test_a_score_fails_where_its_certificate_says():
     """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
-    first = map_catalogue.of_score(piece(), 0.05, "ca")["springs"]
+    first = map_catalogue.maps_of_score(piece(), 0.05, "ca")["springs"]
     spots = {(s.x, s.y): s for s in maps.survey(first, silent)}
     assert spots[16.0, 1.0].stable is True
     assert spots[32.0, 1.0].stable is False

@@ -57,9 +57,9 @@ def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
     for every in (2, 4):
         assert SlowKeyPoint(SlowKeyScene(key, low * 0.998, every)).refused() == ""
     bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
-    built = SlowKeyScene(bare, low * (1.0 - 1e-5), None).at(RATE)
+    built = SlowKeyScene(bare, low * (1.0 - 1e-5), None).build_at(RATE)
     built.network.certify(RATE)
-    built = SlowKeyScene(bare, high * (1.0 + 1e-5), None).at(RATE)
+    built = SlowKeyScene(bare, high * (1.0 + 1e-5), None).build_at(RATE)
     with pytest.raises(_core.UnstableError):
         built.network.certify(RATE)
 

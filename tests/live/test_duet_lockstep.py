@@ -185,7 +185,7 @@ def test_every_wire_in_lockstep_plays_what_the_scheme_renders(
     out = np.zeros((44, again.simulation.n_out))
     for tick, force in enumerate(forces.forces()[:, 0]):
         again.simulation.process(out)
-        assert again.simulation.felt(0) == force, tick
+        assert again.simulation.hand_force(0) == force, tick
 
 
 def test_the_force_of_a_tick_moves_the_key_in_the_next(tmp_path: Path):

@@ -15,7 +15,7 @@ from ergon.cli import app
 from ergon.common.report import Report
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path, device_urls
-from ergon.live.calibration import Axis, axis_key, known_axes, own_axes, store_axis
+from ergon.live.calibration import Axis, axis_key, calibrated_axes, known_axes, store_axis
 from ergon.live.display import event_sentence
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
@@ -288,12 +288,12 @@ def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyP
     store_axis("frame:/dev/ttyACM0?lockstep", 2, AXIS)
     assert '[calibration."usb:16c0:0483:11#2"]' in config.read_text()
     assert known_axes("frame:/dev/ttyACM0") == {2: AXIS}
-    assert own_axes("frame:/dev/ttyACM0") == {2}
+    assert calibrated_axes("frame:/dev/ttyACM0") == {2}
     assert known_axes("frame:/dev/ttyACM1") == {}
     # Plugged in the other way round.
     plugged["/dev/ttyACM0"], plugged["/dev/ttyACM1"] = plugged["/dev/ttyACM1"], "usb:16c0:0483:11"
     assert known_axes("frame:/dev/ttyACM0") == {}
-    assert own_axes("frame:/dev/ttyACM1") == {2}
+    assert calibrated_axes("frame:/dev/ttyACM1") == {2}
 
 
 def test_an_entry_of_a_path_counts_only_until_it_is_tried(
@@ -302,15 +302,15 @@ def test_an_entry_of_a_path_counts_only_until_it_is_tried(
     monkeypatch.setattr(_core, "serial_identity", lambda path: None)
     store_axis("frame:/dev/ttyACM0", 0, AXIS)
     assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
-    assert own_axes("frame:/dev/ttyACM0") == set()
+    assert calibrated_axes("frame:/dev/ttyACM0") == set()
     # The board that is there now has a number: what is found of it is its own.
     monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
     assert known_axes("frame:/dev/ttyACM0") == {0: AXIS}
-    assert own_axes("frame:/dev/ttyACM0") == set()
+    assert calibrated_axes("frame:/dev/ttyACM0") == set()
     other = Axis(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
     store_axis("frame:/dev/ttyACM0", 0, other)
     assert known_axes("frame:/dev/ttyACM0") == {0: other}
-    assert own_axes("frame:/dev/ttyACM0") == {0}
+    assert calibrated_axes("frame:/dev/ttyACM0") == {0}
 
 
 def test_messages_call_a_device_by_its_name_and_leave_options_out() -> None:

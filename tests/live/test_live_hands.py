@@ -53,7 +53,7 @@ def test_a_take_stands_in_by_ticks():
     spline = _core.Take(take.t, take.x)
     t = np.arange(len(hand.standin)) * hand.tick_frames / 44100.0
     inside = t < spline.duration - 1e-3
-    asked = np.array([spline.at(t[0] + when)[0] for when in t[inside]])
+    asked = np.array([spline.evaluate(t[0] + when)[0] for when in t[inside]])
     # The key joins the take from where it rests; from then on it is where the hand was.
     late = t[inside] > 0.1
     assert np.max(np.abs(hand.standin[inside] - asked)[late]) < 1e-8
@@ -78,7 +78,7 @@ def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
     for x in ticks:
         live.simulation.hold(hand.index, x)
         played.append(rendered(live.simulation, hand.tick_frames))
-        forces.append(live.simulation.felt(hand.index))
+        forces.append(live.simulation.hand_force(hand.index))
     assert min(forces) < -0.5
     again = stage(piece(), planned=planned, real={"remi": ticks})
     assert np.array_equal(rendered(again.simulation, 900 * 44), np.concatenate(played))

@@ -74,7 +74,7 @@ def playing(frames: Callable[[], object], **options: str | None) -> _core.SoundI
     until(lambda: performance.status().played > RATE // 10, "sound")
     frames()
     until(lambda: performance.wait(0.1), "the end of the piece")
-    listened, written = performance.heard(), performance.audio_recorded()
+    listened, written = performance.sound_input(), performance.audio_recorded()
     assert written is not None
     assert written.first is not None
     Path("first").write_text(str(written.first))
@@ -207,7 +207,7 @@ def test_jack_excites_a_bell_and_its_recording_gives_the_same_samples(jack: Jack
 def test_auto_hears_the_server_that_it_plays_on(jack: Jack):
     ready = prepare("s.yaml", PlayOptions(audio="auto"), Report())
     performance = begin(ready.stage, ready.config, Report())
-    listened = performance.heard()
+    listened = performance.sound_input()
     performance.stop()
     performance.close(PATIENCE)
     assert "system:capture_1 and on" in listened.sentence

@@ -33,7 +33,7 @@ from ergon.live.datagrams import (
     parse_messages,
 )
 from ergon.live.osc import OscError, OscServer, parse_address
-from ergon.live.osc_in import own_instruments
+from ergon.live.osc_in import exclusive_instruments
 from ergon.live.osc_out import HearingClock, OscSender
 from ergon.live.perform import PlaybackConfig, perform
 from ergon.scores.reading.load import load
@@ -300,7 +300,10 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
 
 
 def test_a_player_has_what_no_other_key_reaches():
-    assert own_instruments(piece(), ["bell", "cup", "pot"]) == {"ada": ["bell", "cup"], "bo": []}
+    assert exclusive_instruments(piece(), ["bell", "cup", "pot"]) == {
+        "ada": ["bell", "cup"],
+        "bo": [],
+    }
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 from measured_keys import PLAIN, RATE, read, wire
 
 from ergon import _core
-from ergon.workshop.metrology.gesture import Gesture, of_rows, sensor_step
+from ergon.workshop.metrology.gesture import Gesture, gesture_from_rows, sensor_step
 from ergon.workshop.metrology.output_error import Fit, fit
 from ergon.workshop.metrology.parameters import INDEX, START
 
@@ -36,7 +36,7 @@ def test_late_replies_are_put_where_the_devices_clock_says():
     position = read(true[start], 5)
     clock = np.round(start / FINE / RATE * 1e6).astype(np.uint32)
     every = np.ones(N, bool)
-    rows = of_rows(np.arange(N), sent, position, every, clock, RATE)
+    rows = gesture_from_rows(np.arange(N), sent, position, every, clock, RATE)
     key = fitted(rows)
     assert key.rms < 4.6e-6  # the sensor leaves 4.2
     for name in ("mass", "stiffness", "damping", "dry"):
@@ -47,7 +47,7 @@ def test_late_replies_are_put_where_the_devices_clock_says():
     assert step is not None
     assert abs(step / (30e-3 / 4096) - 1) < 1e-6
     # As if each reply had come on its tick:
-    rounded = of_rows(np.arange(N), sent, position, every, np.zeros(N, np.uint32), RATE)
+    rounded = gesture_from_rows(np.arange(N), sent, position, every, np.zeros(N, np.uint32), RATE)
     assert fitted(rounded).rms > 4 * key.rms
 
 
@@ -66,7 +66,7 @@ def test_forces_that_were_lost_are_found_between_those_that_were_sent():
     row[START] = -row[INDEX["weight"]] / row[INDEX["stiffness"]]
     position = read(_core.key_path(row, force, RATE, columns=())[0], 6)
     # A position is that of the tick's beginning; a reply comes after its force has acted.
-    rows = of_rows(
+    rows = gesture_from_rows(
         np.arange(N),
         np.roll(sent, -1),
         position,

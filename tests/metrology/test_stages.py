@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from measured_keys import KEY, PLAIN, QUANTUM, Floats, gesture, knocks, path, rain, wire
 
-from ergon.workshop.metrology.gesture import MeasurementError, of_arrays
+from ergon.workshop.metrology.gesture import MeasurementError, gesture_from_arrays
 from ergon.workshop.metrology.parameters import INDEX, N_KEY
 from ergon.workshop.metrology.stages import Measured, measure
 
@@ -135,4 +135,4 @@ def test_a_key_without_a_spring_has_none():
 )
 def test_unsuitable_gesture_arrays_are_refused(force: Floats, position: Floats, told: str):
     with pytest.raises(MeasurementError, match=told):
-        of_arrays(force, position, 1000.0)
+        gesture_from_arrays(force, position, 1000.0)

@@ -102,7 +102,7 @@ def test_a_law_has_the_force_that_it_has_in_the_engine() -> None:
     fed = np.array(list(product(index, (-1.0, -0.3, 0.0, 1e-3, 0.5))))
     result = rendered(Path("l.dsp"), fed, RATE)
     for item, column in zip(laws, result.T, strict=True):
-        wanted = np.array([item.of.force(d, v) for d, v in fed])
+        wanted = np.array([item.compiled.force(d, v) for d, v in fed])
         assert np.isfinite(wanted).sum() > 200
         np.testing.assert_allclose(column, wanted, rtol=1e-13, atol=1e-15, err_msg=str(item.fields))
 

@@ -95,7 +95,7 @@ def test_nodes_are_those_of_the_whole_text(lists, row):
     if result is None:
         return
     single, lines = result
-    assert not collector.told
+    assert not collector.n_reports
     _same(single.root, complete.root)
     assert single.size == complete.size
     again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)
@@ -140,7 +140,7 @@ def test_entries_of_mappings_are_those_of_the_whole_text(parts, row):
     if result is None:
         return
     single, lines = result
-    assert not collector.told
+    assert not collector.n_reports
     _same(single.root, complete.root)
     assert single.size == complete.size
     again, _ = item_lines.compose_by_lines(text, "score.yaml", Path(), row, lines)

@@ -185,5 +185,5 @@ def test_plan_store_folder_by_environment(tmp_path: Path):
         assert store._folder.path == Path.home() / ".cache" / "ergon" / "plans"
     alone = {"ERGON_CACHE": "plans", "XDG_CACHE_HOME": str(tmp_path)}
     assert of_user(alone) is not None
-    assert cache_folder.of_user("stretches", alone) is None
-    assert cache_folder.of_user("stretches", {"XDG_CACHE_HOME": str(tmp_path)}) is not None
+    assert cache_folder.user_folder("stretches", alone) is None
+    assert cache_folder.user_folder("stretches", {"XDG_CACHE_HOME": str(tmp_path)}) is not None

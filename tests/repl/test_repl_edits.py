@@ -29,7 +29,7 @@ def test_bars_are_kept_as_they_were(path, span):
         seconds = tempo.seconds(start + beat) - tempo.seconds(start)
         assert saved.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
         assert saved.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
-    scene = Scene.of(message, saved)
+    scene = Scene.from_texts(message, saved)
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + scene.beats))
     for player in piece.players:
         again = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0]

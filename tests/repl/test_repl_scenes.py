@@ -233,7 +233,7 @@ def test_what_is_kept_of_any_score_comes_back_in_rounds(path, span):
     except EditError:
         return
     saved = piece_of(message)
-    scene = Scene.of(message, saved)
+    scene = Scene.from_texts(message, saved)
     assert scene.beats == pytest.approx(stop - start)
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, 100.0 + 2 * scene.beats))
     for player in piece.players:
@@ -258,7 +258,7 @@ gestures:""",
 @pytest.mark.parametrize("until", [None, 101.5, 102.5, 120.0])
 def test_strikes_come_back_in_rounds(until: float | None):
     texts, piece = opened("s.yaml", STRUCK + "marks: {end: 3|1}\n")
-    scene = Scene.of(texts, piece)
+    scene = Scene.from_texts(texts, piece)
     assert scene.beats == 8.0
     back = piece_of(scenes.play_scene(texts, piece, scene, 100.0, until))
     tempo = back.tempo_map
@@ -390,7 +390,7 @@ def test_strikes_by_a_pattern_come_back_in_rounds_of_the_scene():
     path = next(path for path in SCORES if path.endswith("patterns.yaml"))
     texts, piece = opened(path)
     saved = excerpt.keep(texts, piece, "verse-2", 0.0, 16.0)
-    scene = Scene.of(saved, piece_of(saved))
+    scene = Scene.from_texts(saved, piece_of(saved))
 
     def struck(source, name, first, last):
         result = []

@@ -10,7 +10,7 @@ import pytest
 from stiffenings import HANDS, Rig, Scene, measured, rig
 from sweep import few
 
-from ergon.live.automated import felt_modules
+from ergon.live.automated import tangible_modules
 from ergon.repl.session.version import piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import stage
@@ -210,7 +210,7 @@ def test_a_duet_knows_no_force_for_automation_that_its_hand_feels(tmp_path: Path
     automation = f"automation: [{{lfo: {target}, range: 1..30, period: 2bar, at: 1|1}}]\n"
     path.write_text(SOFT_GROUND.text + automation, encoding="utf-8")
     staged = stage(piece_of(Texts.read(path)), real={"remi": None})
-    result = felt_modules(staged, ["remi"])
+    result = tangible_modules(staged, ["remi"])
     assert result == ({"remi": ["bell.m"]} if target == "bell.m.K" else {})
 
 

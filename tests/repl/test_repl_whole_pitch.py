@@ -56,7 +56,7 @@ def stepped_session(tmp_path: Path):
 
 def numbers(piece, part):
     return {
-        module.name: Led.of(piece, (part, module.name)).numbers_alone
+        module.name: Led.from_piece(piece, (part, module.name)).numbers_alone
         for module in piece.instruments[part].modules
         if module.name in MOVED
     }
@@ -83,7 +83,7 @@ def test_a_glide_ends_where_the_instrument_is_transposed(tmp_path, part, to):
         text = SCORE.replace("f: C4}", f"f: {end!r}Hz}}")
     wanted = numbers(piece_of(Texts(str(tmp_path / "x.yaml"), text)), part)
     for name in MOVED:
-        module = Led.of(piece, (part, name)).module
+        module = Led.from_piece(piece, (part, name)).module
         alone = [1.0, 1.0] if module.kind != "CEL" else wanted[name]
         if module.kind != "CEL":  # factors
             ratio = end / begun

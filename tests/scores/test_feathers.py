@@ -16,7 +16,7 @@ from ergon.notation.text.errors import Collector
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.built_network import BuiltNetwork, build_network
-from ergon.scores.staging.listening import heard
+from ergon.scores.staging.listening import audible_outputs
 from ergon.scores.staging.stage import Stage
 from ergon.scores.staging.striking import ALL_TIME, Striking
 
@@ -115,7 +115,7 @@ def from_the_serpent(name: str) -> str:
 def planned(text: str, silent: tuple[str, ...] | None) -> Stage:
     loaded = load(LIBRARY / "here.yaml", text=text)
     assert loaded.piece is not None, loaded.diagnostics
-    names = {instrument.name for _, instrument, _ in heard(loaded.piece)}
+    names = {instrument.name for _, instrument, _ in audible_outputs(loaded.piece)}
     quiet = sorted(names - {"sky", "gong"}) if silent is None else silent
     return api.stage_piece(loaded, AccuracyOptions(), Report(), silent=quiet).stage
 

@@ -103,7 +103,7 @@ def test_points_from_an_instant_on_are_those_of_the_whole_past(seed: int):
 
 
 def led_of(source: Piece, where: tuple[str, str]) -> Led:
-    led = Led.of(source, where)
+    led = Led.from_piece(source, where)
     assert led is not None
     return led
 

@@ -146,7 +146,7 @@ def test_a_take_is_played_from_its_middle():
     take = _core.Take(samples.t, samples.x)
     simulation = played.simulation
     simulation.process(np.zeros((round(12.5 * simulation.rate), simulation.n_out)))
-    wanted = -take.at(float(samples.t[0]) + 1.0 + 0.5 * (12.5 - mine.start))[0]
+    wanted = -take.evaluate(float(samples.t[0]) + 1.0 + 0.5 * (12.5 - mine.start))[0]
     assert abs(wanted) > 1e-3
     assert simulation.positions()[mine.struck] == pytest.approx(wanted, abs=1e-9)
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon import _core
-from ergon.workshop.metrology.gesture import Gesture, of_arrays
+from ergon.workshop.metrology.gesture import Gesture, gesture_from_arrays
 from ergon.workshop.metrology.parameters import START, total_mass
 
 Floats = NDArray[np.float64]
@@ -85,4 +85,4 @@ def read(x: Floats, seed: int) -> Floats:
 
 def gesture(row: Floats, force: Floats, seed: int, start: float | None = None) -> Gesture:
     """A gesture on a key, computed with time steps four times finer than those of the fit."""
-    return of_arrays(force, read(path(row, force, 176, start), seed), RATE)
+    return gesture_from_arrays(force, read(path(row, force, 176, start), seed), RATE)

@@ -12,7 +12,7 @@ from ergon.workshop.metrology.gesture import Gesture
 from ergon.workshop.metrology.judging import Stage
 from ergon.workshop.metrology.ladder import Axis, climb
 from ergon.workshop.metrology.output_error import Fit
-from ergon.workshop.metrology.parameters import INDEX, N_KEY, N_MODE, n_modes, of_mode
+from ergon.workshop.metrology.parameters import INDEX, N_KEY, N_MODE, mode_indices, n_modes
 from ergon.workshop.metrology.stages import Measured, measure
 
 RESOLUTION, NOISE, FORCE_STEP, TRAVEL = 6e-6, 3e-6, 10e-3, 60e-3  # m, m, N, m
@@ -79,7 +79,7 @@ def random_key(seed: int) -> Key:
         row[INDEX["delay"]] = chance.uniform(0.1e-3, 1.7e-3)
     for mode, (low, high) in zip(range(modes), ((60.0, 140.0), (160.0, 300.0)), strict=False):
         swinging = chance.uniform(0.03, 0.08) * mass
-        row[of_mode(mode)] = swinging, chance.uniform(low, high), chance.uniform(0.008, 0.03)
+        row[mode_indices(mode)] = swinging, chance.uniform(low, high), chance.uniform(0.008, 0.03)
         row[0] -= swinging
     return Key(parts, row)
 
@@ -121,8 +121,8 @@ def errors(fit: Fit, row: Floats) -> dict[str, float]:
     """Errors of the figures that a fit shares with a key, in their standard deviations."""
     pairs = {name: (index, index) for name, index in INDEX.items() if index in fit.columns}
     for mode in range(n_modes(row)):
-        true_columns = of_mode(mode)
-        for fitted in map(of_mode, range(n_modes(fit.row))):
+        true_columns = mode_indices(mode)
+        for fitted in map(mode_indices, range(n_modes(fit.row))):
             if abs(np.log(fit.row[fitted[1]] / row[true_columns[1]])) < _ALIKE:
                 names = (f"mode {mode + 1} {what}" for what in ("mass", "frequency", "ratio"))
                 pairs |= dict(zip(names, zip(fitted, true_columns, strict=True), strict=True))

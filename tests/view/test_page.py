@@ -469,14 +469,14 @@ def test_a_stage_shows_the_picture_alone_and_is_black_when_the_line_is_lost(
         server.close()
         until(lambda: page.run("ergon.page.isLost") is True, "its loss")
         until(lambda: page.run(LIT) == 0, "black")
-        again = _core.ViewServer(motion, at=place, key=browser.KEY)
+        again = _core.ViewServer(motion, address=place, key=browser.KEY)
         until(lambda: page.run("!!window.ergon?.page && ergon.page.isLost === false"), "it is back")
         until(lambda: page.run(LIT) > 500, "the picture")
         again.close()
 
 
 def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: Path) -> None:
-    server = _core.ViewServer(motion, at="0.0.0.0:0", key=browser.KEY)
+    server = _core.ViewServer(motion, address="0.0.0.0:0", key=browser.KEY)
     assert server.url.endswith(f"/{browser.KEY}/")
     with chromium.page(WIDTH, HEIGHT) as page:
         page.open(f"{server.url}?t=1.5")
@@ -485,7 +485,7 @@ def test_a_key_in_the_address_opens_the_page(chromium: browser.Browser, motion: 
         assert page.errors == []
     server.close()
     with pytest.raises(_core.EngineError, match="32 hexadecimal digits"):
-        _core.ViewServer(motion, at="0.0.0.0:0", key="0")
+        _core.ViewServer(motion, address="0.0.0.0:0", key="0")
 
 
 def test_a_page_shows_what_its_server_has_file_or_live(
@@ -505,7 +505,7 @@ def test_a_page_shows_what_its_server_has_file_or_live(
                 # The clock of a server begins with it, and a page tells servers apart by a second.
                 page.run("new Promise((go) => setTimeout(go, 1200))")
                 server.close()
-                server = _core.ViewServer(other, at=position, key=browser.KEY)
+                server = _core.ViewServer(other, address=position, key=browser.KEY)
                 until(lambda is_live=other is None: page.run(kind) == [is_live, False], "the other")
             until(lambda: page.run("ergon.page.story.model !== null"), "the file is read")
             assert page.run("ergon.page.story.duration") == pytest.approx(SECONDS)

@@ -148,7 +148,7 @@ impl AudioOut {
         let events = self.output.events().into_iter();
         events
             .map(|event| AudioEvent {
-                at: event.time,
+                time: event.time,
                 frame: event.frame,
                 sentence: event.sentence,
             })
@@ -261,7 +261,7 @@ pub(crate) struct AudioInfo {
 #[pyclass(frozen, get_all, module = "ergon._core")]
 pub(crate) struct AudioEvent {
     /// Time since the output was opened [s].
-    at: f64,
+    time: f64,
     frame: u64,
     sentence: String,
 }

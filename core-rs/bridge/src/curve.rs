@@ -9,7 +9,10 @@ use crate::words;
 
 /// Values of the path through points (t, x, curve) at instants.
 #[pyfunction]
-pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyResult<Vec<f64>> {
+pub(crate) fn path_values(
+    points: Vec<(f64, f64, String)>,
+    instants: Vec<f64>,
+) -> PyResult<Vec<f64>> {
     let point = |(t, x, curve): &(f64, f64, String)| {
         let Approach::Path(curve) = word("curve", curve, words::WAYS)? else {
             return Err(module_error(
@@ -25,5 +28,5 @@ pub(crate) fn path_values(points: Vec<(f64, f64, String)>, at: Vec<f64>) -> PyRe
     };
     let points = points.iter().map(point).collect::<PyResult<Vec<_>>>()?;
     let path = Profile::through(&points).map_err(|error| module_error("path_values", error))?;
-    Ok(at.into_iter().map(|t| path.evaluate(t).0).collect())
+    Ok(instants.into_iter().map(|t| path.evaluate(t).0).collect())
 }

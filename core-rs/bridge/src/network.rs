@@ -246,14 +246,14 @@ impl Network {
         })
     }
 
-    /// Velocity of each of `heard` over a force at `forced`, with the parts taken by themselves, (n_heard,
+    /// Velocity of each of `observed` over a force at `forced`, with the parts taken by themselves, (n_observed,
     /// n_frequencies).
     fn admittance(
         &self,
         py: Python<'_>,
         parts: Vec<String>,
         forced: Vec<usize>,
-        heard: Vec<Vec<usize>>,
+        observed: Vec<Vec<usize>>,
         frequencies: Vec<f64>,
     ) -> PyResult<Complexes> {
         load_numpy(py);
@@ -262,9 +262,10 @@ impl Network {
             let why = "an admittance is asked for at frequencies above 0 Hz";
             return Err(module_error(&parts.join(" + "), why));
         }
-        let shape = vec![heard.len(), frequencies.len()];
+        let shape = vec![observed.len(), frequencies.len()];
         let values = computing(py, || {
-            self.0.admittance(&indices, &forced, &heard, &frequencies)
+            self.0
+                .admittance(&indices, &forced, &observed, &frequencies)
         })?;
         Ok(Complexes { values, shape })
     }

@@ -232,7 +232,7 @@ impl Performance {
     }
 
     /// The sound input, and what is missing of it.
-    fn heard(&self) -> PyResult<SoundInput> {
+    fn sound_input(&self) -> PyResult<SoundInput> {
         self.with(|performance| {
             let input = performance.input();
             let shared = input.input.as_ref().map(audio::Input::shared);
@@ -317,12 +317,12 @@ impl Performance {
     /// Make a change at frame `at`, the first of a tick; returns the ticket of the event "changed" or "late".
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]
+    #[pyo3(signature = (frame, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, forces=Vec::new(), guidance=None, bounds=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
         py: Python<'_>,
-        at: u64,
+        frame: u64,
         simulation: Option<&Simulation>,
         old: Option<&Simulation>,
         mixer: Option<&Mixer>,
@@ -363,7 +363,7 @@ impl Performance {
                 let takeover = old.map_or_else(Takeover::default, |old| Takeover::new(old, new));
                 (new.fork(), takeover)
             });
-            self.with(|performance| performance.change(at, change).map_err(plain_error))?
+            self.with(|performance| performance.change(frame, change).map_err(plain_error))?
         })
     }
 

@@ -116,7 +116,7 @@ impl Recording {
     }
 
     #[getter]
-    fn whole(&self) -> bool {
+    fn is_complete(&self) -> bool {
         self.0.is_complete()
     }
 

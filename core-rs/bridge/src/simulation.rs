@@ -171,7 +171,7 @@ impl Simulation {
     }
 
     /// Mean force of the piece on a real hand over the last whole tick [N].
-    fn felt(&self, hand: usize) -> f64 {
+    fn hand_force(&self, hand: usize) -> f64 {
         self.0.hand_force(hand)
     }
 

@@ -41,7 +41,7 @@ impl Take {
     }
 
     /// Position, velocity, acceleration at t [s].
-    fn at(&self, t: f64) -> PathPoint {
+    fn evaluate(&self, t: f64) -> PathPoint {
         let (x, v, a) = self.0.profile().evaluate(t);
         PathPoint { x, v, a }
     }

@@ -108,13 +108,13 @@ impl Timeline {
     }
 
     /// A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index.
-    #[pyo3(signature = (key, take, at, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
+    #[pyo3(signature = (key, take, start, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
     #[allow(clippy::too_many_arguments)]
     fn take(
         &mut self,
         key: usize,
         take: &Take,
-        at: f64,
+        start: f64,
         scale: f64,
         stretch: f64,
         reverse: bool,
@@ -131,7 +131,7 @@ impl Timeline {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let path = take
             .0
-            .placed(at, scale, stretch, reverse)
+            .placed(start, scale, stretch, reverse)
             .map_err(|error| module_error("take", error))?;
         Gesture::from_take(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
@@ -140,12 +140,12 @@ impl Timeline {
 
     /// A strike on a MAT at `at` [s]: an impulse [N·s] that lasts `lasts` [s] (None: as long as the engine says), or a
     /// mass [kg] that arrives at a speed [m/s].
-    #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, lasts=Some(0.0), source=0))]
+    #[pyo3(signature = (mat, start, *, impulse=None, mass=None, speed=None, lasts=Some(0.0), source=0))]
     #[allow(clippy::too_many_arguments)]
     fn strike(
         &mut self,
         mat: usize,
-        at: f64,
+        start: f64,
         impulse: Option<f64>,
         mass: Option<f64>,
         speed: Option<f64>,
@@ -157,11 +157,11 @@ impl Timeline {
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
                 self.inner
-                    .strike(&self.network, mat, at, impulse, lasts, source)
+                    .strike(&self.network, mat, start, impulse, lasts, source)
             }
             (None, Some(mass), Some(speed)) => {
                 self.inner
-                    .ergon(&self.network, mat, at, mass, speed, source)
+                    .ergon(&self.network, mat, start, mass, speed, source)
             }
             _ => {
                 return Err(module_error(
@@ -297,7 +297,7 @@ impl Timeline {
     /// Declare an input that `Simulation.tell` tells values by its `number`; each is reached within `glide` [s].
     /// `samples` (n_frames,) are heard until the first value. Returns its index.
     #[pyo3(signature = (number, samples, *, gain, clamp, glide))]
-    fn told_in(
+    fn controlled_input(
         &mut self,
         py: Python<'_>,
         number: u64,
@@ -316,7 +316,7 @@ impl Timeline {
     }
 
     /// Impose a MAT's position (ENX) or a force on it (ENF): a constant, a take from `at` [s], or an input.
-    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, at=0.0, scale=1.0, own=true))]
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, sound=None, start=0.0, scale=1.0, is_exclusive=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
@@ -325,9 +325,9 @@ impl Timeline {
         constant: Option<f64>,
         take: Option<&Take>,
         sound: Option<usize>,
-        at: f64,
+        start: f64,
         scale: f64,
-        own: bool,
+        is_exclusive: bool,
     ) -> PyResult<()> {
         self.check_mat("drive", mat)?;
         let kind = word("kind", kind, words::DRIVES)?;
@@ -338,7 +338,7 @@ impl Timeline {
             }
             (Some(constant), None, None) => Source::Constant(constant),
             (None, Some(take), None) => {
-                let path = take.0.placed(at, scale, 1.0, false);
+                let path = take.0.placed(start, scale, 1.0, false);
                 Source::Take(path.map_err(|error| module_error("drive", error))?)
             }
             _ => {
@@ -349,7 +349,7 @@ impl Timeline {
             }
         };
         self.inner
-            .drive(mat, kind, source, own)
+            .drive(mat, kind, source, is_exclusive)
             .map_err(|error| module_error("drive", error))
     }
 
@@ -387,23 +387,23 @@ impl Timeline {
 
     /// A real hand that moves a MAT, in ticks of `tick_frames` frames; `positions` (n_ticks,) [m]: a stand-in or a
     /// recording of the hand. Returns its index.
-    #[pyo3(signature = (mat, tick_frames, *, way="line", positions=None))]
+    #[pyo3(signature = (mat, tick_frames, *, interpolation="line", positions=None))]
     fn hand(
         &mut self,
         mat: usize,
         tick_frames: u32,
-        way: &str,
+        interpolation: &str,
         positions: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<usize> {
         self.check_mat("hand", mat)?;
-        let way = word("way", way, words::HAND_WAYS)?;
+        let interpolation = word("interpolation", interpolation, words::HAND_WAYS)?;
         let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
         self.inner
             .hand(
                 &self.network,
                 mat,
                 tick_frames,
-                way,
+                interpolation,
                 positions.unwrap_or_default(),
             )
             .map_err(|error| module_error("hand", error))

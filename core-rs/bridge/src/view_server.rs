@@ -42,25 +42,25 @@ impl ViewServer {
 #[pymethods]
 impl ViewServer {
     #[new]
-    #[pyo3(signature = (path=None, *, sound=None, at="127.0.0.1:0", key, leads=Vec::new()))]
+    #[pyo3(signature = (path=None, *, sound=None, address="127.0.0.1:0", key, leads=Vec::new()))]
     fn new(
         py: Python<'_>,
         path: Option<PathBuf>,
         sound: Option<PathBuf>,
-        at: &str,
+        address: &str,
         key: &str,
         leads: Vec<PyRef<'_, Lead>>,
     ) -> PyResult<Self> {
         let no_place = || {
             plain_error(format!(
-                "{at} is not an address of this machine; write HOST:PORT"
+                "{address} is not an address of this machine; write HOST:PORT"
             ))
         };
-        let place = py.detach(|| at.to_socket_addrs());
-        let at = place.ok().and_then(|mut all| all.next());
+        let place = py.detach(|| address.to_socket_addrs());
+        let socket_address = place.ok().and_then(|mut all| all.next());
         let key = Key::new(key).ok_or_else(|| plain_error("a key has 32 hexadecimal digits"))?;
         let options = Options {
-            address: at.ok_or_else(no_place)?,
+            address: socket_address.ok_or_else(no_place)?,
             key,
             file: path,
             sound,

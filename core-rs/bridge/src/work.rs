@@ -74,7 +74,7 @@ fn stopped(why: &'static str) -> PyErr {
 /// are counted, not timed, or once it is cancelled.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Work {
-    most: Option<u64>,
+    steps_max: Option<u64>,
     is_cancelled: Arc<AtomicBool>,
 }
 
@@ -84,7 +84,7 @@ impl Work {
     #[pyo3(signature = (steps=None))]
     fn new(steps: Option<u64>) -> Self {
         Self {
-            most: steps,
+            steps_max: steps,
             is_cancelled: Arc::default(),
         }
     }
@@ -97,7 +97,7 @@ impl Work {
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let work = slf.get();
         let limit = Arc::new(Limit {
-            steps_max: work.most,
+            steps_max: work.steps_max,
             spent: AtomicU64::new(0),
             is_cancelled: work.is_cancelled.clone(),
         });

@@ -47,18 +47,18 @@ class StoppedTempoMap(OffsetTempoMap):
         """Share the state of `base`, a complete tempo map; `now` is an instant of the engine "
         "[s]."""
         self.__dict__.update(base.__dict__)
-        self.at, self.now = start, now
+        self.stop_beat, self.now = start, now
 
     def _state(self) -> tuple[object, ...]:
-        return (*super()._state(), self.at, self.now)
+        return (*super()._state(), self.stop_beat, self.now)
 
     def seconds(self, beats: float) -> float:
         """`now` up to the beat where the piece is stopped, NEVER after it."""
-        return self.now if beats <= self.at + SAME else NEVER
+        return self.now if beats <= self.stop_beat + SAME else NEVER
 
     def beats(self, seconds: float) -> float:
         """The beat where the piece is stopped."""
-        return self.at
+        return self.stop_beat
 
     def instant(self, start_beats: float, time: Time) -> float:
         """The instant of beat `start_beats`: `now` or NEVER."""

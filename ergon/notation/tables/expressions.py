@@ -116,30 +116,30 @@ class _Reader:
         self.names = names
         self.later = later
         self.expected = expected
-        self.at = 0
+        self.offset = 0
 
-    def whole(self) -> Amount:
+    def read_all(self) -> Amount:
         if len(self.text) > MAX_LENGTH:
             message = f"an expression has at most {MAX_LENGTH} characters; give a part of it a name"
             raise TextError(message, length=MAX_LENGTH, code="E201")
         amount = self._sum(0)
-        if self.at < len(self.text):
-            rest = self.text[self.at :]
+        if self.offset < len(self.text):
+            rest = self.text[self.offset :]
             message = f"{quote(rest)} is not allowed here; write + - * / between values"
-            raise self._error(message, self.at, len(rest))
+            raise self._error(message, self.offset, len(rest))
         return amount
 
     def _sum(self, depth: int) -> Amount:
         amount = self._product(depth)
         while sign := self._sign("+-"):
-            place = self.at - 1
+            place = self.offset - 1
             amount = self._checked(self._added(amount, self._product(depth), sign, place), place)
         return amount
 
     def _product(self, depth: int) -> Amount:
         amount = self._single(depth)
         while sign := self._sign("*/") or self._mod():
-            place = self.at - len(sign)
+            place = self.offset - len(sign)
             amount = self._checked(self._scaled(amount, self._single(depth), sign, place), place)
         return amount
 
@@ -179,30 +179,30 @@ class _Reader:
 
     def _atom(self, start: int, depth: int) -> Amount:
         if match := _NUMBER.match(self.text, start):
-            self.at = match.end()
+            self.offset = match.end()
             number = _fraction(match)
             if number is None:
                 raise self._error("the number is too large or too small", start, len(match[0]))
-            if (part := _PART.match(self.text, self.at)) and match[1].isdigit():
+            if (part := _PART.match(self.text, self.offset)) and match[1].isdigit():
                 unit = _UNIT.match(self.text, part.end())
                 if unit is not None:  # 1/3bar is a third of a bar
                     if int(part[1]) == 0:
                         raise self._error("the number divides by zero", start, len(match[0]))
-                    number, self.at = number / int(part[1]), part.end()
-            if unit := _UNIT.match(self.text, self.at):
-                self.at = unit.end()
+                    number, self.offset = number / int(part[1]), part.end()
+            if unit := _UNIT.match(self.text, self.offset):
+                self.offset = unit.end()
                 name, power = UNITS[unit[1]]
                 return Amount(number * Fraction(10) ** power, name)
             return Amount(number, "")
         if match := _ROOT.match(self.text, start):
-            self.at = match.end()
+            self.offset = match.end()
             return self._root(self._single(depth + 1), start, len(match[0]))
         word = _WORD.match(self.text, start)
         if word is not None and word[0] in self.names:
-            self.at = word.end()
+            self.offset = word.end()
             return self.names[word[0]]
         if match := _NOTE.match(self.text, start):
-            self.at = match.end()
+            self.offset = match.end()
             letter, sign, octave = match.groups()
             tuned = tuning.written()
             hertz = None if tuned is None else tuned.hertz(match[0])
@@ -280,17 +280,17 @@ class _Reader:
     def _sign(self, which: str) -> str:
         place = self._space()
         if place < len(self.text) and self.text[place] in which:
-            self.at = place + 1
+            self.offset = place + 1
             return self.text[place]
         return ""
 
     def _space(self) -> int:
         self._skip(_SPACE)
-        return self.at
+        return self.offset
 
     def _skip(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        match = pattern.match(self.text, self.at)
-        self.at = match.end() if match else self.at
+        match = pattern.match(self.text, self.offset)
+        self.offset = match.end() if match else self.offset
         return match
 
     @staticmethod
@@ -320,7 +320,7 @@ def evaluate(
     """The value of an expression; `later` are names that it may not use yet, and `expected` is what
     a word may be, for messages. Raises TextError with the characters at fault.
     """
-    return _Reader(text, names, later, expected).whole()
+    return _Reader(text, names, later, expected).read_all()
 
 
 def looks_like(text: str, names: Mapping[str, Amount]) -> bool:

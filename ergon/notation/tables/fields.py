@@ -50,7 +50,7 @@ class Values:
     record: Record
     node: Node
     context: Context
-    given: dict[str, Any] = field(default_factory=dict)
+    by_name: dict[str, Any] = field(default_factory=dict)
     nodes: dict[str, Node] = field(default_factory=dict)
     free: dict[str, Any] = field(default_factory=dict)
     kind: str = ""  # of a record with kinds: the one that was written
@@ -60,7 +60,7 @@ class Values:
 
     def __getitem__(self, name: str) -> Any:
         """The value given, or the default."""
-        return self.given[name] if name in self.given else self.record.by_name[name].default
+        return self.by_name[name] if name in self.by_name else self.record.by_name[name].default
 
     def written(self, *names: str) -> list[str]:
         """The names among these that are written, with a valid value or not."""
@@ -94,7 +94,7 @@ def _integer_keys(
             text = value.text if isinstance(value, Scalar) else ""
             if text[-1:].isdigit() and word[:1].isdigit() and value.end + 1 == key.start:
                 number = f"{text}.{word}"
-                message = f"{values.context.of(pending[0])}: a comma ends a value here; "
+                message = f"{values.context.label(pending[0])}: a comma ends a value here; "
                 message += "write '.' as the decimal point"
                 place = replace(value.place, length=key.end - value.start)
                 values.context.error("E201", message, place, suggestion=number)
@@ -165,9 +165,9 @@ class Record(Shape):
                 else:
                     read = partial(known.shape.read, child, word, context)
                     named = entries.get("let", _NOBODY)[1]  # values that others may name
-                    value = context.memory.made((child, word, named), read)
+                    value = context.memory.recall((child, word, named), read)
                 if value is not MISSING:
-                    values.given[word] = value
+                    values.by_name[word] = value
             elif word in self.kinds:
                 self._read_kind(values, word, key, child)
             else:
@@ -184,12 +184,14 @@ class Record(Shape):
 
     def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         if values.kind:
-            message = f"{values.context.of('')} has two kinds, {values.kind} and {word}; keep one"
+            message = (
+                f"{values.context.label('')} has two kinds, {values.kind} and {word}; keep one"
+            )
             values.context.error("E111", message, key.place)
             return
         values.kind = word
         values.nodes[word] = child
-        values.given[word] = self.kinds[word].read(child, word, values.context)
+        values.by_name[word] = self.kinds[word].read(child, word, values.context)
 
     def _is_lost(self, above: str, word: str) -> bool:
         """Whether a name, which means nothing here, was to be indented below an empty field."""
@@ -252,14 +254,14 @@ class Record(Shape):
         complete = True
         for f in self.fields:
             if f.required and f.name not in values.nodes and f.name not in values.misspelt:
-                message = f"{values.context.of('')} has no '{f.name}': {f.shape.words()}"
+                message = f"{values.context.label('')} has no '{f.name}': {f.shape.words()}"
                 values.context.error("E103", message, values.place)
-            complete &= not f.required or f.name in values.given
+            complete &= not f.required or f.name in values.by_name
         if self.kind_required and not values.kind and not values.strange:
             examples = ", ".join(list(self.kinds)[:16])
-            message = f"{values.context.of('')} has no kind (one of {examples})"
+            message = f"{values.context.label('')} has no kind (one of {examples})"
             values.context.error("E103", message, values.place)
-        if self.kind_required and (not values.kind or values.given[values.kind] is MISSING):
+        if self.kind_required and (not values.kind or values.by_name[values.kind] is MISSING):
             complete = False
         return complete
 

@@ -299,7 +299,7 @@ class Notes(Shape):
                 context.text_error(error, item, name)
                 return MISSING
         if not notes:
-            context.error("E106", f"{context.of(name)}: no note is written", node.place)
+            context.error("E106", f"{context.label(name)}: no note is written", node.place)
             return MISSING
         return tuple(notes)
 

@@ -155,22 +155,22 @@ def parse_key_map(text: str) -> KeyMap:
             raise ScalaError(f"{what} is missing", number, line)
         return number, line.split()[0]
 
-    def whole(what: str, low: int, high: int) -> int:
+    def integer(what: str, low: int, high: int) -> int:
         number, text_of_number = word(what)
         if not _INTEGER.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
             message = f"{quote(text_of_number)} is not {what}, a whole number from {low} to {high}"
             raise ScalaError(message, number, text_of_number)
         return int(text_of_number)
 
-    size = whole("the size of the map", 0, MAX_KEYS)
-    low, high = whole("the first key", 0, 127), whole("the last key", 0, 127)
-    middle = whole("the middle key", -MAX_KEYS, MAX_KEYS)
-    reference = whole("the reference key", -MAX_KEYS, MAX_KEYS)
+    size = integer("the size of the map", 0, MAX_KEYS)
+    low, high = integer("the first key", 0, 127), integer("the last key", 0, 127)
+    middle = integer("the middle key", -MAX_KEYS, MAX_KEYS)
+    reference = integer("the reference key", -MAX_KEYS, MAX_KEYS)
     number, hertz = word("the reference frequency")
     if not _DECIMAL.fullmatch(hertz) or not 0.001 <= float(hertz) <= 1e6:
         message = f"{quote(hertz)} is not the reference frequency in hertz, such as 440.0"
         raise ScalaError(message, number, hertz)
-    octave = whole("the degree of the formal octave", 0, MAX_DEGREES)
+    octave = integer("the degree of the formal octave", 0, MAX_DEGREES)
     degrees: list[int | None] = []
     rows = [*lines]
     while rows and not rows[-1][1]:  # blank lines at the end of the file

@@ -65,7 +65,7 @@ class Context:
     memory: Memory | None = None  # of the sections of a score
     tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of instruments, by name
 
-    def of(self, field_name: str) -> str:
+    def label(self, field_name: str) -> str:
         """`M of key 'k1'`."""
         if not field_name:
             return self.owner or "the score"
@@ -83,7 +83,7 @@ class Context:
 
     def text_error(self, error: TextError, node: Scalar, field_name: str) -> None:
         """Report a mistake inside a scalar at its characters; an empty name means the owner."""
-        message = f"{self.of(field_name)}: {error.message}"
+        message = f"{self.label(field_name)}: {error.message}"
         place, suggestion = node.place_at(error.offset, error.length), error.suggestion
         character = None if "(U+" in message else typeset_character(node.text)
         if character is not None:
@@ -162,7 +162,7 @@ class Text(Shape):
             context.text_error(error, node, name)
             return MISSING
 
-    def of_word(self, word: str, source: document.Document) -> Any:
+    def read_word(self, word: str, source: document.Document) -> Any:
         """The value of a word of a table. Raises TextError."""
         if self.is_position:
             return expressions.position(word, source, self.parse)
@@ -263,7 +263,7 @@ class Reference(Shape):
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         if not node.text.strip() or len(node.text) > 4 * MAX_NAME:
-            context.error("E103", f"{context.of(name)}: {self.what} is expected", node.place)
+            context.error("E103", f"{context.label(name)}: {self.what} is expected", node.place)
             return MISSING
         return Name(node.text, node.place)
 
@@ -282,7 +282,7 @@ class ListOf(Shape):
 
     item: Shape
     least: int = 0
-    most: int = 1_000_000
+    count_max: int = 1_000_000
     single: bool = False
 
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -295,14 +295,14 @@ class ListOf(Shape):
             items = []
         else:
             words = node.text.split() if isinstance(node, Scalar) else []
-            listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.most else None
+            listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.count_max else None
             return wrong_shape(self, node, name, context, suggestion=listed)
-        if not self.least <= len(items) <= self.most:
-            wanted = f"{self.least}" if self.least == self.most else f"at least {self.least}"
-            if len(items) > self.most > self.least:
-                wanted = f"at most {self.most:,}"
+        if not self.least <= len(items) <= self.count_max:
+            wanted = f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
+            if len(items) > self.count_max > self.least:
+                wanted = f"at most {self.count_max:,}"
             message = (
-                f"{context.of(name)}: the number of items is {len(items)}, but must be {wanted}"
+                f"{context.label(name)}: the number of items is {len(items)}, but must be {wanted}"
             )
             context.error("E106", message, node.place)
             return MISSING
@@ -321,10 +321,14 @@ class ListOf(Shape):
         key = id(self.item), name, context.owner, let
         values = [None if line is None else line.values.get(key) for line in node.lines]
         for number in [number for number, value in enumerate(values) if value is None]:
-            n_reported, item, line = context.collector.told, node.items[number], node.lines[number]
+            n_reported, item, line = (
+                context.collector.n_reports,
+                node.items[number],
+                node.lines[number],
+            )
             item.document.let, item.document.lets = let, node.document.lets
             values[number] = self.item.read(item, name, context)
-            if line is not None and context.collector.told == n_reported:
+            if line is not None and context.collector.n_reports == n_reported:
                 line.values[key] = values[number]
         return values
 
@@ -503,9 +507,9 @@ class NamesOf(Shape):
             inner = context.inside(self.noun, word, key.place)
             if line is not None:
                 child.document.let, child.document.lets = let, node.document.lets
-            n_reported = context.collector.told
+            n_reported = context.collector.n_reports
             value = result[word] = self.item.read(child, "", inner)
-            if context.collector.told > n_reported:
+            if context.collector.n_reports > n_reported:
                 continue
             if line is not None:
                 line.values[known] = value
@@ -590,9 +594,9 @@ def wrong_shape(
         type(node), "a text"
     )
     if isinstance(node, Scalar) and node.is_empty:
-        message = f"{context.of(name)} is empty; expected: {shape.words()}"
+        message = f"{context.label(name)} is empty; expected: {shape.words()}"
     else:
-        message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
+        message = f"{context.label(name)} is {shape_name}; expected: {shape.words()}"
     if isinstance(node, document.Sequence) and isinstance(shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, node.place, help=help, suggestion=suggestion)

@@ -230,7 +230,7 @@ def nearby(parts: Mapping[float, str], height: float) -> str | None:
     return next((parts[pitch] for pitch in near if pitch in parts), None)
 
 
-def of_path(path: str, tunings: Mapping[str, Tuning], other: Tuning | None) -> Tuning | None:
+def tuning_of_path(path: str, tunings: Mapping[str, Tuning], other: Tuning | None) -> Tuning | None:
     """The tuning of the instrument to which a path leads, by `tunings` of instruments; `other` if
     it has none of its own.
     """

@@ -180,7 +180,7 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
             start, stop = places[row]
             indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
             place = (
-                lay.whole_lines(start, stop)
+                lay.full_lines(start, stop)
                 if text is None
                 else (start + indent, stop - len(comment))
             )

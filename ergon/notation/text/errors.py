@@ -73,7 +73,7 @@ class Source(Protocol):
 class Collector:
     """Gathers diagnostics; `finish` returns them in file order, up to 20 of each severity."""
 
-    told: int  # how often something was reported, the same twice too
+    n_reports: int  # how often something was reported, the same twice too
 
     def __init__(self) -> None:
         """Start with none."""
@@ -81,7 +81,7 @@ class Collector:
 
     def clear(self) -> None:
         """Forget all reports."""
-        self.told = 0
+        self.n_reports = 0
         self._by_message: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
@@ -103,7 +103,7 @@ class Collector:
         """Add a diagnostic of any severity; with `word`, the nearest of `names` becomes the
         suggestion.
         """
-        self.told += 1
+        self.n_reports += 1
         if self.lacks_names and code == "E301":
             return
         message = printable(message)  # file names may hold terminal control characters

@@ -199,11 +199,11 @@ class Files:
         path = self.locate(name, folder, asked)
         if path is None:
             return None
-        is_new, n_reports = str(path) not in self.documents, self.collector.told
+        is_new, n_reports = str(path) not in self.documents, self.collector.n_reports
         document = self.open(path, asked)
         if document is None or document.root is not None:
             return document
-        if is_new and self.collector.told == n_reports:  # nothing in it was refused
+        if is_new and self.collector.n_reports == n_reports:  # nothing in it was refused
             if may_be_empty:
                 return document
             self._refuse("E103", f"{name} is empty", str(path), asked)

@@ -81,7 +81,7 @@ class _Run:
         """Whether the values are entries with names."""
         return self.name != _NAME
 
-    def whole(self, index: int) -> int:
+    def full_index(self, index: int) -> int:
         """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
         if index < self.item + self.is_mapping:
@@ -111,7 +111,7 @@ def compose_by_lines(
     short, runs = _shortened(text)
     collector = Collector()
     composed = compose(short, file, collector, row) if runs else None
-    if composed is None or composed.root is None or collector.told:
+    if composed is None or composed.root is None or collector.n_reports:
         return None
     composed.text = text
     composed.forget_lines()
@@ -157,7 +157,7 @@ def _shortened(text: str) -> tuple[str, list[_Run]]:
 def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
     collector = Collector()
     composed = compose(text, file, collector, row)
-    if collector.told:
+    if collector.n_reports:
         return None
     if isinstance(composed.root, Sequence):
         return (
@@ -213,7 +213,7 @@ def _nodes(root: Node) -> Iterator[Node]:
 def _full_index(index: int, runs: list[_Run]) -> int:
     """Index in the text of an index of the shortened text."""
     above = [run for run in runs if run.short_first <= index]
-    return above[-1].whole(index) if above else index
+    return above[-1].full_index(index) if above else index
 
 
 def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:

@@ -87,7 +87,7 @@ class Memory:
             return None
         return known[1] if all(map(is_, known[0], objects)) else None
 
-    def made(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
+    def recall(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
         """The value made under a key, or made now; a value whose making made a report is not
         kept.
         """
@@ -97,8 +97,8 @@ class Memory:
         elif key in self._before:
             built = self._now[key] = self._before[key]
         else:
-            n_reports = self._collector.told
+            n_reports = self._collector.n_reports
             built = make()
-            if self._collector.told == n_reports:
+            if self._collector.n_reports == n_reports:
                 self._now[key] = built
         return built

@@ -56,7 +56,7 @@ def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Sect
 
 def _composed(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
     key = (file, text) if memory.is_loose else (file, text, row)
-    return memory.made(key, partial(_section, text, file, folder, row, memory))
+    return memory.recall(key, partial(_section, text, file, folder, row, memory))
 
 
 def _has_marker(text: str) -> bool:
@@ -125,7 +125,7 @@ def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Se
         section, memory.lines[name] = composed
     section.folder = folder
     if (
-        collector.told
+        collector.n_reports
         or not isinstance(section.root, document.Mapping)
         or len(section.root.entries) != 1
     ):

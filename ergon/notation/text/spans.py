@@ -120,7 +120,7 @@ class Layout:
         anchor = _ANCHOR.match(self.text, parent.start)
         return self.token(anchor.end() if anchor else parent.start)
 
-    def whole_lines(self, start: int, end: int) -> tuple[int, int]:
+    def full_lines(self, start: int, end: int) -> tuple[int, int]:
         """The range of whole lines from the line of one character to that of another; it holds as
         many line breaks as lines.
         """

@@ -61,7 +61,7 @@ class Changes:
             place = lay.token(after) + 1
             return [
                 Splice(place, place, f" {text}"),
-                Splice(*lay.whole_lines(child.start, child.end), ""),
+                Splice(*lay.full_lines(child.start, child.end), ""),
             ]
         return [Splice(child.start, child.end, text)]
 
@@ -71,7 +71,7 @@ class Changes:
         """
         lay = self.layout
         below = lay.next_line(start)
-        return [Splice(*lay.whole_lines(below, end), "")] if below <= end and below > start else []
+        return [Splice(*lay.full_lines(below, end), "")] if below <= end and below > start else []
 
     def added(
         self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
@@ -239,7 +239,7 @@ class Changes:
             before = max(before, parent.keys[number - 1].end)
         rest = lay.text[stop : lay.line_end(stop)].strip()
         if lay.begins_line(start) and (not rest or rest.startswith("#")):
-            splices = [Splice(*lay.whole_lines(start, stop), "")]
+            splices = [Splice(*lay.full_lines(start, stop), "")]
             if is_last and number and stop == end:  # the list had no comma at its end
                 comma = lay.token(before)
                 splices.append(Splice(comma, comma + 1, ""))

@@ -76,7 +76,7 @@ def last_items(
     return Window(head + text[start:stop] + tail, len(head), start, stop, first, tail)
 
 
-def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
+def line_window(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
     """The line that holds the value at a path below a section, with the names above it.
 
     None if the path ends before a line of its own, or if that line cannot be read alone.

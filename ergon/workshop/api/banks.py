@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.built_network import BuiltNetwork
     from ergon.scores.staging.preparing import PreparedPiece
-    from ergon.workshop.models.programs.bank import Bank, Way
+    from ergon.workshop.models.programs.bank import Bank, ModePath
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 _POINTS = 200  # struck or touched points of a bank, at most
@@ -51,7 +51,7 @@ def bank_of(piece: Piece, ready: PreparedPiece, part_modes: PartModes, rows_max:
         why = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
         why += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", why)
-    ways: list[Way] = []
+    ways: list[ModePath] = []
     for struck, (_, moves, _) in enumerate(inputs):
         for output_index, (_, label) in enumerate(audible):
             gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
@@ -103,10 +103,10 @@ def _path(
     part_modes: PartModes,
     swings: NDArray[np.bool_],
     gain: NDArray[np.complex128],
-) -> Sequence[Way]:
+) -> Sequence[ModePath]:
     import numpy as np
 
-    from ergon.workshop.models.programs.bank import Way
+    from ergon.workshop.models.programs.bank import ModePath
 
     sizes = np.abs(gain)
     audible = sizes > _LEAST * sizes.max(initial=0.0)
@@ -120,7 +120,7 @@ def _path(
         np.angle(gain[audible]),
     )
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    return [Way(struck, output_index, rows)]
+    return [ModePath(struck, output_index, rows)]
 
 
 def touched(

@@ -69,9 +69,9 @@ def bell(
             )
             message += "use a table without other files"
             raise OptionError("strokes", message)
-        return bells.of_table(resonances.read(tables[0]), count)
+        return bells.bell_from_table(resonances.read(tables[0]), count)
     read_strokes = [
         (place, stroke.stroke(str(file), *stroke.read(file, report))) for place, file in files
     ]
     with report.waiting("looking for modes"):
-        return bells.of_strokes(read_strokes, count)
+        return bells.bell_from_strokes(read_strokes, count)

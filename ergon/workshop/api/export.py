@@ -109,7 +109,7 @@ def faust_programs(
     if options.upto is not None:
         upto = hertz("upto", options.upto)
         with scores.staging(lambda: loaded, report):
-            banks = heard_parts(piece, options.parts)
+            banks = audible_parts(piece, options.parts)
             return banks_of(piece, loaded.inputs, banks, upto, bank_program, RESONATORS, report)
     banks = [name for name in options.parts if _is_bank(piece, name)]
     if not banks:
@@ -123,7 +123,7 @@ def faust_programs(
     return tuple(sorted(exported, key=lambda one: options.parts.index(one.part)))
 
 
-def heard_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
+def audible_parts(piece: Piece, parts: Sequence[str]) -> list[str]:
     """The named parts; without names, those whose motion is heard, or all if there is none."""
     names = selected_parts(piece, parts)
     audible = [name for name in names if parts or is_heard(piece, name)]

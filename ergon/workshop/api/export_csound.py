@@ -8,7 +8,7 @@ from ergon.api import score as scores
 from ergon.api.parts import hertz
 from ergon.common.report import Report
 
-from .export import HIGHEST, ExportedPart, ExportOptions, banks_of, heard_parts
+from .export import HIGHEST, ExportedPart, ExportOptions, audible_parts, banks_of
 
 
 def csound_orchestras(
@@ -28,5 +28,5 @@ def csound_orchestras(
     piece = scores.piece_of(loaded)
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
-        names = heard_parts(piece, options.parts)
+        names = audible_parts(piece, options.parts)
         return banks_of(piece, loaded.inputs, names, upto, orchestra, BANK_MAX, report)

@@ -51,7 +51,7 @@ class Bell:
     t60: Array
     places: tuple[str, ...]
     levels: Array
-    heard: Array
+    listened: Array
     energy: Array
     deviation: Uncertainty | None
     strokes: tuple[StrokeReport, ...]
@@ -61,10 +61,10 @@ class Bell:
     @property
     def pitch(self) -> float:
         """The frequency [Hz] of the mode that is loudest at the beginning."""
-        return float(self.f[int(np.argmax(np.abs(self.levels[:, 0] * self.heard)))])
+        return float(self.f[int(np.argmax(np.abs(self.levels[:, 0] * self.listened)))])
 
 
-def of_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) -> Bell:
+def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) -> Bell:
     """The bell that made these strokes, each given with its place; its `count` loudest modes.
 
     Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
@@ -221,7 +221,7 @@ def _signs(modes: Modes) -> Array:
     return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
 
 
-def of_table(rows: Sequence[tuple[float, float, float]], count: int | None = None) -> Bell:
+def bell_from_table(rows: Sequence[tuple[float, float, float]], count: int | None = None) -> Bell:
     """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.

@@ -85,7 +85,7 @@ def _contact_line(bell: Bell, place: str, name: str = "felt") -> str:
 def _modes(bell: Bell) -> list[str]:
     places = {name: bell.levels[:, i] for i, name in enumerate(bell.places)}
     # A push J of a mode M moves it at φ·J/M [m/s].
-    places[LISTENED] = bell.heard * (bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE)
+    places[LISTENED] = bell.listened * (bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE)
     rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
     rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
     rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
@@ -97,7 +97,7 @@ def _modes(bell: Bell) -> list[str]:
 
 
 def _cels(bell: Bell) -> list[str]:
-    weight = np.abs(bell.levels[:, 0] * bell.heard)
+    weight = np.abs(bell.levels[:, 0] * bell.listened)
     mass = PLACE_MASS * float(np.sum(weight))
     rows, links = [], []
     for i, (f, t60, modal_weight) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
@@ -111,7 +111,7 @@ def _cels(bell: Bell) -> list[str]:
 
 
 def _chain(bell: Bell) -> list[str]:
-    weight = np.abs(bell.levels[:, 0] * bell.heard)
+    weight = np.abs(bell.levels[:, 0] * bell.listened)
     try:
         built_chain = chain(bell.f, bell.t60, weight, PLACE_MASS)
     except ValueError as error:

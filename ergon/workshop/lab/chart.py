@@ -322,7 +322,7 @@ def _with_energy(bench: _Bench, point: Point) -> Point:
     except _core.EngineError:
         run = runs.start(bench.scene, point.setting)
         run.frames(bench.n_frames)
-        return replace(point, energy_db=run.made_db())
+        return replace(point, energy_db=run.created_db())
     t = [float(edge) / bench.scene.rate for edge in edges[1:]]
     energy_drift = drift(t, ledgers)
     return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second)
@@ -410,9 +410,9 @@ def _front(
     ]
     for cost, error, point_index, setting in sorted(candidates, key=lambda one: one[:3]):
         rivals = (
-            one
-            for one in candidates
-            if one[0] <= cost * _SCATTER and (one[1], one[2]) != (error, point_index)
+            candidate
+            for candidate in candidates
+            if candidate[0] <= cost * _SCATTER and candidate[1:3] != (error, point_index)
         )
         if not any(
             other < error or (other == error and (its < cost / _SCATTER or place < point_index))

@@ -95,7 +95,9 @@ def chart(
     total = work(wanted, round(options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", total, piece.rate) as progress:
-            result = measure(Score(piece), wanted, options.seconds, options.metric, progress.at)
+            result = measure(
+                Score(piece), wanted, options.seconds, options.metric, progress.advance
+            )
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None
     for doubt in result.doubts:

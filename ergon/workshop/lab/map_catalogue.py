@@ -41,7 +41,7 @@ def maps(
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `accurate` [dB] counts as right."""
     if piece is not None:
-        score_maps = of_score(piece, seconds, method)
+        score_maps = maps_of_score(piece, seconds, method)
         score_maps = {name: replace(one, metric=metric) for name, one in score_maps.items()}
     elif metric == "energy":
         score_maps = {"rattle": _rattle(method)}
@@ -197,7 +197,7 @@ _FACTORS = tuple(2.0**i for i in range(-2, 9))
 _RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-def of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
+def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
     """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
     maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
     if has_contacts(piece):

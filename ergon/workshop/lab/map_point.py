@@ -55,14 +55,16 @@ class Stepped:
     scene: Scene
     setting: Setting
     known: Callable[[int], Truth]
-    made: Callable[[Floats], float] | None = None  # share of energy made, where outputs tell it
+    created_share: Callable[[Floats], float] | None = (
+        None  # share of energy made, where outputs tell it
+    )
 
     def refused(self) -> str:
         """The objection of the certificate; empty if there is none."""
         try:
             if self.setting.method == "ca":
                 rate = self.scene.rate * self.setting.oversampling
-                self.scene.at(rate).network.certify(rate)
+                self.scene.build_at(rate).network.certify(rate)
             else:
                 runs.start(self.scene, self.setting)
         except _core.UnstableError as error:
@@ -84,8 +86,8 @@ class Stepped:
             return Outcome(False, reason=str(error))
         if not np.all(np.isfinite(frames)):
             return Outcome(False, reason="an output is not finite")
-        produced = production_db(run.energy()) if ledger else run.made_db()
-        energy = produced if self.made is None else share_db(self.made(frames))
+        produced = production_db(run.energy()) if ledger else run.created_db()
+        energy = produced if self.created_share is None else share_db(self.created_share(frames))
         if produced > RUNAWAY_DB:
             times = f"{10 ** (produced / 10):.3g} times the energy given"
             return Outcome(False, frames, f"the scheme made {times}", energy)

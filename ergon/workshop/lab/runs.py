@@ -60,9 +60,9 @@ class Oversampled(NetworkAndTimeline):
     rate: float  # [Hz], the scene's own
 
     @classmethod
-    def of(cls, scene: Scene, times: int) -> Oversampled:
+    def from_scene(cls, scene: Scene, times: int) -> Oversampled:
         """A scene at `times` its rate. Raises EngineError or StageError."""
-        scene_at_rate = scene.at(scene.rate * times)
+        scene_at_rate = scene.build_at(scene.rate * times)
         positions = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
         output_network, derived = (
@@ -107,7 +107,7 @@ class Run:
         self._derivatives.process(output_frames)
         return output_frames
 
-    def made_db(self) -> float:
+    def created_db(self) -> float:
         """The energy that one link or mesh has made over the energy that was there [dB]."""
         return share_db(self._simulation.created_share())
 
@@ -126,7 +126,7 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
-    oversampled = Oversampled.of(scene, setting.oversampling)
+    oversampled = Oversampled.from_scene(scene, setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
             oversampled.network, oversampled.timeline, ledger=ledger, unchecked=unchecked
@@ -150,7 +150,7 @@ def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
     method = cast("Method | None", setting.method)
 
     def plan(finer: int, pins: Sequence[_core.IslandChoice] | None = None) -> _core.Plan:
-        oversampled = Oversampled.of(scene, setting.oversampling * finer)
+        oversampled = Oversampled.from_scene(scene, setting.oversampling * finer)
         return _core.Plan(
             oversampled.network,
             oversampled.timeline,

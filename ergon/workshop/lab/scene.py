@@ -30,7 +30,7 @@ class Scene(Protocol):
     def rate(self) -> float:
         """Frames a second at which it is heard [Hz]."""
 
-    def at(self, rate: float) -> NetworkAndTimeline:
+    def build_at(self, rate: float) -> NetworkAndTimeline:
         """The scene at a rate. Raises EngineError or StageError."""
 
     def hear(self, frames: Floats) -> Floats:
@@ -50,7 +50,7 @@ class Score:
         """The piece's own rate."""
         return self.piece.rate
 
-    def at(self, rate: float) -> NetworkAndTimeline:
+    def build_at(self, rate: float) -> NetworkAndTimeline:
         """The piece at another rate."""
         ready = prepare(replace(self.piece, rate=rate))
         return NetworkAndTimeline(ready.network, ready.timeline)
@@ -75,9 +75,9 @@ class Undifferentiated:
         """The scene's own rate."""
         return self.scene.rate
 
-    def at(self, rate: float) -> NetworkAndTimeline:
+    def build_at(self, rate: float) -> NetworkAndTimeline:
         """The scene at a rate, with positions alone."""
-        scene_at_rate = self.scene.at(rate)
+        scene_at_rate = self.scene.build_at(rate)
         return NetworkAndTimeline(scene_at_rate.network.undifferentiated(), scene_at_rate.timeline)
 
     def hear(self, frames: Floats) -> Floats:
@@ -92,7 +92,7 @@ class Bare:
     build: Callable[[_core.Network], None]
     rate: float = 44_100.0
 
-    def at(self, rate: float) -> NetworkAndTimeline:
+    def build_at(self, rate: float) -> NetworkAndTimeline:
         """Build the network anew."""
         network = _core.Network()
         self.build(network)

@@ -57,7 +57,7 @@ class SlowKeyScene:
         """The one rate for which its numbers hold."""
         return RATE
 
-    def at(self, rate: float) -> NetworkAndTimeline:
+    def build_at(self, rate: float) -> NetworkAndTimeline:
         """Build the scene anew, at its own rate whatever `rate` is."""
         network = _core.Network()
         network.part("key", ca_rate=RATE, macrostep=self.every)
@@ -83,9 +83,9 @@ class SlowKeyScene:
 
 
 @cache
-def whole(key: Key, K: float, n_frames: int) -> Truth:
+def reference_truth(key: Key, K: float, n_frames: int) -> Truth:
     """The reference: the same scene with all springs at every frame."""
-    scene_at_rate = SlowKeyScene(key, K, None).at(RATE)
+    scene_at_rate = SlowKeyScene(key, K, None).build_at(RATE)
     frames = np.zeros((n_frames, 1))
     try:
         _core.Simulation(scene_at_rate.network, scene_at_rate.timeline).process(frames)
@@ -141,14 +141,14 @@ class SlowKeyPoint:
 
     def truth(self, n_frames: int) -> Truth:
         """The same scene with all springs at every frame."""
-        return whole(self.scene.key, self.scene.K, n_frames)
+        return reference_truth(self.scene.key, self.scene.K, n_frames)
 
 
 def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
     """The plan of the scene, with its key slow. Raises UnstableError if the plan does not allow
     that.
     """
-    scene_at_rate = scene.at(RATE)
+    scene_at_rate = scene.build_at(RATE)
     plan = _core.Plan(scene_at_rate.network, scene_at_rate.timeline, error_db=_BUDGET_DB)
     for _, why in plan.stay():
         raise _core.UnstableError(why)

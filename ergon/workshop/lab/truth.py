@@ -78,13 +78,13 @@ def motion(scene: Scene, n_frames: int, finer: int = _FINER) -> Motion | None:
     rough, fine = _positions(scene, top // 2, n_frames), _positions(scene, top, n_frames)
     if rough is None or fine is None:
         return None
-    return Motion(fine, rough, scene.at(scene.rate).network, scene.rate)
+    return Motion(fine, rough, scene.build_at(scene.rate).network, scene.rate)
 
 
 def _stable(scene: Scene, oversampling: int) -> bool:
     rate = scene.rate * oversampling
     try:
-        scene.at(rate).network.certify(rate)
+        scene.build_at(rate).network.certify(rate)
     except _core.UnstableError:
         return False
     return True

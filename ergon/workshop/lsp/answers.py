@@ -139,7 +139,7 @@ def _tuning_at(cursor: Cursor, known: Catalogue) -> tuning.Tuning | None:
     path = cursor.node.text
     if cursor.path[:1] == ("instruments",):
         path = ".".join(cursor.path[1:2])
-    return tuning.of_path(path, known.tunings, known.tuning)
+    return tuning.tuning_of_path(path, known.tunings, known.tuning)
 
 
 def _explanation(index: int, cursor: Cursor, file: Document, known: Catalogue) -> str | None:

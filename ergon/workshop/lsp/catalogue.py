@@ -70,7 +70,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
     for section in ("instruments", "keys"):
         for name, entry in names.tables[section].items():
             values, _ = uses.resolved(section, entry)
-            modules = None if values is None else values.given.get("modules")
+            modules = None if values is None else values.by_name.get("modules")
             for module, fields_read in (modules or {}).items():
                 if isinstance(fields_read, Values):
                     full = f"{name}.{module}"

@@ -11,7 +11,7 @@ import numpy as np
 from ergon.common.decay import LN_1000
 
 from .gesture import MeasurementError
-from .parameters import INDEX, N_KEY, N_MODE, START, n_modes, of_mode, total_mass
+from .parameters import INDEX, N_KEY, N_MODE, START, mode_indices, n_modes, total_mass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,7 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
         if index in columns and not (has_spring and index == w):
             add(name, row[index], {index: 1.0})
     for mode in range(n_modes(row)):
-        m, f, z = of_mode(mode)
+        m, f, z = mode_indices(mode)
         decay = t60(float(row[f]), float(row[z]))
         add(f"mode{mode + 1}.M", row[m], {m: 1.0})
         add(f"mode{mode + 1}.f", row[f], {f: 1.0})

@@ -46,7 +46,7 @@ class Replay:
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
-    def most(self) -> float:
+    def residual_max(self) -> float:
         """The greatest residual [m]."""
         return float(np.abs(self.residual).max())
 
@@ -89,16 +89,16 @@ class Difference:
     """
 
     names: tuple[str, str]
-    one: float | None
+    first: float | None
     other: float | None
     deviation: float | None
 
     @property
     def deviations(self) -> float | None:
         """The difference in units of its standard deviation; None if either is not known."""
-        if self.one is None or self.other is None or not self.deviation:
+        if self.first is None or self.other is None or not self.deviation:
             return None
-        return (self.other - self.one) / self.deviation
+        return (self.other - self.first) / self.deviation
 
 
 def differences(calibration: Calibration, other: Calibration) -> list[Difference]:

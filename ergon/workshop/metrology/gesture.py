@@ -38,17 +38,17 @@ class Unknown:
 
     ticks: NDArray[np.int64]
     least: Floats
-    most: Floats
+    greatest: Floats
 
     @property
     def middle(self) -> Floats:
         """The forces midway between the bounds (q,) [N]."""
-        return 0.5 * (self.least + self.most)
+        return 0.5 * (self.least + self.greatest)
 
     @property
     def spread(self) -> Floats:
         """Distance of the bounds from the middle (q,) [N]."""
-        return 0.5 * (self.most - self.least)
+        return 0.5 * (self.greatest - self.least)
 
 
 _NONE = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
@@ -100,7 +100,7 @@ class Gesture:
         push of one tick stands for the speed at which the key begins.
         """
         strongest = float(np.abs(self.force).max())
-        ticks, least, greatest = self.unknown.ticks, self.unknown.least, self.unknown.most
+        ticks, least, greatest = self.unknown.ticks, self.unknown.least, self.unknown.greatest
         if strongest == 0.0 or 0 in ticks:
             return self
         first = Unknown(
@@ -119,7 +119,7 @@ class Gesture:
         )
 
 
-def of_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
+def gesture_from_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
     """A gesture from forces (n,) [N] and positions (n,) [m]. Raises MeasurementError."""
     force, position = (np.ascontiguousarray(x, float) for x in (force, position))
     if force.shape != position.shape or force.ndim != 1:
@@ -131,7 +131,7 @@ def of_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
     return Gesture(force, position, np.ones(force.size, bool), rate)
 
 
-def of_rows(
+def gesture_from_rows(
     ticks: NDArray[np.integer],
     sent: Floats,
     position: Floats,
@@ -164,7 +164,7 @@ def of_rows(
     positions[tick_numbers], counts = position, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     held = np.maximum.accumulate(np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0))
-    retimed = replace(of_arrays(force, positions[held], rate), counts=counts)
+    retimed = replace(gesture_from_arrays(force, positions[held], rate), counts=counts)
     beside = (exact - tick_numbers)[fresh]
     if np.sqrt(np.mean(beside**2)) >= _JITTER:
         tick_numbers = np.maximum.accumulate(exact)
@@ -252,7 +252,7 @@ def _instants(
     return np.asarray(np.interp(np.arange(ticks.size), clocked, known))
 
 
-def of_recording(
+def gesture_from_recording(
     recording: Recording, axis: int, *, loses_requests: bool = True, force_step: float = 0.0
 ) -> Gesture:
     """The gesture of one axis of a recording; a position repeated from the tick before does not
@@ -289,7 +289,7 @@ def of_recording(
     row = np.searchsorted(ticks, every, side="right") - 1
     has_row = ticks[row] == every
     replied = (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row
-    return of_rows(
+    return gesture_from_rows(
         every,
         sent[row],
         recording.positions()[row, axis],

@@ -17,7 +17,7 @@ from ergon import _core
 
 from . import excitation
 from .first_guess import first_guess, signed_mass
-from .gesture import MeasurementError, of_rows
+from .gesture import MeasurementError, gesture_from_rows
 from .output_error import fit
 from .parameters import INDEX
 
@@ -102,7 +102,7 @@ class Axis:
     force_max: float | None = None
 
     @property
-    def most(self) -> float:
+    def request_max(self) -> float:
         """The greatest force that is requested [N]."""
         force_limit = min(self.device.force_max, 1.2 * self.device.force_continuous)
         return force_limit if self.force_max is None else min(force_limit, self.force_max)
@@ -221,7 +221,7 @@ def settle(axis: Axis, guide: Guide) -> None:
 def gesture(excited: Excited) -> Gesture:
     """A take as a gesture for the fit."""
     n = excited.sent().size
-    return of_rows(
+    return gesture_from_rows(
         np.arange(n),
         excited.sent(),
         excited.positions(),
@@ -239,7 +239,7 @@ def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda run
     chance = np.random.default_rng(seed)
     where = _Place(axis, chance)
     sign, mass = where.pushed()
-    axis, greatest = replace(axis, sign=axis.sign * sign), axis.most
+    axis, greatest = replace(axis, sign=axis.sign * sign), axis.request_max
     guide = where.guide(mass)
     settle(axis, guide)
     force, gestures = _FIRST * greatest, []
@@ -308,7 +308,7 @@ class _Place:
 
         Raises MeasurementError if the key does not move.
         """
-        greatest, force, length = self.axis.most, _FIRST_JOLT * self.axis.most, 1.0
+        greatest, force, length = self.axis.request_max, _FIRST_JOLT * self.axis.request_max, 1.0
         while length < _LONGEST:
             n = round(_JOLTS * TICK_RATE)
             stream = force * excitation.jolts(n, TICK_RATE, self.chance, length)
@@ -347,5 +347,5 @@ class _Place:
             self.half,
             (stiffness, 2 * _GUIDE_RATIO * _GUIDE * mass),
             (_BRAKE_STIFFNESS * stiffness, _BRAKE_DAMPING * mass),
-            0.5 * self.axis.most / mass,
+            0.5 * self.axis.request_max / mass,
         )

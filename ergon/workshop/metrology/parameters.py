@@ -53,7 +53,7 @@ def name(index: int) -> str:
     return f"{MODE_NAMES[which]}_{mode + 1}"
 
 
-def of_mode(mode: int) -> list[int]:
+def mode_indices(mode: int) -> list[int]:
     """The indices of the parameters of a mode, which counts from 0."""
     return [N_KEY + N_MODE * mode + which for which in range(N_MODE)]
 

@@ -20,7 +20,7 @@ from .first_guess import first_guess
 from .gesture import sensor_noise
 from .judging import Judge, Stage, with_values
 from .mode_search import SCORE_MIN, highest_peak
-from .parameters import INDEX, n_modes, of_mode
+from .parameters import INDEX, mode_indices, n_modes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -175,7 +175,7 @@ class _Search:
             row = np.append(before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
             row[0] -= peak.mass
             rows.append(row)
-        columns = dict.fromkeys((*before.fit.columns, INDEX["delay"], *of_mode(number)))
+        columns = dict.fromkeys((*before.fit.columns, INDEX["delay"], *mode_indices(number)))
         return self._decide(self.judge.best_of(name, rows, tuple(columns), before, peak.score))
 
     def add_against_held_out(self) -> bool:

@@ -84,7 +84,7 @@ def _bearable_force(
     ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
-    axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.most
+    axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.request_max
     force = min(force_limit, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
         stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung, path)

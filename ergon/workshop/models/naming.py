@@ -34,12 +34,12 @@ class Params:
 
     def __init__(self, names: Iterable[str]) -> None:
         """`names`: those of the model."""
-        new_names = Names(UNITS)
-        self.of = {name: new_names.new(name[:1].lower() + name[1:]) for name in names}
+        names_used = Names(UNITS)
+        self.new_names = {name: names_used.new(name[:1].lower() + name[1:]) for name in names}
 
     def written(self, expression: str) -> str:
         """An expression of the model as one of the score."""
-        text = _WORD.sub(lambda word: self.of.get(word[0], word[0]), expression)
+        text = _WORD.sub(lambda word: self.new_names.get(word[0], word[0]), expression)
         return " ".join(text.split())
 
 

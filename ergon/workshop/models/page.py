@@ -43,7 +43,7 @@ class Input:
     first: float
     second: float = 0.0
     least: float = 0.0
-    most: float = 0.0
+    greatest: float = 0.0
     n_frames: int = 0
     trim: str = ""
 
@@ -126,7 +126,7 @@ class Page:
 
 
 # The range of OSC: at rest until the first value, and within full scale.
-OSC = Input(None, 0.0, least=-1.0, most=1.0)
+OSC = Input(None, 0.0, least=-1.0, greatest=1.0)
 
 
 def gain(factor: float) -> str:

@@ -300,7 +300,7 @@ def _plain(piece: Piece, exact: np.ndarray, plans: Sequence[Plan]) -> Iterator[P
     pilots = [plan.pilot for plan in plans]
     by_ear = [plan.pilot for plan in plans if plan.budget is BY_EAR]
     for method, times in PLAIN:
-        scene = Oversampled.of(Score(piece), times)
+        scene = Oversampled.from_scene(Score(piece), times)
         try:
             plan = _core.Plan(scene.network, scene.timeline, method=method)
             pins = _uncounted(plan)

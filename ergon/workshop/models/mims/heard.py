@@ -13,20 +13,24 @@ from ergon.workshop.models.page import Out, gain
 from ergon.workshop.models.refused import REFUSED
 
 
-def _ending(own: Writing, name: str) -> Iterator[Statement]:
-    return (one for one in own.model.of("link") if any(point.name == name for point in one.points))
+def _ending(writing: Writing, name: str) -> Iterator[Statement]:
+    return (
+        statement
+        for statement in writing.model.statements_of("link")
+        if any(point.name == name for point in statement.points)
+    )
 
 
-def heard_ends(writing: Writing) -> dict[int, str]:
+def audible_ends(writing: Writing) -> dict[int, str]:
     """Links whose force is heard, and for each the mass on which it is heard. Raises ModelError."""
     names_by_link: dict[int, str] = {}
-    for statement in writing.model.of("output"):
+    for statement in writing.model.statements_of("output"):
         name = statement.points[0].name
         if statement.keyword != "frcOutput":
             continue
         if name in writing.macros:
             raise ModelError(REFUSED["macro force"], statement.line)
-        pushes = (i for i in writing.model.of("input") if i.name in writing.inputs)
+        pushes = (i for i in writing.model.statements_of("input") if i.name in writing.inputs)
         if any(point.name == name for push in pushes for point in push.points):
             raise ModelError(REFUSED["pushed force"], statement.line)
         links = list(_ending(writing, name))

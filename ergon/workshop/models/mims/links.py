@@ -85,7 +85,7 @@ def _law(writing: Writing, statement: Statement, values: Mapping[str, Value]) ->
         firsts = {name: value.first for name, value in values.items()}
         return LINKS[writing.laws][which(statement.keyword, firsts)]
     # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
-    upper_values = {name: value.most for name, value in values.items()}
+    upper_values = {name: value.greatest for name, value in values.items()}
     if "smooth" in led:  # which law holds would change too
         message = REFUSED["signal"].format(name=quote(statement.values["smooth"]), value="smooth")
         raise ModelError(message, statement.line)
@@ -160,7 +160,7 @@ def _begin(writing: Writing, point: Point, targets: list[tuple[float, str]]) -> 
         return begin
     moving = sum(share for share, target in targets if target not in writing.held)
     still = sum(share for share, target in targets if target in writing.held)
-    x = moving * begin.x + still * writing.value(macro.of, "x0")
+    x = moving * begin.x + still * writing.value(macro.statement, "x0")
     step = moving * begin.step
     return Begin(x, step, x - step)
 

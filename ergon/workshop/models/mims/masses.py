@@ -202,9 +202,9 @@ def _pull(writing: Writing, macro: places.Macro, z: Value) -> None:
     dampers feel a constant speed.
     """
     if z.along:
-        raise ModelError(REFUSED["pulling string"], macro.of.line)
-    force = z.first * writing.value(macro.of, "v0") / RATE
-    ends = macro.at(0, 1), macro.at(0, macro.columns - 2)
+        raise ModelError(REFUSED["pulling string"], macro.statement.line)
+    force = z.first * writing.value(macro.statement, "v0") / RATE
+    ends = macro.point_name(0, 1), macro.point_name(0, macro.columns - 2)
     for nth, end in enumerate(ends):
         if force:
             name = writing.names.new(f"{macro.name}_pull{nth or ''}")

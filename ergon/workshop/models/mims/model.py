@@ -42,7 +42,7 @@ class Model:
     params: dict[str, Amount] = field(default_factory=dict)
     _numbers: dict[str, float] = field(default_factory=dict)  # of expressions that were read
 
-    def of(self, *families: Family) -> tuple[Statement, ...]:
+    def statements_of(self, *families: Family) -> tuple[Statement, ...]:
         """Statements of some families, in order."""
         return tuple(one for one in self.statements if one.family in families)
 
@@ -55,7 +55,7 @@ class Model:
     @property
     def inputs(self) -> list[str]:
         """All inputs, of masses and of parameters."""
-        declared = (one.name for one in self.of("input"))
+        declared = (one.name for one in self.statements_of("input"))
         return list(dict.fromkeys((*declared, *self.signals.values())))
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:

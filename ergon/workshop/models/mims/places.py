@@ -27,7 +27,7 @@ _NEAR = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
 class Macro:
     """A macro: `rows` by `columns` points, and the modules that it is made of."""
 
-    of: Statement
+    statement: Statement
     name: str
     rows: int
     columns: int
@@ -46,17 +46,17 @@ class Macro:
             "stiffString": ends[1],
             "closedMesh": any(ends),
             "cornerMesh": all(ends),
-        }.get(self.of.keyword, False)
+        }.get(self.statement.keyword, False)
 
     @property
     def is_whole(self) -> bool:
         """Whether one generator holds all its moving points."""
-        keyword = self.of.keyword
+        keyword = self.statement.keyword
         return keyword in ("chain", "mesh") or (keyword != "cornerMesh" and self.height == "0")
 
     def span(self, row: int) -> tuple[int, int]:
         """The columns of a row that move: the first, and their number."""
-        if self.of.keyword == "closedMesh" and row in (0, self.rows - 1):
+        if self.statement.keyword == "closedMesh" and row in (0, self.rows - 1):
             return 0, 0
         held = self.is_fixed(row, 0)
         return int(held), self.columns - 2 * held
@@ -67,8 +67,8 @@ class Macro:
         name, offset = self.row(row), first - first_column
         if self.is_whole:
             name = self.name
-            offset += (row - (self.of.keyword == "closedMesh")) * size
-        if size == 1 and (self.of.keyword == "chain" or not self.is_whole):
+            offset += (row - (self.statement.keyword == "closedMesh")) * size
+        if size == 1 and (self.statement.keyword == "chain" or not self.is_whole):
             return name  # a MAS
         return f"{name}.{offset}" if count == 1 else f"{name}.{offset}..{offset + count - 1}"
 
@@ -95,13 +95,17 @@ class Macro:
         if not first:
             return inner
         last = first + count - 1
-        return [(self.at(0, 0), self.at(0, 1)), *inner, (self.at(0, last), self.at(0, last + 1))]
+        return [
+            (self.point_name(0, 0), self.point_name(0, 1)),
+            *inner,
+            (self.point_name(0, last), self.point_name(0, last + 1)),
+        ]
 
     def row(self, row: int) -> str:
         """The name of the module of one row."""
         return self.name if self.rows == 1 else f"{self.name}_row{row}"
 
-    def at(self, row: int, column: int) -> str:
+    def point_name(self, row: int, column: int) -> str:
         """The name of one point."""
         if not self.is_fixed(row, column):
             return self.member(row, column)
@@ -115,7 +119,7 @@ class Macro:
 
         Shares are linear along each side, so that at most four members of a mesh have one.
         """
-        is_string = self.of.keyword in STRINGS
+        is_string = self.statement.keyword in STRINGS
         counts = (self.columns,) if is_string else (self.rows, self.columns)
         along = []
         for share, count in zip(sides, counts, strict=True):
@@ -124,7 +128,9 @@ class Macro:
             else:
                 position = min(max(share, 0.0), 1.0) * (count - 1)
             if position < 0.0:
-                raise ModelError(f"a place on {quote(self.of.name)} is {share:g}, below 0", line)
+                raise ModelError(
+                    f"a place on {quote(self.statement.name)} is {share:g}, below 0", line
+                )
             low, part = int(position), position - int(position)
             if min(part, 1.0 - part) < _NEAR:
                 along.append([(round(position), 1.0)])
@@ -135,7 +141,7 @@ class Macro:
         shares: dict[str, float] = {}
         for row, a in along[0]:
             for column, b in along[1]:
-                name = self.at(row, column)
+                name = self.point_name(row, column)
                 shares[name] = shares.get(name, 0.0) + a * b
         return [(share, name) for name, share in shares.items()]
 
@@ -171,7 +177,7 @@ def build(macro: Macro, is_2019: bool) -> None:
         _single_macro(macro)
     else:
         _rows(macro)
-    if macro.of.keyword == "stiffString":
+    if macro.statement.keyword == "stiffString":
         _stiffness(macro, is_2019)
     if "Zo" in macro.written:
         macro.is_joined = True
@@ -193,7 +199,7 @@ def _body(macro: Macro, name: str, count: int, form: str) -> None:
 
 
 def _single_macro(macro: Macro) -> None:
-    keyword = macro.of.keyword
+    keyword = macro.statement.keyword
     if macro.rows == 1 and keyword in STRINGS:
         count = macro.columns if keyword == "chain" else macro.columns - 2
         ends = "free" if keyword == "chain" else "fixed"
@@ -225,7 +231,7 @@ def _rows(macro: Macro) -> None:
         for column in (0, macro.columns - 1):
             fixed = macro.is_fixed(row, column), macro.is_fixed(row + 1, column)
             if fixed[0] != fixed[1] and not (n == 0 or m == 0):
-                ends = (macro.at(row_place, column) for row_place in (row, row + 1))
+                ends = (macro.point_name(row_place, column) for row_place in (row, row + 1))
                 _join(macro, f"{macro.name}_corner{row}_{column}", *ends)
         if (n == 0) != (m == 0):
             row_place, (first, count) = (row, (a, n)) if n else (row + 1, (b, m))
@@ -252,5 +258,5 @@ def _stiffness(macro: Macro, is_2019: bool) -> None:
     ends = [(0, 2), (n - 3, n - 1)] if n > 3 else []
     ends += [(n - 2, n - 1)] if is_2019 else [(0, 1), (n - 2, n - 1)]
     for nth, (first, last) in enumerate(ends):
-        where = f"[{macro.at(0, first)}, {macro.at(0, last)}]"
+        where = f"[{macro.point_name(0, first)}, {macro.point_name(0, last)}]"
         macro.modules.append((f"{macro.name}_end{nth}", f"RES: {{between: {where}, K: {k}}}"))

@@ -51,11 +51,11 @@ def straight(model: Model, text: str, what: str, line: int) -> Along:
     if len(named) > 1:
         raise ModelError(REFUSED["two signals"].format(what=what, text=quote(text)), line)
 
-    def at(value: float) -> float:
+    def number_for(value: float) -> float:
         params = {**model.params, named[0]: Amount(Fraction(value), "")}
         return number(text, params, what, line)
 
-    start, second, *others = (at(value) for value in _PROBES)
+    start, second, *others = (number_for(value) for value in _PROBES)
     slope = second - start
     line_at = (start + slope * value for value in _PROBES[2:])
     straight = zip(others, line_at, strict=True)
@@ -75,7 +75,7 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
     """A point that signals move, as a module; `guides` are the MATs whose positions are the
     signals.
     """
-    counts = (macro.columns,) if macro.of.keyword in STRINGS else (macro.rows, macro.columns)
+    counts = (macro.columns,) if macro.statement.keyword in STRINGS else (macro.rows, macro.columns)
     written_fields = [f"of: {_row(macro)}"]
     if " " in written_fields[0] and len(counts) > 1:
         written_fields.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
@@ -104,13 +104,13 @@ def _list(items: list[str]) -> str:
 
 def _has_rim(macro: Macro) -> bool:
     """Whether fixed points surround the moving points, and lie nowhere else."""
-    keyword = macro.of.keyword
+    keyword = macro.statement.keyword
     return keyword in ("string", "stiffString") or (keyword == "closedMesh" and macro.rows > 3)
 
 
 def _row(macro: Macro) -> str:
     """The masses, row by row."""
-    if macro.of.keyword in STRINGS or (macro.is_whole and macro.rows != 3):
+    if macro.statement.keyword in STRINGS or (macro.is_whole and macro.rows != 3):
         return macro.name
     if _has_rim(macro):
         return _list([macro.row(row) for row in range(1, macro.rows - 1)])

@@ -218,7 +218,7 @@ def _refuse_duplicate_names(model: Model) -> None:
 
 def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
     amounts: dict[str, Amount] = {}
-    declared = {declaration.name: declaration for declaration in model.of("param")}
+    declared = {declaration.name: declaration for declaration in model.statements_of("param")}
     for name in overrides:
         if name not in declared:
             raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, declared))
@@ -240,10 +240,12 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
 
 
 def _known_points(model: Model, macros: set[str]) -> None:
-    known = {one.name: one for one in model.of("mass", "macro") if one.name not in macros}
-    inputs = {one.name for one in model.of("input") if one.keyword == "posInput"}
+    known = {
+        one.name: one for one in model.statements_of("mass", "macro") if one.name not in macros
+    }
+    inputs = {one.name for one in model.statements_of("input") if one.keyword == "posInput"}
     masses = {*known, *inputs}
-    kinds = {one.name: one.keyword for one in model.of("macro")}
+    kinds = {one.name: one.keyword for one in model.statements_of("macro")}
     for statement in model.statements:
         for point in statement.points:
             if point.name in macros:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from ergon.notation.tables.expressions import Amount
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.mims.grammar import NAMES
-from ergon.workshop.models.mims.heard import heard_ends, output
+from ergon.workshop.models.mims.heard import audible_ends, output
 from ergon.workshop.models.mims.laws import Laws
 from ergon.workshop.models.mims.links import link
 from ergon.workshop.models.mims.masses import MAKERS, push
@@ -27,7 +27,9 @@ def written(
     `laws`: those that mi-gen had in 2019, for which older models were made, or today's.
     """
     params = (
-        statement.name for statement in model.of("param") if statement.name not in model.signals
+        statement.name
+        for statement in model.statements_of("param")
+        if statement.name not in model.signals
     )
     inputs = inputs or {}
     firsts = {
@@ -39,14 +41,14 @@ def written(
         model = replace(model, params={**model.params, **firsts}, _numbers={})
     writing = Writing(model, laws, inputs, Params(params))
     try:
-        for statement in model.of("mass", "macro", "input"):
+        for statement in model.statements_of("mass", "macro", "input"):
             MAKERS[statement.keyword](writing, statement)
-        for statement in model.of("input"):
+        for statement in model.statements_of("input"):
             push(writing, statement)
-        listened = heard_ends(writing)
-        for statement in model.of("link"):
+        listened = audible_ends(writing)
+        for statement in model.statements_of("link"):
             link(writing, statement, listened)
-        for statement in model.of("output"):
+        for statement in model.statements_of("output"):
             output(writing, statement)
     except ModelError as error:
         error.file = model.file
@@ -61,7 +63,9 @@ def written(
 def _page(writing: Writing, title: str) -> Page:
     model = writing.model
     law_year = "2019" if writing.laws == "2019" else "today"
-    params = {one.name: float(model.params[one.name].number) for one in model.of("param")}
+    params = {
+        one.name: float(model.params[one.name].number) for one in model.statements_of("param")
+    }
     params = {name: value for name, value in params.items() if name not in model.signals}
     fed = [name for name in model.inputs if name in writing.inputs]
     return Page(
@@ -70,9 +74,11 @@ def _page(writing: Writing, title: str) -> Page:
             f"{law_year}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],
-        parameters=[Line(writing.params.of[name], number(value)) for name, value in params.items()],
+        parameters=[
+            Line(writing.params.new_names[name], number(value)) for name, value in params.items()
+        ],
         inputs={name: writing.inputs[name] for name in fed} | writing.takes,
-        pushes=[one.name for one in model.of("input") if one.keyword == "frcInput"],
+        pushes=[one.name for one in model.statements_of("input") if one.keyword == "frcInput"],
         modules=writing.modules,
         outs=writing.outs,
         before_strikes=["An input jumps to its first value, which the model's dampers feel."],

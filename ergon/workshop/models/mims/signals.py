@@ -24,7 +24,7 @@ class Value:
     text: str
     first: float
     least: float
-    most: float
+    greatest: float
     along: Along | None = None
 
 
@@ -38,11 +38,11 @@ def value_of(writing: Writing, statement: Statement, name: str) -> Value:
         return Value(writing.text(statement, name), number, number, number)
     side = straight(writing.model, text, f"{name} of {quote(statement.name)}", statement.line)
     source = writing.inputs.get(writing.model.signals[side.signal]) if side.signal else None
-    if source is None or source.least == source.most:
+    if source is None or source.least == source.greatest:
         signal = 0.0 if source is None else source.first
         number = side.start + side.slope * signal
         return Value(repr(number), number, number, number)
-    positions = [side.start + side.slope * s for s in (source.first, source.least, source.most)]
+    positions = [side.start + side.slope * s for s in (source.first, source.least, source.greatest)]
     return Value("", positions[0], min(positions[1:]), max(positions[1:]), side)
 
 
@@ -56,9 +56,9 @@ def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
     if side is None or side.signal is None:
         raise AssertionError("a constant follows nothing")
     source = writing.inputs[writing.model.signals[side.signal]]
-    low, high = (side.start + side.slope * signal for signal in (source.least, source.most))
+    low, high = (side.start + side.slope * signal for signal in (source.least, source.greatest))
     mat = guide(writing, side.signal, is_ahead=is_ahead)
-    span = source.most - source.least
+    span = source.greatest - source.least
     offset = "" if source.least == 0.0 else f", offset: {-source.least!r}m"
     return f"{{of: {mat}, from: {low!r}, to: {high!r}{offset}, span: {span!r}m}}"
 

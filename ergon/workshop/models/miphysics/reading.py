@@ -84,14 +84,14 @@ def parse(text: str) -> Network:
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code]
         raise ModelError(f"the XML is not well formed: {what}", error.lineno) from None
-    if not reading.found.masses:
+    if not reading.network.masses:
         raise ModelError("it has no masses", parser.CurrentLineNumber)
-    return reading.found
+    return reading.network
 
 
 class _Reading:
     def __init__(self) -> None:
-        self.found, self.path, self.count = Network(), list[str](), 0
+        self.network, self.path, self.count = Network(), list[str](), 0
         self.names: dict[str, int] = {}
         self.gravity, self.direction = 0.0, (0.0, 0.0, 1.0)
         self.line: Callable[[], int] = int
@@ -113,11 +113,11 @@ class _Reading:
                 f"{quote(tag)} is not part of a model", self.line(), nearest(tag, known)
             )
         if len(where) == 2 and where[0] == "global":
-            self.whole(tag, attributes)
+            self.read_element(tag, attributes)
         if len(where) == 3 and where[0] == "MAT":
-            self.part(where[1], attributes, MASSES, self.found.masses)
+            self.part(where[1], attributes, MASSES, self.network.masses)
         elif len(where) == 3 and where[0] in ("Link", "Interaction"):
-            self.part(where[1], attributes, LINKS, self.found.links)
+            self.part(where[1], attributes, LINKS, self.network.links)
 
     def end(self, tag: str) -> None:
         self.path.pop()
@@ -126,14 +126,14 @@ class _Reading:
             if along[0] or along[1] or along[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
-            self.found.gravity = along[2]
+            self.network.gravity = along[2]
 
-    def whole(self, tag: str, attributes: Mapping[str, str]) -> None:
+    def read_element(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":
             self.gravity = self.number(attributes, "gravity")
         elif tag == "friction":
-            self.found.friction = self.number(attributes, "friction")
-            if self.found.friction < 0.0:
+            self.network.friction = self.number(attributes, "friction")
+            if self.network.friction < 0.0:
                 raise ModelError("friction is below 0, which gives energy", self.line())
         elif tag == "vector":
             x, y, z = (self.number(attributes, f"pos.{axis}") for axis in "xyz")

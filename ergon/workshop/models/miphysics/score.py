@@ -26,7 +26,7 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 @dataclass(slots=True)
 class _Writing:
-    of: Network
+    network: Network
     rate: int
     names: Names = field(default_factory=Names)
     masses: dict[str, str] = field(default_factory=dict)
@@ -100,7 +100,7 @@ def _within(one: Part, what: str, value: float, most: float) -> None:
 
 def _heavy(writing: _Writing, part: Part) -> float:
     mass = part.values["mass"]
-    if not mass > writing.of.friction:
+    if not mass > writing.network.friction:
         message = f"mass is {mass:g}: it is above 0, and above the friction of the medium"
         raise ModelError(message, part.line)
     return mass
@@ -130,8 +130,8 @@ def _point(writing: _Writing, part: Part, speed: tuple[float, float, float]) -> 
             for value in fast:
                 _within(part, "a speed", value, _FASTEST)
             fields.append(f"V0: {_vector(fast, 'mm/s')}")
-        if writing.of.friction:
-            fields.append(f"drag: {drag(writing.of.friction, mass)!r}*viscous")
+        if writing.network.friction:
+            fields.append(f"drag: {drag(writing.network.friction, mass)!r}*viscous")
     writing.space.append((writing.masses[part.name], f"{kind}: {{{', '.join(fields)}}}"))
 
 
@@ -182,7 +182,7 @@ def _mass(writing: _Writing, part: Part) -> None:
     if part.kind == "Ground1D":
         writing.axis.append((name, f"SOL: {{{x0}}}"))
         return
-    mass, friction = _heavy(writing, part), writing.of.friction
+    mass, friction = _heavy(writing, part), writing.network.friction
     fields = [f"M: {_number(mass)}"]
     is_tied = part.kind == "Osc1D"
     if is_tied or friction:
@@ -204,9 +204,11 @@ def _mass(writing: _Writing, part: Part) -> None:
             f"{{{', '.join(fields)}}}",
         )
     )
-    if writing.of.gravity:
+    if writing.network.gravity:
         weight = writing.new(f"{name}_weight")
-        writing.axis.append((weight, f"ENF: {{to: {name}, from: {-writing.of.gravity * mass!r}N}}"))
+        writing.axis.append(
+            (weight, f"ENF: {{to: {name}, from: {-writing.network.gravity * mass!r}N}}")
+        )
 
 
 def _spring(writing: _Writing, link: Part, known: dict[str, Part]) -> None:
@@ -247,9 +249,9 @@ def _lines(writing: _Writing, title: str) -> Iterator[str]:
         yield f"  {instrument}:"
         if end == "3D":
             yield "    space: 3  # a unit of the model is a millimetre"
-            if writing.of.gravity:
-                gravity = writing.of.gravity * writing.rate * writing.rate * _MILLI
-                yield f"    gravity: {gravity!r}m/s2  # {writing.of.gravity!r} a sample²"
+            if writing.network.gravity:
+                gravity = writing.network.gravity * writing.rate * writing.rate * _MILLI
+                yield f"    gravity: {gravity!r}m/s2  # {writing.network.gravity!r} a sample²"
         else:
             yield "    units: ca"
             yield f"    at: {writing.rate}Hz"
@@ -257,7 +259,7 @@ def _lines(writing: _Writing, title: str) -> Iterator[str]:
         yield from (f"      {name}: {{{text}}}" for name, text in modules)
         moving = [
             writing.masses[mass.name]
-            for mass in writing.of.masses
+            for mass in writing.network.masses
             if mass.kind.endswith(end) and not mass.kind.startswith("Ground")
         ]
         if moving:

@@ -39,4 +39,4 @@ def _damping(network: Network, link: Link, step: float) -> float:
     if link.tables is None:
         return link.D * step
     _, _, array, length = link.tables
-    return link.D * table(network.arrays, array, link.line).at(step / length)
+    return link.D * table(network.arrays, array, link.line).interpolate(step / length)

@@ -132,9 +132,9 @@ def _value(network: Network, value: Value, word: str | None, line: int) -> Any:
     if list_name is not None:
         things = getattr(network, list_name)
         if literal is None:
-            matching = [at for at, one in enumerate(things) if one.of == word]
+            matching = [at for at, one in enumerate(things) if one.class_name == word]
             if not matching:
-                near = nearest(word, {one.of for one in things})
+                near = nearest(word, {one.class_name for one in things})
                 raise ModelError(f"no {list_name} are called {quote(word)}", line, near)
             return matching
         return [_index(network, list_name, literal, line)]

@@ -13,7 +13,7 @@ PORTS_MAX = 99  # inlets, outlets
 class Mass:
     """A mass of a class at x [m] with a last step v [m] and a pending force f."""
 
-    of: str
+    class_name: str
     is_mobile: bool
     M: float
     x: float
@@ -30,7 +30,7 @@ class Link:
     `form` is the kind of law: "link~" and "NLlink~" of pmpd~, "link" and "table" of pmpd.
     """
 
-    of: str
+    class_name: str
     form: str
     a: int
     b: int

@@ -115,8 +115,8 @@ def _object(messages_read: list[Message], wanted: Object | None) -> Object:
     }
     words_used = {one.word for one in messages_read}
     has_class = any(
-        one.word in ("mass", "link") and one.rest and number(one.rest[0]) is None
-        for one in messages_read
+        message.word in ("mass", "link") and message.rest and number(message.rest[0]) is None
+        for message in messages_read
     )
     is_control = has_class or bool(words_used & special_words["pmpd"])
     is_audio = bool(words_used & special_words["pmpd~"])

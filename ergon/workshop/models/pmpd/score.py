@@ -26,7 +26,7 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 @dataclass(slots=True)
 class _Writing:
-    of: Network
+    network: Network
     inputs: Mapping[str, Input]
     names: Names = field(default_factory=Names)
     masses: list[str] = field(default_factory=list)
@@ -71,23 +71,27 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
 
 def _masses(writing: _Writing) -> None:
     counts: dict[str, int] = {}
-    for mass in writing.of.masses:
-        counts[mass.of] = counts.get(mass.of, 0) + 1
+    for mass in writing.network.masses:
+        counts[mass.class_name] = counts.get(mass.class_name, 0) + 1
     seen: dict[str, int] = {}
     strings = rows(
-        writing.of, writing.moved, lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D)
+        writing.network,
+        writing.moved,
+        lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D),
     )
-    for index, mass in enumerate(writing.of.masses):
-        nth = seen[mass.of] = seen.get(mass.of, -1) + 1
-        word = _NO_LETTER.sub("_", mass.of)
+    for index, mass in enumerate(writing.network.masses):
+        nth = seen[mass.class_name] = seen.get(mass.class_name, -1) + 1
+        word = _NO_LETTER.sub("_", mass.class_name)
         word = word if word[:1].isalpha() else f"m{word}"
         if index in strings:
-            _string(writing, strings[index], mass, word if writing.of.kind == "pmpd" else "string")
+            _string(
+                writing, strings[index], mass, word if writing.network.kind == "pmpd" else "string"
+            )
         if index < len(writing.masses):
             continue  # a member of a string
-        if writing.of.kind == "pmpd~":
+        if writing.network.kind == "pmpd~":
             word = f"m{index}"
-        elif counts[mass.of] > 1:
+        elif counts[mass.class_name] > 1:
             word = f"{word}{nth}"
         writing.masses.append(_mass(writing, index, mass, word))
         if mass.D and mass.is_mobile:
@@ -159,8 +163,8 @@ def _damper(writing: _Writing, word: str, mass: str, D: float) -> None:
 
 
 def _link(writing: _Writing, nth: int, link: Link) -> None:
-    masses = writing.of.masses
-    word = _NO_LETTER.sub("_", link.of)
+    masses = writing.network.masses
+    word = _NO_LETTER.sub("_", link.class_name)
     word = f"{word if word[:1].isalpha() else 'link'}{nth}"
     still = [at in writing.moved or not masses[at].is_mobile for at in (link.a, link.b)]
     if all(still):
@@ -177,7 +181,7 @@ def _link(writing: _Writing, nth: int, link: Link) -> None:
         _damper(writing, f"{word}_air", mobile, D)
         D = 0.0
     if link.tables is not None:
-        for text in springs(writing.of.arrays, link):
+        for text in springs(writing.network.arrays, link):
             writing.add(word, f"LNL: {{{ends}, {text}}}")
         return
     rest = f", rest: {link.L!r}m" if link.L else ""
@@ -200,7 +204,7 @@ def _is_plain(own: _Writing, link: Link, D: float) -> bool:
 
 
 def _is_straight(writing: _Writing, link: Link) -> bool:
-    a, b = writing.of.masses[link.a], writing.of.masses[link.b]
+    a, b = writing.network.masses[link.a], writing.network.masses[link.b]
     begins_as_one = link.form == "link" and link.L != 0.0 and a.x == b.x
     is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
     return is_linear and not begins_as_one
@@ -246,13 +250,13 @@ def _law(link: Link, D: float) -> str:
 
 
 def _feeds(writing: _Writing) -> None:
-    for port in writing.of.ports:
+    for port in writing.network.ports:
         fed = writing.inputs.get(f"in{port.number}")
         if port.what != "inForce" or fed is None:
             continue
-        if not writing.of.masses[port.mass].is_mobile:
+        if not writing.network.masses[port.mass].is_mobile:
             continue  # a fixed mass is not moved by forces
-        if fed.file is None and any(_moves(other, port.number) for other in writing.of.ports):
+        if fed.file is None and any(_moves(other, port.number) for other in writing.network.ports):
             message = f"inlet {port.number} moves one mass and pushes another, which a file can do"
             raise ModelError(f"{message} and osc cannot", port.line)
         scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
@@ -266,7 +270,7 @@ def _moves(port: Port, number: int) -> bool:
 
 
 def _outputs(writing: _Writing) -> None:
-    for port in writing.of.ports:
+    for port in writing.network.ports:
         if not port.what.startswith("out") or port.gain == 0.0:
             continue
         if port.gain < 0.0:
@@ -275,9 +279,9 @@ def _outputs(writing: _Writing) -> None:
             message = f"mass {port.mass} is moved by an inlet, which is heard one sample before all"
             raise ModelError(f"{message} else; leave its outlet out", port.line)
         _out(writing, [port.mass], port.what == "outSpeed", port.number + 1, port.gain)
-    asked = writing.of.asked
-    if writing.of.kind == "pmpd" and not asked:
-        mobile = tuple(at for at, mass in enumerate(writing.of.masses) if mass.is_mobile)
+    asked = writing.network.asked
+    if writing.network.kind == "pmpd" and not asked:
+        mobile = tuple(at for at, mass in enumerate(writing.network.masses) if mass.is_mobile)
         asked = [Asked("massPosMean", mobile, 0)]
     channel = 0
     for mass in asked:
@@ -320,8 +324,8 @@ def _ranges(names: Sequence[str]) -> Iterator[str]:
 
 
 def _page(writing: _Writing, title: str) -> Page:
-    pushes = {f"in{port.number}" for port in writing.of.ports if port.what == "inForce"}
-    ports = {f"in{port.number}" for port in writing.of.ports if port.what.startswith("in")}
+    pushes = {f"in{port.number}" for port in writing.network.ports if port.what == "inForce"}
+    ports = {f"in{port.number}" for port in writing.network.ports if port.what.startswith("in")}
     return Page(
         head=_head(writing, title),
         inputs={name: writing.inputs[name] for name in sorted(ports) if name in writing.inputs},
@@ -333,7 +337,7 @@ def _page(writing: _Writing, title: str) -> Page:
 
 
 def _head(writing: _Writing, title: str) -> Iterator[str]:
-    kind = writing.of.kind
+    kind = writing.network.kind
     yield f"From {title or 'a list'}, messages to an object [{kind}] of Pure Data."
     step = f"A bang is a sample of 1/{RATE} s" if kind == "pmpd" else f"One sample is 1/{RATE} s"
     yield f"{step}; the numbers are those of the discrete network."
@@ -341,15 +345,15 @@ def _head(writing: _Writing, title: str) -> Iterator[str]:
         yield "The first sample is what the object begins with; its own first sample follows."
     if any(out.what.startswith("SOV") for out in writing.outs):
         yield "Speeds are those in the middle of a step, heard 7.5 samples late."
-    if kind == "pmpd" and not writing.of.asked:
+    if kind == "pmpd" and not writing.network.asked:
         yield "Nothing is asked for: the mean of all masses that move is heard."
 
 
 def _kicks(writing: _Writing) -> Iterator[Line]:
     """Forces in the first sample, as strikes."""
-    what = "damping of what was put elsewhere" if writing.of.kind == "pmpd" else "a force"
+    what = "damping of what was put elsewhere" if writing.network.kind == "pmpd" else "a force"
     for index, force in writing.kicks.items():
-        if not writing.of.masses[index].is_mobile:
+        if not writing.network.masses[index].is_mobile:
             continue
         to = writing.masses[index]
         name = writing.names.new(f"{_NO_LETTER.sub('_', to)}_kick")

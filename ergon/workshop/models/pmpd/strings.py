@@ -57,8 +57,8 @@ def rows(
 def _matter(mass: Mass, is_moved: bool) -> tuple[object, ...] | None:
     """The properties that all masses of a row share; None for a mass that cannot be in a row."""
     is_free = mass.is_mobile and not mass.D and not is_moved
-    return (mass.of, mass.M, mass.x, mass.v) if is_free else None
+    return (mass.class_name, mass.M, mass.x, mass.v) if is_free else None
 
 
 def _tie(link: Link) -> tuple[object, ...]:
-    return link.of, link.K, link.D
+    return link.class_name, link.K, link.D

@@ -23,7 +23,7 @@ class Table:
 
     values: Sequence[float]
 
-    def at(self, place: float) -> float:
+    def interpolate(self, place: float) -> float:
         """The value that pmpd reads at a place, by linear interpolation."""
         size = abs(place) * len(self.values)
         sign = 1.0 if place > 0.0 else -1.0

@@ -23,7 +23,7 @@ class Value:
     default: str | None
 
     @property
-    def said(self) -> str:
+    def notation(self) -> str:
         """The argument as documentation shows it: `[K]` may be left out."""
         return self.name if self.default is None else f"[{self.name}]"
 
@@ -109,4 +109,4 @@ REFUSED: Mapping[str, str] = {
 
 def written(word: str, form: tuple[Value, ...]) -> str:
     """A message as documentation shows it: `link mass1 mass2 [K] [D]`."""
-    return " ".join((word, *(value.said for value in form)))
+    return " ".join((word, *(value.notation for value in form)))

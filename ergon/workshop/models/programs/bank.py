@@ -9,7 +9,7 @@ UNITS = ("m", "m/s", "m/s^2")  # of an output, by how often it is differentiated
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class ModePath:
     """The path from a struck point to an output: one row of four numbers for each mode.
 
     `rows` hold the damped frequency [Hz], the decay [1/s], and, for an impulse of 1 N·s, the
@@ -17,7 +17,7 @@ class Way:
     """
 
     struck: int
-    heard: int
+    output: int
     rows: Sequence[tuple[float, float, float, float]]
 
 
@@ -35,6 +35,6 @@ class Bank:
     seconds: float
     struck: Sequence[str]
     strikes: Sequence[Sequence[tuple[float, float]]]
-    heard: Sequence[tuple[str, int]]
+    outputs: Sequence[tuple[str, int]]
     full: Sequence[float]
-    ways: Sequence[Way]
+    ways: Sequence[ModePath]

@@ -26,12 +26,12 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield "<CsInstruments>"
     yield f"sr = {bank.rate:g}"
     yield "ksmps = 1  ; a strike is one sample"
-    yield f"nchnls = {len(bank.heard)}"
+    yield f"nchnls = {len(bank.outputs)}"
     yield "0dbfs = 1"
     yield ""
     for number, name in enumerate(bank.struck, 1):
         yield f"gaPush{number} init 0  ; [N s] on {_plain(name)} in this sample"
-    each = zip(bank.heard, bank.full, strict=True)
+    each = zip(bank.outputs, bank.full, strict=True)
     for number, ((name, order), full) in enumerate(each, 1):
         yield f"gaOut{number} init 0  ; [m] {_plain(name)}"
         yield f"giFull{number} = {full!r}  ; [{UNITS[order]}] of it is full scale"
@@ -43,7 +43,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "endin"
         yield ""
     for number, path in enumerate(bank.ways, MODES_FROM):
-        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
+        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield f"instr {number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
         yield "  iFrequency = p4  ; [Hz] damped"
         yield "  iDecay = p5      ; [1/s]; T60 = 6.9078/p5 s"
@@ -55,16 +55,16 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  aMode biquad gaPush{path.struck + 1}, iAmplitude*sin(iPhase), \\"
         yield "      iAmplitude*iRadius*sin(iAngle - iPhase), 0, \\"
         yield "      1, -2*iRadius*cos(iAngle), iRadius*iRadius"
-        yield f"  gaOut{path.heard + 1} += aMode"
+        yield f"  gaOut{path.output + 1} += aMode"
         yield "endin"
         yield ""
     yield f"instr {OUTPUT}  ; what is heard"
-    for number, (_, order) in enumerate(bank.heard, 1):
+    for number, (_, order) in enumerate(bank.outputs, 1):
         yield from _differentiated(number, order)
-    outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.heard) + 1))
+    outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
     yield f"  out {', '.join(outs)}"
     names = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
-    names += [f"gaOut{number}" for number in range(1, len(bank.heard) + 1)]
+    names += [f"gaOut{number}" for number in range(1, len(bank.outputs) + 1)]
     yield from (f"  {name} = 0" for name in names)
     yield "endin"
     yield "</CsInstruments>"
@@ -99,7 +99,7 @@ def _score(bank: Bank) -> Iterator[str]:
     yield "<CsScore>"
     yield f"i {OUTPUT} 0 {length}"
     for number, path in enumerate(bank.ways, MODES_FROM):
-        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
+        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield f"; modes, from {_plain(struck)} to {_plain(output_index)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
         for row in path.rows:

@@ -23,7 +23,7 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "// It holds at any rate of samples. Compile it with -double."
     for number, name in enumerate(bank.struck, 1):
         yield f"// input {number}: force on {plain(name)} [N]"
-    for number, (name, order) in enumerate(bank.heard, 1):
+    for number, (name, order) in enumerate(bank.outputs, 1):
         yield f"// output {number}: {plain(name)} [{UNITS[order]}]"
     yield f'declare name "{plain(bank.name)}";'
     yield ""
@@ -37,15 +37,15 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
     for number, path in enumerate(bank.ways, 1):
-        struck, output_index = bank.struck[path.struck], bank.heard[path.heard][0]
+        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield ""
         yield f"// from {plain(struck)} to {plain(output_index)}"
         terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.rows]
         yield f"way_{number}(x) = {_sum(terms)};"
     yield ""
     inputs = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
-    outputs = [f"out_{number}" for number in range(1, len(bank.heard) + 1)]
-    output_orders = zip(outputs, bank.heard, strict=True)
+    outputs = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
+    output_orders = zip(outputs, bank.outputs, strict=True)
     expressions = [_output_text(name, order) for name, (_, order) in output_orders]
     yield f"process({', '.join(inputs)}) = {', '.join(expressions)}"
     yield "with {"
@@ -53,7 +53,7 @@ def _lines(bank: Bank) -> Iterator[str]:
         ways = [
             f"way_{number}({inputs[path.struck]}/SR)"
             for number, path in enumerate(bank.ways, 1)
-            if path.heard == index
+            if path.output == index
         ]
         yield f"  {name} = {' + '.join(ways) or '0.0'};"
     yield "};"

@@ -80,13 +80,13 @@ class Laws:
         """
         mapped = {name: f"c{at}" for at, name in enumerate(letters)}
 
-        def said(match: re.Match[str]) -> str:
+        def faust_word(match: re.Match[str]) -> str:
             word = match[0]
             is_known = word in ("d", "v") or word in _CALLS
             known = word if is_known else mapped.get(word)
             return known or repr(float(word))
 
-        tree = ast.parse(f"({_WORD.sub(said, text)})", mode="eval")
+        tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
         back = {f"c{at}": faust for at, faust in enumerate(letters.values())}
         return self._faust(tree.body, back)
 

@@ -98,7 +98,7 @@ def _moves(point: Point) -> bool:
 
 
 def _constants(word: str, point: Point) -> Iterator[str]:
-    yield f"// {plain(point.name)}: {point.said}"
+    yield f"// {plain(point.name)}: {point.comment}"
     yield f"X0_{word} = {_number(point.x0)}; // [m] where it starts"
     if _moves(point):
         yield f"D0_{word} = {_number(point.d0)}; // [m] its step before it starts"
@@ -112,7 +112,7 @@ def _constants(word: str, point: Point) -> Iterator[str]:
 
 
 def _link_constants(word: str, link: Link) -> Iterator[str]:
-    yield f"// {plain(link.name)}: {plain(link.said)}"
+    yield f"// {plain(link.name)}: {plain(link.comment)}"
     if link.law is not None:
         yield f"L_{word} = {_number(link.offset)}; // [m]"
         return

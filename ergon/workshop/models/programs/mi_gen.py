@@ -11,7 +11,7 @@ from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.mims.laws import LINKS
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.page import RATE
-from ergon.workshop.models.programs.network import Body, Heard, Link, Point, Stepped, refusal
+from ergon.workshop.models.programs.network import Body, Link, MixedOutput, Point, Stepped, refusal
 from ergon.workshop.models.programs.places_back import place_of
 
 NETWORK_MAX = 20_000  # points
@@ -29,18 +29,18 @@ def model(network: Stepped, title: str) -> str:
 
 @dataclass(slots=True)
 class _Writing:
-    of: Stepped
+    network: Stepped
     names: Names = field(default_factory=Names)
     lines: list[str] = field(default_factory=list)
     refused: list[tuple[Place, str]] = field(default_factory=list)
-    at: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
-    whole: dict[int, Body] = field(default_factory=dict)  # by their first points
+    link_names: dict[int, str] = field(default_factory=dict)  # how each point is written in a link
+    full_bodies: dict[int, Body] = field(default_factory=dict)  # by their first points
     called: dict[int, str] = field(default_factory=dict)  # names of these
     ends: dict[int, list[int]] = field(default_factory=dict)  # links of each point
     links: set[int] = field(default_factory=set)  # within bodies that are written as a whole
 
     def text(self, title: str) -> str:
-        network = self.of
+        network = self.network
         if network.rate != RATE:
             place = network.points[0].place
             why = f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
@@ -73,11 +73,11 @@ class _Writing:
         yield f"# {_plain(title)}, made by ergon: a model of mi-gen (v2), laws of today."
         yield f"# One sample is 1/{RATE} s. M is in kg {RATE}^2, K in N/m, Z in N {RATE}/(m/s), x0"
         yield "# in m, v0 in m/s; of a network under units: ca the numbers are its own."
-        for name, fed in zip(inputs, self.of.inputs, strict=True):
+        for name, fed in zip(inputs, self.network.inputs, strict=True):
             yield f"# {name}: {_plain(fed.name)}{f', from {_plain(fed.take)}' * bool(fed.take)}"
-        for name, output in zip(outputs, self.of.outputs, strict=True):
+        for name, output in zip(outputs, self.network.outputs, strict=True):
             yield f"# {name}: {_plain(output.name)}"
-        yield from (f"# Left out: {_plain(output)}" for output in self.of.left_out)
+        yield from (f"# Left out: {_plain(output)}" for output in self.network.left_out)
         yield ""
 
     # --- masses ---
@@ -91,20 +91,20 @@ class _Writing:
         return self.names.new(word if word[:1].isalpha() else f"m{word}")
 
     def _bodies(self) -> None:
-        for body in self.of.bodies:
-            body_points = [self.of.points[at] for at in body.points]
+        for body in self.network.bodies:
+            body_points = [self.network.points[at] for at in body.points]
             is_still = not any(
                 one.x0 or one.d0 or one.weight or one.fed is not None for one in body_points
             )
             if is_still and body.K >= 0.0 and body.z >= 0.0:
-                self.whole[body.points[0]] = body
+                self.full_bodies[body.points[0]] = body
                 self.links.update(body.links)
 
     def _masses(self, inputs: list[str]) -> None:
         written = -1
-        for number, point in enumerate(self.of.points):
-            if number in self.whole:
-                body = self.whole[number]
+        for number, point in enumerate(self.network.points):
+            if number in self.full_bodies:
+                body = self.full_bodies[number]
                 self._body(body)
                 written = body.points[-1]
             elif number > written:
@@ -112,7 +112,7 @@ class _Writing:
 
     def _body(self, body: Body) -> None:
         name, (across, up) = self._name(body.name), body.sides
-        mass = self._matter(self.of.points[body.points[0]])
+        mass = self._matter(self.network.points[body.points[0]])
         more = 2 * body.is_held
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
@@ -123,7 +123,7 @@ class _Writing:
             self.lines.append(f"@{name} {word} {count + more} {_number(mass)} {ties}")
             for member in range(count):
                 share = _share(member + body.is_held, count + more)
-                self.at[body.points[member]] = f"[@{name} {share}]"
+                self.link_names[body.points[member]] = f"[@{name} {share}]"
         else:
             word = "closedMesh" if body.is_held else "mesh"
             size = f"{up + more} {across + more}"
@@ -135,35 +135,35 @@ class _Writing:
                     _share(row + body.is_held, up + more),
                     _share(column + body.is_held, across + more),
                 )
-                self.at[body.points[member]] = f"[@{name} {' '.join(shares)}]"
+                self.link_names[body.points[member]] = f"[@{name} {' '.join(shares)}]"
 
     def _between(self, point: Point) -> str:
         """A point between masses as a place on their macro; empty if there is no such place."""
         masses = [mass for mass, _ in point.shares]
-        bodies = [one for one in self.whole.values() if set(one.points) & set(masses)]
+        bodies = [one for one in self.full_bodies.values() if set(one.points) & set(masses)]
         if len(bodies) != 1:
             return ""
-        place = place_of(bodies[0], point.shares, lambda mass: self.of.points[mass])
+        place = place_of(bodies[0], point.shares, lambda mass: self.network.points[mass])
         name = self.called[bodies[0].points[0]]
         return f"[@{name} {' '.join(_number(share) for share in place)}]" if place else ""
 
     def _matter(self, point: Point) -> float:
-        return point.mass if point.is_ca else point.mass * self.of.rate * self.of.rate
+        return point.mass if point.is_ca else point.mass * self.network.rate * self.network.rate
 
     def _mass(self, number: int, point: Point, inputs: list[str]) -> None:
         if point.fed is not None:
             name = inputs[point.fed]
             self.lines.append(f"@{name} posInput {_number(point.x0)}")
-            self.at[number] = f"@{name}"
+            self.link_names[number] = f"@{name}"
             return
         if point.shares:
-            self.at[number] = self._between(point) or "@"
-            if self.at[number] == "@":
+            self.link_names[number] = self._between(point) or "@"
+            if self.link_names[number] == "@":
                 why = "a PROXY that lies at no place of one whole STRING or rectangle at rest"
                 self.refuse(point.place, f"{point.name}: {why}")
             return
         name = self._name(point.name)
-        self.at[number] = f"@{name}"
+        self.link_names[number] = f"@{name}"
         if not point.mass:
             self.lines.append(f"@{name} ground {_number(point.x0)}")
             return
@@ -210,7 +210,7 @@ class _Writing:
     # --- links and ports ---
 
     def _link(self, link: Link) -> None:
-        a, b = self.at[link.a], self.at[link.b]
+        a, b = self.link_names[link.a], self.link_names[link.b]
         name = self._name(link.name)
         if link.law is not None:
             self._law(name, link, f"{a} {b}")
@@ -276,15 +276,15 @@ class _Writing:
 
     def _pushes(self, inputs: list[str]) -> None:
         for number, name in enumerate(inputs):
-            pushed = [at for at, one in enumerate(self.of.points) if number in one.forces]
+            pushed = [at for at, one in enumerate(self.network.points) if number in one.forces]
             if len(pushed) == 1:
-                self.lines.append(f"@{name} frcInput {self.at[pushed[0]]}")
+                self.lines.append(f"@{name} frcInput {self.link_names[pushed[0]]}")
             elif pushed:
-                point = self.of.points[pushed[0]]
-                why = f"{self.of.inputs[number].name}: an input of mi-gen pushes one mass"
+                point = self.network.points[pushed[0]]
+                why = f"{self.network.inputs[number].name}: an input of mi-gen pushes one mass"
                 self.refuse(point.place, why)
 
-    def _output(self, name: str, output: Heard) -> None:
+    def _output(self, name: str, output: MixedOutput) -> None:
         called = output.name.split(" ")[0]
         if output.order:
             self.refuse(
@@ -295,22 +295,26 @@ class _Writing:
         elif len(output.points) != 1:
             self.refuse(output.place, f"{called}: an output of mi-gen hears one point")
         else:
-            self.lines.append(f"@{name} posOutput {self.at[output.points[0]]}")
+            self.lines.append(f"@{name} posOutput {self.link_names[output.points[0]]}")
 
-    def _force(self, name: str, called: str, output: Heard) -> None:
+    def _force(self, name: str, called: str, output: MixedOutput) -> None:
         """Write the force on a mass as an output. mi-gen hears all links of a mass together, or
         none.
         """
-        ends = {self.of.links[link].b for link in output.links}
+        ends = {self.network.links[link].b for link in output.links}
         (end,) = ends if len(ends) == 1 else (-1,)
         is_all = sorted(self.ends.get(end, [])) == sorted(output.links)
-        if not is_all or self.of.points[end].forces or self.of.points[end].fed is not None:
+        if (
+            not is_all
+            or self.network.points[end].forces
+            or self.network.points[end].fed is not None
+        ):
             why = f"{called}: mi-gen hears the force of all links of one mass together"
             self.refuse(output.place, f"{why}, and here they are others")
-        elif self.at[end].startswith("["):
+        elif self.link_names[end].startswith("["):
             self.refuse(output.place, f"{called}: mi-gen hears no force on a member of a body")
         else:
-            self.lines.append(f"@{name} frcOutput {self.at[end]}")
+            self.lines.append(f"@{name} frcOutput {self.link_names[end]}")
 
 
 _NEGATIVE = "a stiffness or a viscosity below 0"

@@ -50,7 +50,7 @@ class Point:
 
     name: str
     x0: float
-    said: str
+    comment: str
     mass: float = 0.0
     gain: float = 0.0
     kappa: float = 0.0
@@ -80,7 +80,7 @@ class Link:
     K: float
     z: float
     offset: float
-    said: str
+    comment: str
     exponent: float | None = None
     side: int = 1
     is_clamped: bool = False
@@ -96,7 +96,7 @@ class Law:
     """
 
     fields: Mapping[str, Any]
-    of: _core.Law
+    compiled: _core.Law
     per_step: float
 
 
@@ -118,7 +118,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class MixedOutput:
     """An output: the sum of positions of points, differentiated `order` times, or of forces of
     links.
     """
@@ -146,7 +146,7 @@ class Stepped:
     points: list[Point] = field(default_factory=list)
     links: list[Link] = field(default_factory=list)
     inputs: list[Fed] = field(default_factory=list)
-    outputs: list[Heard] = field(default_factory=list)
+    outputs: list[MixedOutput] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)
 
@@ -163,19 +163,19 @@ def stepped(
     `struck` points have an input for a force. Links to other parts are left out. There may be at
     most `points_max` points. Raises ModelError with the places of all that cannot be written.
     """
-    return _Builder(Stepped(rate), points_max).made(parts, struck)
+    return _Builder(Stepped(rate), points_max).build(parts, struck)
 
 
 class _Builder:
     def __init__(self, target: Stepped, points_max: int) -> None:
-        self.to, self.most = target, points_max
-        self.at: dict[tuple[str, str], list[int]] = {}  # points of a module
+        self.to, self.points_max = target, points_max
+        self.points_by_module: dict[tuple[str, str], list[int]] = {}  # points of a module
         self.centres: dict[tuple[str, str], int] = {}
         self.links: dict[tuple[str, str], list[int]] = {}
         self.pushes: dict[tuple[int, ...], int] = {}  # points -> input
         self.refused: list[tuple[Place, str]] = []
 
-    def made(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
+    def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
         for part in parts:
             if part.ca_rate not in (None, self.to.rate):
                 why = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
@@ -194,16 +194,17 @@ class _Builder:
                 self._rest(part, module)
         for part in parts:
             if part.struck is not None:
-                self._push_all(self.at[part.name, part.struck], part.name)
+                self._push_all(self.points_by_module[part.name, part.struck], part.name)
         for target in struck:
             self._push(target)
         for part in parts:
             for output in part.outputs:
                 self._output(part, output)
-        if len(self.to.points) > self.most:
+        if len(self.to.points) > self.points_max:
             self._refuse(
                 parts[0].modules[0].place,
-                f"there are {len(self.to.points):,} masses, and at most {self.most:,} are written",
+                f"there are {len(self.to.points):,} masses, and at most {self.points_max:,} are "
+                "written",
             )
         if not any(part.outputs for part in parts):
             names = ", ".join(part.name for part in parts)
@@ -224,18 +225,18 @@ class _Builder:
         if module.kind in _POINTS:
             point = _POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
             point.is_ca, point.place = part.ca_rate is not None, module.place
-            self.at[where] = [len(self.to.points)]
+            self.points_by_module[where] = [len(self.to.points)]
             self.to.points.append(point)
         elif module.kind in GENERATORS:
             self._generator(part, module, name)
 
     def _proxy(self, part: Part, module: Module) -> None:
         name, fields = f"{part.name}.{module.name}", module.fields
-        self.at[part.name, module.name] = [len(self.to.points)]
+        self.points_by_module[part.name, module.name] = [len(self.to.points)]
         shares: list[tuple[int, float]] = []
         if fields["follows"]:
             self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
-        elif any((one.part, one.module) not in self.at for one in targets(fields)):
+        elif any((one.part, one.module) not in self.points_by_module for one in targets(fields)):
             self._refuse(module.place, f"{name}: a PROXY between masses of another part")
         else:
             network = _core.Network()
@@ -257,7 +258,7 @@ class _Builder:
 
     def _generator(self, part: Part, module: Module, name: str) -> None:
         fields, where = module.fields, (part.name, module.name)
-        self.at[where] = []
+        self.points_by_module[where] = []
         if module.kind == "MODES":
             why = f"{name}: MODES is a bank of resonators, and no network of masses"
             self._refuse(module.place, f"{why}; name {part.name} for a Faust program of its own")
@@ -273,13 +274,14 @@ class _Builder:
         if not {*parts.kinds} <= {"CEL", "RES", "FRO", "REF"} or (parts.stiffness < 0).any():
             self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
             return
-        if count > self.most:
+        if count > self.points_max:
             self._refuse(
-                module.place, f"{name}: {count:,} masses, and at most {self.most:,} are written"
+                module.place,
+                f"{name}: {count:,} masses, and at most {self.points_max:,} are written",
             )
             return
         first = len(self.to.points)
-        self.at[where] = list(range(first, first + count))
+        self.points_by_module[where] = list(range(first, first + count))
         self.centres[where] = first + network.centre(0)
         slots = {mat: slot for slot, mat in enumerate(parts.mats)}
         ties = {
@@ -342,7 +344,7 @@ class _Builder:
 
     def _rest(self, part: Part, module: Module) -> None:
         name = f"{part.name}.{module.name}"
-        if following.of(module):
+        if following.followings(module):
             self._refuse(module.place, f"{name}: what follows a MAT is not written yet")
             return
         if module.kind in ("ENX", "ENF"):
@@ -358,7 +360,9 @@ class _Builder:
                 )
                 return
             ends = module.fields["between"]
-            others = [end.text for end in ends if (end.part, end.module) not in self.at]
+            others = [
+                end.text for end in ends if (end.part, end.module) not in self.points_by_module
+            ]
             if others:
                 self.to.left_out.append(f"{name}, which joins {' and '.join(others)}")
                 for end in ends:
@@ -412,14 +416,14 @@ class _Builder:
 
     def _members(self, target: Target) -> list[int]:
         where = (target.part, target.module)
-        members = self.at.get(where, [])
+        members = self.points_by_module.get(where, [])
         if target.first == "centre":
             return [self.centres[where]] if where in self.centres else []
         return members[target.first : target.first + target.count]
 
     def _input(self, module: Module, name: str) -> None:
         to = module.fields["to"]
-        if (to.part, to.module) not in self.at:
+        if (to.part, to.module) not in self.points_by_module:
             self.to.left_out.append(f"{name}, which feeds {to.text}")
             return
         source = module.fields["from"]
@@ -466,7 +470,7 @@ class _Builder:
         traits, points, links = output.traits, list[int](), list[int]()
         for target in output.targets:
             if output.is_movement:
-                if (target.part, target.module) not in self.at:
+                if (target.part, target.module) not in self.points_by_module:
                     self.to.left_out.append(f"{target.text}, which {name} hears")
                 points += self._members(target)
                 continue
@@ -478,7 +482,7 @@ class _Builder:
                 continue
             links += link_members[target.first : target.first + target.count]
         named = f"{name} [{traits.unit.replace('²', '^2')}]"
-        self.to.outputs.append(Heard(named, points, links, traits.order, output.place))
+        self.to.outputs.append(MixedOutput(named, points, links, traits.order, output.place))
 
     # --- the first step ---
 
@@ -507,7 +511,7 @@ class _Builder:
 def _pull(link: Link, e: float, d: float) -> float:
     """Force on the first point, for x_b - x_a = e with a last step d."""
     if link.law is not None:
-        return link.law.of.force(e - link.offset, d * link.law.per_step)
+        return link.law.compiled.force(e - link.offset, d * link.law.per_step)
     if link.exponent is None:
         return link.K * (e - link.offset) + link.z * d
     p = -link.side * e - link.offset

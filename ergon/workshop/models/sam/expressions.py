@@ -52,7 +52,7 @@ class Definition:
 
 def parse(text: str, line: int) -> Node:
     """The tree of an expression. Raises ModelError."""
-    return _Parser(text, line).whole()
+    return _Parser(text, line).read_all()
 
 
 def is_plain(node: Node) -> bool:
@@ -72,7 +72,7 @@ def names(node: Node) -> set[str]:
 
 class _Parser:
     def __init__(self, text: str, line: int) -> None:
-        self.text, self.line, self.at, self.depth = text, line, 0, 0
+        self.text, self.line, self.index, self.depth = text, line, 0, 0
         self.tokens: list[tuple[str, str]] = []
         position = 0
         while text[position:].strip():
@@ -83,29 +83,29 @@ class _Parser:
             self.tokens.append((str(match.lastgroup), match[0].strip()))
             position = match.end()
 
-    def whole(self) -> Node:
+    def read_all(self) -> Node:
         if not self.tokens:
             raise ModelError("an expression is missing", self.line)
         node = self.level(0)
-        if self.at < len(self.tokens):
+        if self.index < len(self.tokens):
             raise self.wrong()
         return node
 
     def wrong(self) -> ModelError:
-        if self.at >= len(self.tokens):
+        if self.index >= len(self.tokens):
             return ModelError(f"{quote(self.text.strip()[:60])} ends too early", self.line)
-        sign = self.tokens[self.at][1]
+        sign = self.tokens[self.index][1]
         message = f"{quote(sign)} in {quote(self.text.strip()[:60])} is not read here"
         return ModelError(message, self.line)
 
     def sign(self) -> str:
-        kind, word = self.tokens[self.at] if self.at < len(self.tokens) else ("", "")
+        kind, word = self.tokens[self.index] if self.index < len(self.tokens) else ("", "")
         return word if kind == "sign" else ""
 
     def take(self, wanted: str) -> None:
         if self.sign() != wanted:
             raise self.wrong()
-        self.at += 1
+        self.index += 1
 
     def level(self, nth: int) -> Node:
         if nth == len(_LEVELS):
@@ -113,21 +113,21 @@ class _Parser:
         parts, operators = [self.level(nth + 1)], []
         while self.sign() in _LEVELS[nth] and self.sign():
             operators.append(self.sign())
-            self.at += 1
+            self.index += 1
             parts.append(self.level(nth + 1))
         if not operators:
             return parts[0]
         return Node("chain", "", tuple(parts), tuple(operators))
 
     def primary(self) -> Node:
-        if self.at >= len(self.tokens):
+        if self.index >= len(self.tokens):
             raise self.wrong()
-        kind, word = self.tokens[self.at]
+        kind, word = self.tokens[self.index]
         self.depth += 1
         if self.depth > _DEPTH_MAX:
             message = f"more than {_DEPTH_MAX} parentheses or signs inside one another"
             raise ModelError(message, self.line)
-        self.at += 1
+        self.index += 1
         if kind == "number":
             node = Node("number", word)
         elif kind == "text":
@@ -144,7 +144,7 @@ class _Parser:
         elif word == "-":
             node = Node("negative", word, (self.primary(),))
         else:
-            self.at -= 1
+            self.index -= 1
             raise self.wrong()
         self.depth -= 1
         return node
@@ -154,18 +154,18 @@ class _Parser:
         nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
-            first = self.at
+            first = self.index
             parts, operators = [self.level(2)], []
             while self.sign() == ":":
                 operators.append(":")
-                self.at += 1
+                self.index += 1
                 parts.append(self.level(2))
             node = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
-            text = " ".join(word for _, word in self.tokens[first : self.at])
+            text = " ".join(word for _, word in self.tokens[first : self.index])
             nodes.append(replace(node, text=text))
             if self.sign() != ",":
                 break
-            self.at += 1
+            self.index += 1
         self.take(")")
         return tuple(nodes)
 

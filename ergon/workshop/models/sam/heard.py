@@ -18,7 +18,7 @@ _CHANNELS_MAX = 1_024
 _EAR = 1e-12
 
 
-def heard_names(statements: Sequence[Statement]) -> dict[str, Sound]:
+def audible_names(statements: Sequence[Statement]) -> dict[str, Sound]:
     """The names that an expression of an output may use; the name of a port stands for the force on
     it.
     """
@@ -44,7 +44,7 @@ def sides_of(
     """
     sides: dict[str, float] = {}
     for output, sound in zip(outputs, sounds, strict=True):
-        for name, factor in sound.of.items():
+        for name, factor in sound.terms.items():
             if name not in writing.links or factor == 0.0:
                 continue
             if sides.setdefault(name, math.copysign(1.0, factor)) != math.copysign(1.0, factor):
@@ -57,7 +57,7 @@ def hear(writing: Writing, statement: Statement, sound: Sound, channel: int) -> 
     """Add the outputs and routes of a channel. Raises ModelError."""
     if channel > _CHANNELS_MAX:
         raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", statement.line)
-    factors = {name: factor for name, factor in sound.of.items() if factor != 0.0}
+    factors = {name: factor for name, factor in sound.terms.items() if factor != 0.0}
     still = [
         name for name in factors if name in writing.masses and writing.masses[name].kind == "ground"
     ]

@@ -11,7 +11,7 @@ from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.naming import Params, metres
 from ergon.workshop.models.page import Input, Line, number
 from ergon.workshop.models.sam.expressions import definitions
-from ergon.workshop.models.sam.heard import hear, heard_names, sides_of
+from ergon.workshop.models.sam.heard import audible_names, hear, sides_of
 from ergon.workshop.models.sam.network import SIXTY, Link, Mass, Resonance, Start, start
 from ergon.workshop.models.sam.page import page
 from ergon.workshop.models.sam.reading import Sheet, Statement
@@ -52,7 +52,7 @@ def written(
     if "fs" in code:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
         raise ModelError(message, code["fs"].line)
-    values = Values({**LIBRARY, **code}, heard_names(sheet.statements), overrides)
+    values = Values({**LIBRARY, **code}, audible_names(sheet.statements), overrides)
     sixty = next(name for name in ("sixty", *(f"sixty{n}" for n in code)) if name not in code)
     writing = Writing(sheet, inputs, values, Params(["fs", *code, sixty]), sixty=sixty)
     let(writing, "fs", str(RATE), "samples in a second")
@@ -176,7 +176,7 @@ def _port(writing: Writing, statement: Statement, _: Start) -> None:
 
 def _resonators(writing: Writing, statement: Statement, begin: Start) -> None:
     resonances = _resonances(writing, statement)
-    sixty = writing.params.of[writing.sixty]
+    sixty = writing.params.new_names[writing.sixty]
     if sixty not in writing.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
         let(writing, writing.sixty, repr(SIXTY), comment, unit="s")

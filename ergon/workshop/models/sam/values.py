@@ -65,7 +65,7 @@ class Filter:
 class Sound:
     """A sum of positions and forces by their names, each with a factor; then filters."""
 
-    of: Mapping[str, float]
+    terms: Mapping[str, float]
     filters: tuple[Filter, ...] = ()
     constant: float = 0.0
 
@@ -75,11 +75,11 @@ Value = float | Sound | tuple["Value", ...]
 
 @dataclass(slots=True)
 class Values:
-    """Values by name. `heard` are the names of positions and forces, as sums."""
+    """Values by name. `audible` are the names of positions and forces, as sums."""
 
     definitions: Mapping[str, Definition]
-    heard: Mapping[str, Sound] = field(default_factory=dict)
-    given: Mapping[str, float] = field(default_factory=dict)
+    audible: Mapping[str, Sound] = field(default_factory=dict)
+    overrides: Mapping[str, float] = field(default_factory=dict)
     _trees: dict[str, Node] = field(default_factory=dict)
     _known: dict[str, Value] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
@@ -113,14 +113,14 @@ class Values:
 
     def by_name(self, name: str, line: int) -> Value:
         """The value of a name. Raises ModelError."""
-        if name in self.given:
-            return self.given[name]
-        if name in self.heard:
-            return self.heard[name]
+        if name in self.overrides:
+            return self.overrides[name]
+        if name in self.audible:
+            return self.audible[name]
         if name == "PI" and name not in self.definitions:
             return math.pi
         if name not in self.definitions:
-            near = nearest(name, [*self.definitions, *self.heard])
+            near = nearest(name, [*self.definitions, *self.audible])
             raise ModelError(f"nothing is called {quote(name)}", line, near)
         if name not in self._known:
             self._enter(name, line)
@@ -212,7 +212,7 @@ class Values:
             is_own = node.word in self.definitions
             return not is_own and node.word in ("highpass", *_SMOOTHERS)
         if node.kind == "name":
-            if node.word in arguments or node.word in self.heard or node.word in self.given:
+            if node.word in arguments or node.word in self.audible or node.word in self.overrides:
                 return False
             if node.word in self.definitions:
                 if self.definitions[node.word].arguments:
@@ -247,7 +247,7 @@ class Values:
             if node.word in _SMOOTHERS:
                 return _smooth(value, line)
             if node.word == _LIMITER and isinstance(value, Sound):
-                return Sound(value.of, (*value.filters, Filter(0, 0.0)), value.constant)
+                return Sound(value.terms, (*value.filters, Filter(0, 0.0)), value.constant)
             if not isinstance(value, float) or node.word == _LIMITER:
                 raise ModelError(f"{node.word} of a sound is not built", line)
             return _computed(_NUMBERS[node.word], [value], line)
@@ -285,7 +285,7 @@ class Values:
             raise ModelError(message, line)
         if not isinstance(value, Sound):
             return 0.0  # of what stands still
-        return Sound(value.of, (*value.filters, Filter(int(order), cutoff)), 0.0)
+        return Sound(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
 
 
 def text_of_slider(node: Node) -> tuple[str, str] | None:
@@ -348,7 +348,7 @@ def _pair(sign: str, a: Value, b: Value, line: int) -> Value:
         def scaled(x: float) -> float:
             return _computed(_OPERATORS[sign], [x, b], line)
 
-        scaled_parts = {name: scaled(factor) for name, factor in a.of.items()}
+        scaled_parts = {name: scaled(factor) for name, factor in a.terms.items()}
         return Sound(scaled_parts, a.filters, scaled(a.constant))
     raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
 
@@ -359,12 +359,12 @@ def _sum(a: Value, b: Value, line: int) -> Sound:
         for summand in (a, b)
         if not isinstance(summand, tuple)
     ]
-    chains = {summand.filters for summand in parts if summand.of}
+    chains = {summand.filters for summand in parts if summand.terms}
     if len(chains) > 1:
         raise ModelError("a sum of sounds with filters of their own is not built", line)
     factors: dict[str, float] = {}
     for summand in parts:
-        for name, factor in summand.of.items():
+        for name, factor in summand.terms.items():
             factors[name] = _finite(factors.get(name, 0.0) + factor, line)
     constant = _finite(sum(summand.constant for summand in parts), line)
     return Sound(factors, chains.pop() if chains else (), constant)

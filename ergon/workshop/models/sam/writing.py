@@ -57,7 +57,7 @@ def let(
     unit: str = "",
 ) -> None:
     """Add a parameter under `let:`. Raises ModelError."""
-    param_name = writing.params.of[name]
+    param_name = writing.params.new_names[name]
     writing.parameters[param_name] = Line(param_name, f"{text}{unit}", comment, before)
     try:
         writing.amounts[param_name] = evaluate(f"{text}{unit}", writing.amounts)
@@ -69,14 +69,14 @@ def let(
 def _named(writing: Writing, name: str, line: int) -> bool:
     """Whether a name can be used under `let:`; it is added there, with the names that it needs."""
     definition = writing.values.definitions.get(name)
-    if name in writing.params.of and writing.params.of[name] in writing.parameters:
+    if name in writing.params.new_names and writing.params.new_names[name] in writing.parameters:
         return True
     if definition is None or definition.arguments:
         return False
     value = writing.values.by_name(name, line)
     if not isinstance(value, float):
         return False
-    if name in writing.values.given:
+    if name in writing.values.overrides:
         let(writing, name, number(value), f"{definition.text} in the model")
         return True
     slider = text_of_slider(writing.values.tree(name))
