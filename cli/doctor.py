@@ -122,7 +122,7 @@ def _safety(console: Console) -> None:
                 console.record("fault", fault=row.fault, **asdict(cell))
             else:
                 mark = "  EXCEEDS ITS BOUND" if cell.exceeds else ""
-                console.data(f"    {cell.device:9}  {cell.sentence}{mark}\n")
+                console.data(f"    {cell.device:9}  {cell.said}{mark}\n")
     if exceeding:
         raise Findings(
             "a force lasts longer, is greater or grows faster than its "

@@ -89,7 +89,7 @@ def _force_lines(force: ForceStats) -> Iterator[str]:
         f"  force felt    peak {force.peak:.3g} N, rms {force.rms:.3g} N; sent up to "
         f"{force.sent:.3g} N"
     )
-    yield f"  energy        given {_joules(force.supplied)}, got back {_joules(force.taken)}"
+    yield f"  energy        given {_joules(force.given)}, got back {_joules(force.taken)}"
 
 
 def _joules(value: float) -> str:

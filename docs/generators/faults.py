@@ -47,7 +47,7 @@ def page() -> str:
     devices = [f"`{cell.device}`" for cell in rows[0].cells]
     lines = [f"| fault | bound | {' | '.join(devices)} |", f"|---|---|{'---|' * len(devices)}"]
     for row in rows:
-        cells = [cell.sentence for cell in row.cells]
+        cells = [cell.said for cell in row.cells]
         lines.append(f"| {row.fault} | {faults.bounds_text(row)} | {' | '.join(cells)} |")
     return _HEAD + "\n".join(lines) + "\n" + _TAIL
 

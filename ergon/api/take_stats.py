@@ -33,13 +33,13 @@ class TakeStatsOptions:
 class ForceStats:
     """Forces [N] that a key felt from the piece, and the energy [J] that went through the hand.
 
-    `supplied` is the energy from the hand to the piece, `taken` that from the piece to the hand,
+    `given` is the energy from the hand to the piece, `taken` that from the piece to the hand,
     each added up tick by tick; `sent` is the greatest force that was sent to the device.
     """
 
     peak: float
     rms: float
-    supplied: float
+    given: float
     taken: float
     sent: float
 

@@ -18,7 +18,7 @@ class FaultResult:
     """
 
     device: str
-    sentence: str
+    said: str
     seconds: float | None
     bound: float | None
     force: float

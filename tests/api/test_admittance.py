@@ -101,10 +101,10 @@ def test_points_of_two_parts_have_the_links_between_them():
     ("forced", "listened", "options", "message"),
     [
         ("wirr.s.3", (), {}, "forced: nothing is called 'wirr.s.3'; did you mean 'wire'?"),
-        ("wire.s.3", "wire.s.99", {}, "heard: wire.s has members 0 to 23"),
+        ("wire.s.3", "wire.s.99", {}, "observed: wire.s has members 0 to 23"),
         ("wire.s", (), {}, "forced: wire.s has 24 masses; write one of them: wire.s.0"),
         ("pad.floor", (), {}, "forced: pad.floor is fixed, so no force moves it"),
-        ("k1", "pad.floor", {}, "heard: pad.floor is fixed, so no force moves it"),
+        ("k1", "pad.floor", {}, "observed: pad.floor is fixed, so no force moves it"),
         ("k1", "pad.m", {"peaks": True}, "peaks: peaks are those of one part"),
         ("k1", (), {"low": 50, "high": "20Hz"}, "high: is 20 Hz; it must be above low, 50 Hz"),
         ("k1", (), {"low": "h3"}, "low: 'h3' is neither a frequency"),

@@ -251,7 +251,7 @@ def test_a_bar_on_a_terminal() -> None:
     code = (
         "from ergon.cli.console import Console\n"
         "with Console().progress('rendering', 100, 1.0) as bar:\n"
-        "    for n in range(101): bar.at(n)\n"
+        "    for n in range(101): bar.advance(n)\n"
     )
     environment = {**os.environ, "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": "100"}
     child = pexpect.spawn(sys.executable, ["-c", code], env=environment, encoding="utf-8")

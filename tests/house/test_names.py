@@ -30,9 +30,13 @@ WORDS_OF_SCORES = {
     "scores/reading/piece.py": {"at"},
     "scores/reading/playing.py": {"at"},
 }
-# Keys of messages between processes that may be of different versions.
-KEYS_OF_MESSAGES = {"ergon/rendering/remote.py": {"at"}}
-EXCEPTED = WORDS_OF_SCORES | KEYS_OF_MESSAGES
+# Keys of JSON that users and other versions read: records are written with the names of fields.
+KEYS_OF_JSON = {
+    "ergon/api/take_stats.py": {"given"},
+    "ergon/live/faults.py": {"said"},
+    "ergon/rendering/remote.py": {"at"},
+}
+EXCEPTED = WORDS_OF_SCORES | KEYS_OF_JSON
 FOLDERS = (
     "benches",
     "cli",

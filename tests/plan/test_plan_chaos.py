@@ -58,7 +58,7 @@ def scene(gong: str = TAMTAM, impulse: float = HARD) -> NetworkAndTimeline:
     Path("a.yaml").write_text(score(gong, impulse))
     piece = load("a.yaml").piece
     assert piece is not None
-    return Score(piece).at(RATE)
+    return Score(piece).build_at(RATE)
 
 
 def error_of(source: NetworkAndTimeline, **budget: float) -> _core.PlanRow:
@@ -126,7 +126,7 @@ def test_what_is_linear_but_for_a_blow_is_judged_by_its_waveform(listened: str):
 def test_coarsely_bowed_string_is_judged_by_its_spectrum():
     piece = load(str(Path(__file__).parents[1] / "data" / "pieces" / "hand.yaml")).piece
     assert piece is not None
-    hand = Score(piece).at(RATE)
+    hand = Score(piece).build_at(RATE)
     # So coarse a budget that the bow is stepped once a frame.
     rows = _core.Plan(hand.network, hand.timeline, cents=30.0).rows()
     bowed = next(row for row in rows if "bow" in row.parts)

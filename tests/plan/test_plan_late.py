@@ -44,7 +44,7 @@ def errors(score: str, time: float, **budget: float) -> list[tuple[float, float]
     """What a plan says of errors [dB], and until when [s], where the event is at an instant."""
     piece = load("scene.yaml", text=score.replace("WHEN", f"{time}s")).piece
     assert piece is not None
-    scene = Score(piece).at(RATE)
+    scene = Score(piece).build_at(RATE)
     rows = _core.Plan(scene.network, scene.timeline, **budget).rows()
     return [
         (row.error_db, row.error_s)
@@ -80,7 +80,7 @@ mix: {channels: 1}
 def test_what_comes_to_rest_before_an_event_is_tried_from_its_beginning():
     piece = load("scene.yaml", text=SWINGS_OUT).piece
     assert piece is not None
-    scene = Score(piece).at(RATE)
+    scene = Score(piece).build_at(RATE)
     sounds = []
     for error_db in (-45.0, -80.0):
         plan = _core.Plan(scene.network, scene.timeline, error_db=error_db)
@@ -114,7 +114,7 @@ mix: {channels: 1}
 def hammered(others: str) -> NetworkAndTimeline:
     piece = load("scene.yaml", text=HAMMERED.replace("OTHERS", others)).piece
     assert piece is not None
-    return Score(piece).at(RATE)
+    return Score(piece).build_at(RATE)
 
 
 def played(scene: NetworkAndTimeline, plan: _core.Plan) -> np.ndarray:
