@@ -88,12 +88,12 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
 
 def stage_as_checked(piece: Piece, report: Report | None) -> Stage:
     """Stage a piece, by a plan if it names an accuracy, else as written. Raises StageError."""
-    from ergon.exchange.plan_store import of_user
+    from ergon.exchange.plan_store import user_store
     from ergon.scores.reading.outputs import Accuracy
     from ergon.scores.staging.recording_stages import stage_or_plan
     from ergon.scores.staging.stage import stage
 
     with (report or Report()).waiting("planning"):
         if piece.accuracy != Accuracy():
-            return stage(piece, planned=True, store=of_user())
-        return stage_or_plan(piece, store=of_user())
+            return stage(piece, planned=True, store=user_store())
+        return stage_or_plan(piece, store=user_store())

@@ -55,7 +55,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     Raises ScoreError, OptionError and DeviceError.
     """
     from ergon import _core
-    from ergon.exchange.plan_store import of_user
+    from ergon.exchange.plan_store import user_store
     from ergon.repl.prompt.signals import signals_blocked_in_threads
     from ergon.repl.session.journal import Journal, JournalError, free_path
     from ergon.repl.session.live import LiveEngine
@@ -100,7 +100,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 margin=_MARGIN,
                 journal=journal,
                 real=real,
-                store=of_user(),
+                store=user_store(),
                 clock=first.clock,
                 hands=hands,
                 disk=first.disk,
@@ -287,7 +287,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
     """The stage of a preflight: the piece from its beginning, or a rehearsal if nothing plays in
     it.
     """
-    from ergon.exchange.plan_store import of_user
+    from ergon.exchange.plan_store import user_store
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.frozen_parts import place_samples
     from ergon.repl.session.running import rehearsal
@@ -296,7 +296,7 @@ def _preflight_stage(piece: Piece, frozen: Sequence[LoadedPart]) -> Stage:
     if not (piece.parts or piece.strikes):
         piece, frozen = rehearsal(piece), ()
     silent = frozenset(part.name for part in frozen)
-    staged = stage(piece, planned=True, store=of_user(), silent=silent, on_fault="mute")
+    staged = stage(piece, planned=True, store=user_store(), silent=silent, on_fault="mute")
     staged.placed = place_samples(frozen, staged.listening, Clock(0.0), staged.rate)
     return staged
 

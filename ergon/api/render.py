@@ -248,7 +248,7 @@ def _shared(
 
 def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
     """What is written, from the options and the score. Raises OptionError."""
-    from ergon.exchange.stretch_store import of_user
+    from ergon.exchange.stretch_store import user_store
     from ergon.rendering.edges import Edges
     from ergon.rendering.job import RenderJob
 
@@ -289,7 +289,7 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         is_part=options.until is not None,
         # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
         edges=Edges(start > 0, options.until is not None),
-        stretches=of_user(),
+        stretches=user_store(),
         measures_instruments=not options.draft,  # which takes about as long as mixing
     )
 

@@ -123,7 +123,7 @@ def stage_piece(
     Raises ScoreError and OptionError.
     """
     from ergon.exchange import machine_speed
-    from ergon.exchange.plan_store import of_user
+    from ergon.exchange.plan_store import user_store
     from ergon.scores.staging.implausible import warn_implausible
     from ergon.scores.staging.planning import draft_error
     from ergon.scores.staging.recording_stages import stage_or_plan
@@ -153,7 +153,7 @@ def stage_piece(
     with staging(lambda: loaded, report), waiting:
         staged = build(
             played,
-            store=of_user(),
+            store=user_store(),
             threads=threads,
             real=real,
             silent=silent,
@@ -175,13 +175,13 @@ def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) 
 
     A note says if its rate is a multiple of the score's (`scores.staging.recording_stages`).
     """
-    from ergon.exchange.plan_store import of_user
+    from ergon.exchange.plan_store import user_store
     from ergon.scores.staging.recording_stages import stage_recording
 
     check_seed(seed)
     piece = piece_of(loaded)
     with staging(lambda: loaded, report):
-        staged = stage_recording(piece, seed=seed, store=of_user())
+        staged = stage_recording(piece, seed=seed, store=user_store())
     show(report, loaded, staged.diagnostics)
     if staged.rate != piece.rate:
         report.warn(

@@ -18,7 +18,7 @@ from ergon.common.private import make_private_folder
 from ergon.common.regular import read_bounded
 from ergon.common.structured import MalformedTextError, parse_json
 
-from .cache_folder import of_user
+from .cache_folder import user_folder
 from .safe import FileRefusedError, open_for_writing
 
 _BYTES_MAX = 10_000
@@ -67,4 +67,4 @@ def processor_name() -> str:
 
 
 def _path(environment: Mapping[str, str]) -> Path | None:
-    return of_user("speed.json", environment)
+    return user_folder("speed.json", environment)

@@ -61,7 +61,7 @@ def _check(values: Values) -> None:
 def _complete(values: Values, fields: dict[str, Any]) -> None:
     bodies.without(fields, *MATTER)
     if isinstance(wire := fields.get("stretching"), Stretched):
-        fields["stretching"] = wire.of(fields["masses"], fields["ends"])
+        fields["stretching"] = wire.stretching(fields["masses"], fields["ends"])
 
 
 class StringFields(TypedDict):

@@ -106,7 +106,7 @@ class _Window:
                 until=self.position(min(self.stop, self.map.resolve(line.play.until)))
             )
         first, last = line.count_before(self.start), line.count_before(self.stop)
-        return line.part(first, last, self.at) if first < last else None
+        return line.part(first, last, self.position) if first < last else None
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes cut to the window, and whether any fall in it."""
@@ -114,7 +114,7 @@ class _Window:
         begin = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
-            excerpt = only(texts, self.piece, strikes, self.start, self.stop, self.at)
+            excerpt = only(texts, self.piece, strikes, self.start, self.stop, self.position)
             return excerpt, bool(self.within(falls))
         stop = begin if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
@@ -127,7 +127,7 @@ class _Window:
             since, until = (n_before(places, at - SAME) for at in (self.start, self.stop))
             if since == until:
                 return texts.remove(path), False
-            changed_fields |= places.part(since, until, self.at)
+            changed_fields |= places.part(since, until, self.position)
         elif strikes.rate is not None:
             first, last = max(begin, self.start), min(stop, self.stop)
             if last <= first + SAME:
@@ -186,7 +186,7 @@ class _Window:
                 if first == len(places):
                     texts = dropped(texts, "automation", number)
                     continue
-                fields |= places.part(first, len(places), self.at)
+                fields |= places.part(first, len(places), self.position)
                 fields["until"] = self.position(min(end, self.stop))
             elif begin < self.start - SAME and entry.swing is not None:
                 period = self.map.after(begin, entry.swing.period) - begin

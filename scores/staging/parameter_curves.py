@@ -179,7 +179,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
             goes = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(curve.initial, [goes.seconds(entry.begin)], [curve.evaluate(here)])
             add_glide(replace(piece, tempo_map=goes), entry, moving)
-            curve.to(here, moving.evaluate(goes.seconds(tempo.at)))
+            curve.to(here, moving.evaluate(goes.seconds(tempo.stop_beat)))
         return
     to_path, from_scale = _SCALES.get(line.parameter, (_same, _same))
     instants, values, ways, last = glide_path(piece, entry, curve.initial)

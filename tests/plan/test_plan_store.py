@@ -11,7 +11,7 @@ from sweep import few
 from ergon._core import TrialRecord
 from ergon.cli import app
 from ergon.exchange import cache_folder, plan_store
-from ergon.exchange.plan_store import PlanStore, of_user
+from ergon.exchange.plan_store import PlanStore, user_store
 from ergon.exchange.wave import hash_samples
 
 Capture = pytest.CaptureFixture[str]
@@ -178,12 +178,12 @@ def test_plan_store_forgets_the_least_used_files(plans: Path, monkeypatch: pytes
 
 
 def test_plan_store_folder_by_environment(tmp_path: Path):
-    assert of_user({"ERGON_CACHE": "off", "XDG_CACHE_HOME": str(tmp_path)}) is None
+    assert user_store({"ERGON_CACHE": "off", "XDG_CACHE_HOME": str(tmp_path)}) is None
     for environment in ({}, {"XDG_CACHE_HOME": ""}, {"XDG_CACHE_HOME": "not/absolute"}):
-        store = of_user(environment)
+        store = user_store(environment)
         assert store is not None
         assert store._folder.path == Path.home() / ".cache" / "ergon" / "plans"
     alone = {"ERGON_CACHE": "plans", "XDG_CACHE_HOME": str(tmp_path)}
-    assert of_user(alone) is not None
+    assert user_store(alone) is not None
     assert cache_folder.user_folder("stretches", alone) is None
     assert cache_folder.user_folder("stretches", {"XDG_CACHE_HOME": str(tmp_path)}) is not None
