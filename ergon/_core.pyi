@@ -1226,8 +1226,9 @@ class ModeCount(NamedTuple):
 class IslandChoice(NamedTuple):
     """The decisions of a plan on one island.
 
-    `bodies`: for each body its modes or its method, as numbers; contact_substeps is 0 for a
-    bank.
+    `bodies`: for each body numbers, of which the first says what the others are: 0, modes; 1, the
+    method of a mesh, its steps and whether it replaces modes; 2, steps of the island to one of a
+    slow body; 3, all modes of an island that is a bank.
     """
 
     modules: int

@@ -1,6 +1,6 @@
 """A plan as a file: its decisions, island by island, so that a later run follows them.
 
-{"ergon_plan": 1, "hash": …, "budget": {"method": "ca"},
+{"ergon_plan": 2, "hash": …, "budget": {"method": "ca"},
  "choices": [[modules, times, steps, [[numbers of a body] …], counted_cost] …]}
 
 `budget` is what the plan was made for: `method`, `error` [dB], or `cents` with `upto` [Hz];
@@ -23,7 +23,7 @@ from ergon.common.structured import MalformedTextError, parse_json
 
 from .safe import open_for_writing
 
-VERSION = 1
+VERSION = 2  # 1: numbers of a body without its kind
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
 

@@ -1,6 +1,6 @@
 """Results of the planner's trials of islands, in the user's cache folder.
 
-A file is JSON: {"ergon_trial": 1, "key": …, "hash": …, "numbers": […], "counts": [[…] …],
+A file is JSON: {"ergon_trial": 2, "key": …, "hash": …, "numbers": […], "counts": [[…] …],
 "reason": …}, where the hash is that of the last three fields; a damaged or foreign file counts
 as missing.
 """
@@ -21,7 +21,7 @@ from ergon.common.structured import parse_json
 from . import cache_folder
 from .cache_folder import CacheFolder, versioned_key
 
-_VERSION = 1
+_VERSION = 2  # 1: numbers of a body without its kind
 _FILES_MAX = 4096
 _BYTES_MAX = 32_000_000  # of all files
 _BYTES_MAX_ONE = 8_000_000

@@ -79,7 +79,7 @@ PLAN_WORDS = (
     "}",
     ",",
     '"choices":',
-    '"ergon_plan": 1',
+    '"ergon_plan": 2',
     '"budget":',
     "true",
     "null",

@@ -125,7 +125,7 @@ SPOILT = [
     lambda text: text.replace('"key":"', '"key":"0'),
     lambda text: text.replace('"counts":[[', '"counts":[[1'),
     lambda text: text.replace('"hash":"', '"hash":"0'),
-    lambda text: text.replace('"ergon_trial":1', '"ergon_trial":2'),
+    lambda text: text.replace('"ergon_trial":2', '"ergon_trial":3'),
     lambda text: text.replace('"numbers":[', '"numbers":[NaN,'),
     lambda text: text.replace('"numbers":[', '"numbers":["a",'),
     lambda text: text.replace('"counts":[', '"counts":[[-1],'),

@@ -3,7 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ergon_engine::interrupt;
-use ergon_engine::plan::{self, Budget, Computed, Known, ModeKind, Reason, TrialStore};
+use ergon_engine::plan::{
+    self, Budget, Choice, ChoiceNumbers, Computed, Known, ModeKind, Reason, TrialStore,
+};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -14,8 +16,6 @@ use crate::timeline::Timeline;
 use crate::words;
 use crate::work::computing;
 
-/// The fields of an `IslandChoice`: (modules, oversampling, contact substeps, numbers of each body, counted cost).
-type Pin = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>);
 /// The fields of a `TrialRecord`: (numbers, counts, reason).
 type Record = (Vec<Option<f64>>, Vec<Vec<u32>>, Option<String>);
 
@@ -74,7 +74,7 @@ impl Plan {
         error_db: Option<f64>,
         cents: Option<f64>,
         upto: Option<f64>,
-        pins: Option<Vec<Pin>>,
+        pins: Option<Vec<ChoiceNumbers>>,
         store: Option<Py<PyAny>>,
         like: Option<&Self>,
         share: f64,
@@ -84,7 +84,10 @@ impl Plan {
         timeline.check_network(network)?;
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
-        let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
+        let pins = pins
+            .map(|pins| pins.into_iter().map(Choice::from_numbers).collect())
+            .transpose()
+            .map_err(from_engine)?;
         let store = store.map(|object| Store {
             object,
             raised: Mutex::default(),
@@ -140,12 +143,15 @@ impl Plan {
 
     /// The decisions, island by island.
     fn choices(&self) -> Vec<IslandChoice> {
-        let named = |choice: &plan::Choice| IslandChoice {
-            modules: choice.modules,
-            oversampling: choice.oversampling,
-            contact_substeps: choice.contact_substeps,
-            bodies: choice.body_methods.clone(),
-            counted_cost: choice.counted_cost,
+        let named = |choice: &Choice| {
+            let (modules, oversampling, contact_substeps, bodies, counted_cost) = choice.numbers();
+            IslandChoice {
+                modules,
+                oversampling,
+                contact_substeps,
+                bodies,
+                counted_cost,
+            }
         };
         self.0.choices().iter().map(named).collect()
     }
@@ -167,16 +173,6 @@ impl Plan {
     #[getter]
     fn hash(&self) -> String {
         self.0.hash()
-    }
-}
-
-fn choice((modules, times, steps, body_methods, counted_cost): Pin) -> plan::Choice {
-    plan::Choice {
-        modules,
-        oversampling: times,
-        contact_substeps: steps,
-        counted_cost,
-        body_methods,
     }
 }
 

@@ -12,7 +12,7 @@ mod report;
 mod trial;
 
 pub use budget::{Budget, INAUDIBLE, LEAST_HEARD, Method, PITCH_UPTO};
-pub use choice::Choice;
+pub use choice::{Choice, ChoiceNumbers};
 pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
 pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};

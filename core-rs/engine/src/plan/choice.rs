@@ -2,27 +2,164 @@
 
 use std::collections::VecDeque;
 
+use crate::integrate::MeshMethod;
 use crate::network::Error;
 
 /// What was decided for one island.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// Number of modules of the island, to detect a plan of another score.
-    pub modules: usize,
+    pub(super) modules: usize,
+    /// How it is computed.
+    pub(super) method: IslandMethod,
+}
+
+/// How an island is computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum IslandMethod {
+    /// As a bank of these modes, rising.
+    Bank(Vec<u32>),
+    /// Step by step.
+    Stepped(SteppedChoice),
+}
+
+/// How an island is stepped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct SteppedChoice {
     /// Steps a frame of the island.
-    pub oversampling: u32,
-    /// Contact substeps a step; 0: the island is a bank of modes.
-    pub contact_substeps: usize,
+    pub(super) oversampling: u32,
+    /// Contact substeps a step.
+    pub(super) contact_substeps: usize,
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: not counted.
-    pub counted_cost: Option<u32>,
-    /// For each body, the modes that are computed; for a mesh its method and steps, for a slow body its macrostep.
-    pub body_methods: Vec<Vec<u32>>,
+    pub(super) counted_cost: Option<u32>,
+    /// The bodies that are computed by methods of their own.
+    pub(super) bodies: Vec<BodyChoice>,
+}
+
+/// How a body of a stepped island is computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum BodyChoice {
+    /// By these modes, rising.
+    Modes(Vec<u32>),
+    /// As a mesh by a method of its own.
+    Mesh(MeshChoice),
+    /// Once in `macrostep` steps of the island.
+    Slow {
+        /// Steps of the island, at least 1.
+        macrostep: u32,
+    },
+}
+
+/// By which method a mesh is stepped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct MeshChoice {
+    /// The method.
+    pub(super) method: MeshMethod,
+    /// Steps a step of the island, at least 1.
+    pub(super) substeps: u32,
+    /// The mesh is stepped although it could be computed by modes.
+    pub(super) replaces_modes: bool,
+}
+
+/// A [`Choice`] as numbers: modules, steps a frame, contact substeps a step, numbers of each body and counted cost. A
+/// bank is one body, with one step a frame.
+pub type ChoiceNumbers = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>);
+
+/// The first number of a body, which says what the others are.
+mod kind {
+    pub(super) const MODES: u32 = 0;
+    pub(super) const MESH: u32 = 1;
+    pub(super) const SLOW: u32 = 2;
+    pub(super) const BANK: u32 = 3;
 }
 
 impl Choice {
-    pub(super) fn is_bank(&self) -> bool {
-        self.contact_substeps == 0
+    /// The choice as numbers that can be written and read.
+    pub fn numbers(&self) -> ChoiceNumbers {
+        match &self.method {
+            IslandMethod::Bank(modes) => {
+                (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None)
+            }
+            IslandMethod::Stepped(stepped) => {
+                let bodies = stepped.bodies.iter().map(BodyChoice::numbers).collect();
+                (
+                    self.modules,
+                    stepped.oversampling,
+                    stepped.contact_substeps,
+                    bodies,
+                    stepped.counted_cost,
+                )
+            }
+        }
     }
+
+    /// The choice that [`Choice::numbers`] wrote.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] if no choice has these numbers.
+    pub fn from_numbers(
+        (modules, oversampling, contact_substeps, bodies, counted_cost): ChoiceNumbers,
+    ) -> Result<Self, Error> {
+        let method = match &bodies[..] {
+            [body] if body.first() == Some(&kind::BANK) => IslandMethod::Bank(body[1..].to_vec()),
+            bodies => IslandMethod::Stepped(SteppedChoice {
+                oversampling: oversampling.max(1),
+                contact_substeps: contact_substeps.max(1),
+                counted_cost,
+                bodies: BodyChoice::all_from_numbers(bodies).ok_or_else(wrong_plan_error)?,
+            }),
+        };
+        Ok(Self { modules, method })
+    }
+}
+
+impl BodyChoice {
+    /// The choice as numbers; the first says what the others are.
+    pub(super) fn numbers(&self) -> Vec<u32> {
+        match self {
+            Self::Modes(modes) => tagged(kind::MODES, modes),
+            Self::Mesh(mesh) => vec![
+                kind::MESH,
+                MeshMethod::ALL
+                    .iter()
+                    .position(|&method| method == mesh.method)
+                    .unwrap_or(0) as u32,
+                mesh.substeps,
+                u32::from(mesh.replaces_modes),
+            ],
+            Self::Slow { macrostep } => vec![kind::SLOW, *macrostep],
+        }
+    }
+
+    /// The choices that these numbers say; `None` if any of them says none.
+    pub(super) fn all_from_numbers(bodies: &[Vec<u32>]) -> Option<Vec<Self>> {
+        bodies
+            .iter()
+            .map(|numbers| Self::from_numbers(numbers))
+            .collect()
+    }
+
+    fn from_numbers(numbers: &[u32]) -> Option<Self> {
+        match *numbers {
+            [kind::MODES, ref modes @ ..] => Some(Self::Modes(modes.to_vec())),
+            [
+                kind::MESH,
+                method,
+                substeps @ 1..=u32::MAX,
+                replaces_modes @ 0..=1,
+            ] => Some(Self::Mesh(MeshChoice {
+                method: *MeshMethod::ALL.get(method as usize)?,
+                substeps,
+                replaces_modes: replaces_modes == 1,
+            })),
+            [kind::SLOW, macrostep @ 1..=u32::MAX] => Some(Self::Slow { macrostep }),
+            _ => None,
+        }
+    }
+}
+
+fn tagged(kind: u32, modes: &[u32]) -> Vec<u32> {
+    [&[kind], modes].concat()
 }
 
 /// Decisions that were made before, if any.
@@ -58,5 +195,60 @@ pub(super) fn wrong_plan_error() -> Error {
         module: "plan".to_owned(),
         message: "it was made for another score or by another version of ergon: make it again"
             .to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choice_numbers_of_each_kind() {
+        let mesh = |replaces_modes| {
+            BodyChoice::Mesh(MeshChoice {
+                method: MeshMethod::Bm4,
+                substeps: 4,
+                replaces_modes,
+            })
+        };
+        let stepped = |bodies| {
+            IslandMethod::Stepped(SteppedChoice {
+                oversampling: 2,
+                contact_substeps: 16,
+                counted_cost: Some(0),
+                bodies,
+            })
+        };
+        // These two were the same numbers before the first one said which they are.
+        let alike = [
+            BodyChoice::Modes(vec![3]),
+            BodyChoice::Slow { macrostep: 3 },
+        ];
+        let bodies = [vec![mesh(true), mesh(false)], alike.to_vec(), Vec::new()];
+        let banks = [vec![0, 2, 9], Vec::new()].map(IslandMethod::Bank);
+        for method in bodies.map(stepped).into_iter().chain(banks) {
+            let choice = Choice { modules: 7, method };
+            assert_eq!(Choice::from_numbers(choice.numbers()).unwrap(), choice);
+        }
+    }
+
+    #[test]
+    fn choice_numbers_of_no_kind_are_refused() {
+        let bodies: [&[u32]; 7] = [
+            &[],
+            &[4],
+            &[1, 2, 2],
+            &[1, 99, 1, 0],
+            &[1, 2, 0, 0],
+            &[2, 0],
+            &[2, 1, 1],
+        ];
+        for body in bodies {
+            let numbers = (7, 1, 1, vec![body.to_vec()], None);
+            assert!(Choice::from_numbers(numbers).is_err(), "{body:?}");
+        }
+        // A bank is one body.
+        let numbers = (7, 1, 1, vec![vec![3, 0], vec![0, 1]], None);
+        assert!(Choice::from_numbers(numbers).is_err());
     }
 }

@@ -10,7 +10,7 @@ use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
-use crate::plan::choice::{Choice, Pins, wrong_plan_error};
+use crate::plan::choice::{Choice, IslandMethod, Pins, SteppedChoice, wrong_plan_error};
 use crate::plan::cost;
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::audible::{Body as Found, ModeKind};
@@ -224,9 +224,13 @@ impl<'a> Maker<'a> {
         self.memo.begin();
         let modules = subset.network.n_mat() + subset.network.n_lia();
         let pin = self.pins.next(modules)?;
+        let (pinned_modes, pinned_steps) = match pin.as_ref().map(|pin| &pin.method) {
+            None => (None, None),
+            Some(IslandMethod::Bank(modes)) => (Some(&modes[..]), None),
+            Some(IslandMethod::Stepped(stepped)) => (None, Some(stepped)),
+        };
         let mut why = None;
-        if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
-            let pinned_modes = pin.as_ref().map(|pin| &pin.body_methods[..]);
+        if self.budget.takes_modes() && pinned_steps.is_none() {
             let bank = body::bank(
                 &subset,
                 &island_timeline.timeline,
@@ -248,10 +252,7 @@ impl<'a> Maker<'a> {
                     }
                     self.plan.choices.push(Choice {
                         modules,
-                        oversampling: 1,
-                        contact_substeps: 0,
-                        counted_cost: None,
-                        body_methods: vec![solved_bank.computed.numbers()],
+                        method: IslandMethod::Bank(solved_bank.computed.numbers()),
                     });
                     let mut row = Row::modal(&subset, &solved_bank, &island_timeline.timeline);
                     let refused_slow = multirate::refuse_all(&subset, "its modes need none");
@@ -264,13 +265,13 @@ impl<'a> Maker<'a> {
                 Err(reason) => why = Some(reason),
             }
         }
-        if pin.as_ref().is_some_and(Choice::is_bank) {
+        if pinned_modes.is_some() {
             return Err(wrong_plan_error());
         }
         if self.every > 1 {
             return self.plan_at_lower_rate(&subset, &island_timeline, modules, why);
         }
-        self.stepped(&subset, &island_timeline, modules, pin.as_ref(), why)
+        self.stepped(&subset, &island_timeline, modules, pinned_steps, why)
     }
 
     /// If the body is displayed: a bank of its moving modes that no output hears.
@@ -292,7 +293,7 @@ impl<'a> Maker<'a> {
         if silent.is_empty() {
             return None;
         }
-        let mut solved_bank = bank(Some(&[silent]))?;
+        let mut solved_bank = bank(Some(&silent))?;
         label_bank(&mut solved_bank, subset, island_timeline);
         Some(Unit::Bank(solved_bank.bank))
     }
@@ -304,7 +305,7 @@ impl<'a> Maker<'a> {
         subset: &Subset,
         island_timeline: &OwnTimeline,
         modules: usize,
-        pin: Option<&Choice>,
+        pin: Option<&SteppedChoice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
         ported::check_supported(&subset.network, &island_timeline.timeline, self.budget)?;
@@ -348,10 +349,12 @@ impl<'a> Maker<'a> {
         } = island;
         self.plan.choices.push(Choice {
             modules,
-            oversampling: island_plan.oversampling,
-            contact_substeps: island_plan.contact_substeps,
-            counted_cost: island_plan.counted_cost,
-            body_methods: bodies.iter().map(Body::numbers).collect(),
+            method: IslandMethod::Stepped(SteppedChoice {
+                oversampling: island_plan.oversampling,
+                contact_substeps: island_plan.contact_substeps,
+                counted_cost: island_plan.counted_cost,
+                bodies: bodies.iter().map(Body::choice).collect(),
+            }),
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
         if island_plan.network.n_mat() > n_ports {
@@ -403,7 +406,7 @@ impl<'a> Maker<'a> {
         &self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        pin: Option<&Choice>,
+        pin: Option<&SteppedChoice>,
     ) -> Result<Solved, Error> {
         let (mut subset, mut refused_slow) =
             multirate::settle(subset, island_timeline, self.budget);
@@ -424,7 +427,7 @@ impl<'a> Maker<'a> {
             if judged.is_ok() {
                 let solved = match pin {
                     Some(pin) => pilot_result::pinned(
-                        assemble(How::fine(pin.oversampling.max(1), MethodChoice::ByBudget))?,
+                        assemble(How::fine(pin.oversampling, MethodChoice::ByBudget))?,
                         pin,
                     )
                     .ok_or_else(wrong_plan_error)?,

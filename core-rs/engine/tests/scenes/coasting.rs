@@ -7,7 +7,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{But, Network, Side, Term, Tie};
-use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::plan::{Budget, Choice, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -37,13 +37,13 @@ fn planned(network: Network, timeline: &Timeline, contacts: Contacts) -> Arc<Pla
     let Contacts::Plain(oversampling) = contacts else {
         return Arc::new(fine);
     };
-    let mut choices = fine.choices().to_vec();
-    for choice in choices
-        .iter_mut()
-        .filter(|choice| choice.contact_substeps > 1)
-    {
-        (choice.contact_substeps, choice.oversampling) = (1, oversampling);
-    }
+    let once = |choice: &Choice| match choice.numbers() {
+        (modules, _, substeps, bodies, cost) if substeps > 1 => {
+            Choice::from_numbers((modules, oversampling, 1, bodies, cost)).unwrap()
+        }
+        _ => choice.clone(),
+    };
+    let choices = fine.choices().iter().map(once).collect();
     Arc::new(plan(Some(choices)))
 }
 

@@ -5,7 +5,7 @@
 use super::{Maker, Solved};
 use crate::network::Subset;
 use crate::plan::budget::Budget;
-use crate::plan::choice::Choice;
+use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::{Measured, PRESERVED};
 use crate::plan::trial::multirate::{self, Offered};
@@ -130,7 +130,7 @@ impl Maker<'_> {
         &self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        pin: &Choice,
+        pin: &SteppedChoice,
     ) -> Option<Solved> {
         let plain = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
         if subset.network.has_slow_parts()
@@ -138,14 +138,14 @@ impl Maker<'_> {
         {
             return Some(solved);
         }
-        let times = pin.oversampling.max(1);
+        let times = pin.oversampling;
         let mut each = vec![1];
-        for numbers in &pin.body_methods {
-            if let [steps] = numbers[..]
-                && steps > times
-                && !each.contains(&(steps / times))
+        for body in &pin.bodies {
+            if let BodyChoice::Slow { macrostep } = *body
+                && macrostep > times
+                && !each.contains(&(macrostep / times))
             {
-                each.push(steps / times);
+                each.push(macrostep / times);
             }
         }
         let offer = |subset: &Subset, offered, every| match every {

@@ -3,7 +3,7 @@
 use super::Maker;
 use crate::network::{Error, Subset};
 use crate::plan::budget::Budget;
-use crate::plan::choice::Choice;
+use crate::plan::choice::SteppedChoice;
 use crate::plan::passes::assemble::{Assembled, How};
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
@@ -59,7 +59,7 @@ impl Maker<'_> {
         });
         let recalled = series.as_ref().and_then(|series| {
             let (taken, record) = series.find(&self.allowance)?;
-            let assemble = |how: How<'_>, pin: Option<&Choice>| {
+            let assemble = |how: How<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, how, pin, &self.memo)
             };
             let result = PilotResult::recalled(&record, &assemble)?;

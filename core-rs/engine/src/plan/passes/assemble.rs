@@ -6,7 +6,7 @@ use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
-use crate::plan::choice::Choice;
+use crate::plan::choice::SteppedChoice;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, Cut, PortedBody};
@@ -88,7 +88,7 @@ impl Assembled {
         island_timeline: &OwnTimeline,
         budget: &Budget,
         how: How<'_>,
-        pin: Option<&Choice>,
+        pin: Option<&SteppedChoice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
         let How {

@@ -21,7 +21,7 @@ pub(in crate::plan) fn bank(
     subset: &Subset,
     timeline: &Timeline,
     budget: &Budget,
-    pinned: Option<&[Vec<u32>]>,
+    pinned: Option<&[u32]>,
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
@@ -56,7 +56,7 @@ fn normal(
     subset: &Subset,
     timeline: &Timeline,
     budget: &Budget,
-    pinned: Option<&[Vec<u32>]>,
+    pinned: Option<&[u32]>,
     strikes: &Blows,
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
@@ -87,8 +87,7 @@ fn normal(
         rate,
     };
     let chosen = match pinned {
-        Some([chosen]) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
-        Some(_) => return Err(NoModes::Pinned),
+        Some(chosen) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             // What a session will strike is not known: no audible mode is left out.
             let allowed = budget.left_out().filter(|_| !timeline.is_open);

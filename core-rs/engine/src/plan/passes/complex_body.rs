@@ -26,7 +26,7 @@ pub(in crate::plan) fn bank(
     subset: &Subset,
     rate: Rate,
     budget: &Budget,
-    pinned: Option<&[Vec<u32>]>,
+    pinned: Option<&[u32]>,
     strikes: &Blows,
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
@@ -41,8 +41,7 @@ pub(in crate::plan) fn bank(
         rate,
     };
     let chosen = match pinned {
-        Some([chosen]) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
-        Some(_) => return Err(NoModes::Pinned),
+        Some(chosen) => KeptModes::pinned(chosen, modes.len()).ok_or(NoModes::Pinned)?,
         None => {
             let allowed = budget.left_out();
             let chosen = audible::keep(&complex, strikes, network, allowed, budget, rate);

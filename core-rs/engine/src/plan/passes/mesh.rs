@@ -8,6 +8,7 @@ use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
+use crate::plan::choice::MeshChoice;
 use crate::plan::passes::body::position_sums;
 use crate::plan::passes::split::local_links;
 use crate::plan::passes::wiring::Body;
@@ -64,7 +65,7 @@ pub(in crate::plan) fn mesh(
     timeline: &Timeline,
     body: &Body,
     budget: &Budget,
-    pin: Option<&[u32]>,
+    pin: Option<MeshChoice>,
     (choice, index): (MethodChoice<'_>, usize),
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
@@ -82,10 +83,7 @@ pub(in crate::plan) fn mesh(
     let stiffest = greatest(&subset.network, &leads).ok()?;
     let is_led = !leads.is_empty();
     let (method, substeps) = match pin {
-        Some(&[method, substeps] | &[method, substeps, REPLACES_MODES]) => {
-            (*MeshMethod::ALL.get(method as usize)?, substeps)
-        }
-        Some(_) => return None,
+        Some(pin) => (pin.method, pin.substeps),
         None => match choice {
             MethodChoice::AsBefore(bodies) => (*bodies.get(index)?)?,
             MethodChoice::All((method, substeps)) | MethodChoice::Meshes((method, substeps)) => {
@@ -156,18 +154,6 @@ fn is_discrete(network: &Network, island: &Network) -> bool {
     mat_parts
         .chain(link_parts)
         .any(|part| network.parts()[part].ca_rate.is_some())
-}
-
-/// A third number of a mesh: it is stepped although it could go by modes. (Numbers of modes rise, so 0 cannot come last
-/// among them.)
-pub(in crate::plan) const REPLACES_MODES: u32 = 0;
-
-/// The method of a mesh, as numbers of a [`crate::plan::Choice`].
-pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
-    let method = MeshMethod::ALL
-        .iter()
-        .position(|&method| method == mesh.method);
-    vec![method.unwrap_or(0) as u32, mesh.substeps]
 }
 
 /// BM4 with as many steps as the budget asks for: among the methods only BM4 preserves, to its own order, the action of

@@ -9,7 +9,7 @@ use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};
 use crate::plan::budget::Budget;
-use crate::plan::choice::Choice;
+use crate::plan::choice::{BodyChoice, MeshChoice, SteppedChoice};
 use crate::plan::cost;
 use crate::plan::passes::body::{blows, output_sums, position_sums};
 use crate::plan::passes::complex_body::{self, Part};
@@ -61,7 +61,7 @@ pub(in crate::plan) fn cut(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
-    pin: Option<&Choice>,
+    pin: Option<&SteppedChoice>,
     choice: MethodChoice<'_>,
     memo: &Memo<'_>,
 ) -> (Option<Cut>, Option<NoModes>) {
@@ -71,9 +71,9 @@ pub(in crate::plan) fn cut(
     let slow_bodies = slow_bodies(network, timeline).bodies;
     // An island that was decided to have no bodies but its slow ones gets no others.
     let are_apart = !matches!(choice, MethodChoice::Stepped);
-    let has_bodies = are_apart && pin.is_none_or(|pin| pin.body_methods.len() > slow_bodies.len());
+    let has_bodies = are_apart && pin.is_none_or(|pin| pin.bodies.len() > slow_bodies.len());
     let are_meshes = match pin {
-        Some(pin) => pin.body_methods.iter().any(|own| replaces_modes(own)),
+        Some(pin) => pin.bodies.iter().any(replaces_modes),
         None => matches!(choice, MethodChoice::Meshes(_)),
     };
     for (body, slow) in slow_bodies {
@@ -114,11 +114,11 @@ pub(in crate::plan) fn cut(
             Wanted::Meshes
         };
         for body in wiring.bodies(network, wanted) {
-            let pin = pin.map(|pin| {
-                pin.body_methods
-                    .get(inside.len())
-                    .map_or(&[][..], Vec::as_slice)
-            });
+            let pin = match pin.map(|pin| pin.bodies.get(inside.len())) {
+                None => None,
+                Some(Some(BodyChoice::Mesh(pin))) => Some(*pin),
+                Some(_) => continue,
+            };
             if let Some(mesh) = mesh::mesh(
                 network,
                 timeline,
@@ -140,9 +140,9 @@ pub(in crate::plan) fn cut(
     (Some(cut), why)
 }
 
-/// Whether the decided numbers of a body say that it is stepped although it could go by modes.
-fn replaces_modes(kept: &[u32]) -> bool {
-    matches!(kept, &[_, substeps, mesh::REPLACES_MODES] if substeps > 0)
+/// Whether it was decided that a body is stepped although it could be computed by modes.
+fn replaces_modes(body: &BodyChoice) -> bool {
+    matches!(body, BodyChoice::Mesh(mesh) if mesh.replaces_modes)
 }
 
 /// Refuses meshes that the method asked for by name cannot step.
@@ -170,15 +170,18 @@ pub(in crate::plan) fn check_supported(
 }
 
 impl PortedBody {
-    /// What was decided for the body, as numbers of a [`Choice`].
-    pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
+    /// What was decided for the body.
+    pub(in crate::plan) fn choice(&self) -> BodyChoice {
         match &self.inside {
-            BodyPlan::Modal(_) => self.computed_modes.clone(),
-            BodyPlan::Mesh(mesh) if self.replaces_modes => {
-                [mesh::numbers(mesh), vec![mesh::REPLACES_MODES]].concat()
-            }
-            BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
-            BodyPlan::Slow(slow) => vec![slow.macrostep],
+            BodyPlan::Modal(_) => BodyChoice::Modes(self.computed_modes.clone()),
+            BodyPlan::Mesh(mesh) => BodyChoice::Mesh(MeshChoice {
+                method: mesh.method,
+                substeps: mesh.substeps,
+                replaces_modes: self.replaces_modes,
+            }),
+            BodyPlan::Slow(slow) => BodyChoice::Slow {
+                macrostep: slow.macrostep,
+            },
         }
     }
 }

@@ -43,20 +43,21 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             .for_each(|number| sha.update(number.to_le_bytes()));
     }
     for choice in choices {
-        let oversampling = choice.oversampling as usize;
+        let (modules, oversampling, contact_substeps, bodies, counted_cost) = choice.numbers();
         let numbers = [
-            choice.modules,
-            oversampling,
-            choice.contact_substeps,
-            choice.counted_cost.map_or(0, |ns| ns as usize + 1),
-            choice.body_methods.len(),
+            modules,
+            oversampling as usize,
+            contact_substeps,
+            counted_cost.map_or(0, |ns| ns as usize + 1),
+            bodies.len(),
         ];
         numbers
             .iter()
             .for_each(|&number| sha.update((number as u64).to_le_bytes()));
-        for modes in &choice.body_methods {
-            sha.update((modes.len() as u64).to_le_bytes());
-            modes.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
+        for body in &bodies {
+            sha.update((body.len() as u64).to_le_bytes());
+            body.iter()
+                .for_each(|number| sha.update(number.to_le_bytes()));
         }
     }
     hex(&sha.finalize())

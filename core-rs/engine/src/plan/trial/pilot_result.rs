@@ -3,11 +3,10 @@
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
-use crate::plan::choice::Choice;
+use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::passes::assemble::{Assembled, How, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::ported::PortedBody;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
@@ -64,15 +63,20 @@ impl ChosenIsland {
 }
 
 /// The island with what an earlier plan decided; `None` if that does not fit it.
-pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<ChosenIsland> {
-    if pin.body_methods.len() != island.bodies.len() {
+pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<ChosenIsland> {
+    if pin.bodies.len() != island.bodies.len() {
         return None;
     }
-    let pairs = pin.body_methods.iter().zip(&island.island_plan.bodies);
-    let modes_kept = pairs.map(|(modes_kept, body)| match body {
-        BodyPlan::Modal(modal) => KeptModes::pinned(modes_kept, modal.modes.len()),
-        BodyPlan::Mesh(_) => Some(KeptModes::none()),
-        BodyPlan::Slow(slow) => (modes_kept[..] == [slow.macrostep]).then(KeptModes::none),
+    let pairs = pin.bodies.iter().zip(&island.island_plan.bodies);
+    let modes_kept = pairs.map(|pair| match pair {
+        (BodyChoice::Modes(modes), BodyPlan::Modal(modal)) => {
+            KeptModes::pinned(modes, modal.modes.len())
+        }
+        (BodyChoice::Mesh(_), BodyPlan::Mesh(_)) => Some(KeptModes::none()),
+        (BodyChoice::Slow { macrostep }, BodyPlan::Slow(slow)) => {
+            (*macrostep == slow.macrostep).then(KeptModes::none)
+        }
+        _ => None,
     });
     let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, Budget::STEPS_MAX);
@@ -143,7 +147,7 @@ impl PilotResult {
         how.extend(island_plan.counted_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
         numbers.extend(bodies.iter().map(|body| body.left_out));
-        let body_numbers = bodies.iter().map(PortedBody::numbers);
+        let body_numbers = bodies.iter().map(|body| body.choice().numbers());
         TrialRecord {
             numbers,
             counts: std::iter::once(how).chain(body_numbers).collect(),
@@ -154,7 +158,7 @@ impl PilotResult {
     /// What an earlier pilot found; `None` if the record does not fit. `assemble` also takes a choice to repeat.
     pub(in crate::plan) fn recalled(
         record: &TrialRecord,
-        assemble: &impl Fn(How<'_>, Option<&Choice>) -> Result<Assembled, Error>,
+        assemble: &impl Fn(How<'_>, Option<&SteppedChoice>) -> Result<Assembled, Error>,
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
         let (how, body_counts) = record.counts.split_first()?;
@@ -187,12 +191,11 @@ impl PilotResult {
             return None;
         }
         let shape = *Shape::ALL.get(shape as usize)?;
-        let choice = Choice {
+        let choice = SteppedChoice {
             oversampling,
             contact_substeps: contact_substeps as usize,
             counted_cost,
-            body_methods: body_counts.to_vec(),
-            ..Choice::default()
+            bodies: BodyChoice::all_from_numbers(body_counts)?,
         };
         let how = How {
             oversampling,
